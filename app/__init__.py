@@ -1,0 +1,1 @@
+"""The command line and the browser app: both run the same jobs."""

@@ -1,0 +1,6 @@
+"""Robots that navigate inside radiance fields.
+
+A Scene is captured into images; images train a Field; a Robot turns flat outputs into motion; the planner bends
+a Trajectory through the Field; the simulator moves the truth; the filter turns a picture into a Belief; the loop
+joins them into an Episode. This package holds no scene names, no command line, no viewer, no prints, no threads.
+"""

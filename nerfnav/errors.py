@@ -1,0 +1,39 @@
+"""Misuse, told in one sentence that says what was wrong and what would be right.
+
+Outcomes that a correct call may have (no path, diverged, hit) are enum members of the result, never exceptions.
+"""
+
+from collections.abc import Iterable
+
+
+class NerfnavError(Exception):
+    """Base of all errors that nerfnav raises on purpose; the message is meant for the user as it stands."""
+
+
+class InvalidInputError(NerfnavError):
+    """A value that cannot be worked with: NaN, a wrong shape, an empty range."""
+
+
+class UnknownNameError(NerfnavError):
+    """A name that is not among the known ones, which the message lists."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        """Say that `name` is no `kind`, and list what is `known`."""
+        super().__init__(f"there is no {kind} named {name!r}; known are: {', '.join(sorted(known))}")
+
+
+class FieldFileError(NerfnavError):
+    """A file that is not a readable nerfnav field."""
+
+
+class OutsideBoxError(NerfnavError):
+    """A point outside the box of the field."""
+
+
+class OccupiedError(NerfnavError):
+    """A start or goal in occupied space; `nearest` is the nearest free point [m], or None where none was found."""
+
+    def __init__(self, message: str, nearest: tuple[float, float, float] | None) -> None:
+        """Keep the nearest free point beside the message that names it."""
+        super().__init__(message)
+        self.nearest = nearest

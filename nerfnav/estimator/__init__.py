@@ -1,0 +1,1 @@
+"""Estimation: where the robot believes to be, from one picture at a time."""

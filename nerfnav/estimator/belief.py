@@ -1,0 +1,19 @@
+"""What the robot believes of its state: a Gaussian in the tangent of the mean."""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.robots.state import RigidState
+from nerfnav.structs import TensorStruct
+
+
+@dataclass(frozen=True)
+class Belief(TensorStruct):
+    """x = mean (+) d with d ~ N(0, covariance)."""
+
+    mean: RigidState
+    """Most likely state."""
+    covariance: Float[Tensor, "*batch 12 12"]
+    """In the tangent of the mean: position, velocity, attitude, body rate (see robots/state.py)."""

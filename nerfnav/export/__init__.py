@@ -1,0 +1,1 @@
+"""Taking plans and episodes away: to files, robots and viewers."""

@@ -1,0 +1,43 @@
+"""An axis-aligned box in the world: where a field is defined and where a robot may be."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.structs import TensorStruct
+
+
+@dataclass(frozen=True)
+class Box(TensorStruct):
+    """The points between `lower` and `upper`, coordinate by coordinate."""
+
+    lower: Float[Tensor, "3"]
+    """Smallest x, y, z [m]."""
+    upper: Float[Tensor, "3"]
+    """Largest x, y, z [m]."""
+
+    @classmethod
+    def of(cls, lower: tuple[float, float, float], upper: tuple[float, float, float]) -> "Box":
+        """A box from plain numbers [m]."""
+        return cls(torch.tensor(lower, dtype=torch.float32), torch.tensor(upper, dtype=torch.float32))
+
+    @property
+    def size(self) -> Float[Tensor, "3"]:
+        """Edge lengths [m]."""
+        return self.upper - self.lower
+
+    @property
+    def center(self) -> Float[Tensor, "3"]:
+        """The middle of the box [m]."""
+        return 0.5 * (self.lower + self.upper)
+
+    def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
+        """Whether each point [m] lies inside the box or on its border."""
+        return ((points >= self.lower) & (points <= self.upper)).all(-1)
+
+    def describe(self) -> str:
+        """The box as a user would read it, in metres."""
+        pairs = zip("xyz", self.lower.tolist(), self.upper.tolist(), strict=True)
+        return ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in pairs) + " m"

@@ -1,0 +1,106 @@
+"""Cameras: where a pixel looks. The one place that says which way a camera's axes point.
+
+Cameras are OpenGL: x right, y up, looking along -z. Pixel (u, v) has its centre at (u + 0.5, v + 0.5), u to the
+right and v down, so rays of an H x W image are those of pixels v = 0..H-1, u = 0..W-1.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.structs import TensorStruct
+
+R_BODY_CAMERA = torch.tensor([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Attitude of a camera that looks along the body's x axis (FLU) with its top towards the body's z axis."""
+
+
+@dataclass(frozen=True)
+class Pose(TensorStruct):
+    """A rigid placement of a frame in its parent: x_parent = rotation x + position."""
+
+    rotation: Float[Tensor, "*batch 3 3"]
+    """Attitude, e.g. R_world_camera."""
+    position: Float[Tensor, "*batch 3"]
+    """Origin of the frame in its parent [m]."""
+
+    def compose(self, child: "Pose") -> "Pose":
+        """The pose of `child`, given in this frame, in this frame's parent."""
+        rotated = (self.rotation @ child.position[..., None]).squeeze(-1)
+        return Pose(self.rotation @ child.rotation, self.position + rotated)
+
+
+FORWARD_MOUNT = Pose(R_BODY_CAMERA, torch.zeros(3))
+"""T_body_camera of a camera at the body's origin, looking forward."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole intrinsics of an image of `height` x `width` pixels."""
+
+    width: int
+    """[pixels]"""
+    height: int
+    """[pixels]"""
+    fx: float
+    """Focal length along u [pixels]."""
+    fy: float
+    """Focal length along v [pixels]."""
+    cx: float
+    """Principal point along u [pixels]."""
+    cy: float
+    """Principal point along v [pixels]."""
+
+    @classmethod
+    def from_fov(cls, width: int, height: int, horizontal_fov_deg: float) -> "Camera":
+        """A camera with square pixels and a centred principal point."""
+        if width < 1 or height < 1 or not 0 < horizontal_fov_deg < 180:
+            raise InvalidInputError(
+                f"a camera needs a positive size and a field of view between 0 and 180 degrees, "
+                f"not {width} x {height} at {horizontal_fov_deg}"
+            )
+        focal = 0.5 * width / math.tan(math.radians(horizontal_fov_deg) / 2)
+        return cls(width, height, focal, focal, width / 2, height / 2)
+
+    def scaled(self, factor: float) -> "Camera":
+        """The same view with `factor` times as many pixels along each side."""
+        width, height = max(1, round(self.width * factor)), max(1, round(self.height * factor))
+        along_u, along_v = width / self.width, height / self.height
+        return Camera(
+            width, height, self.fx * along_u, self.fy * along_v, self.cx * along_u, self.cy * along_v
+        )
+
+    def pixels(self) -> Int[Tensor, "hw 2"]:
+        """All pixels (u, v), row by row."""
+        v, u = torch.meshgrid(torch.arange(self.height), torch.arange(self.width), indexing="ij")
+        return torch.stack([u, v], -1).reshape(-1, 2)
+
+    def directions(self, pixels: Int[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3"]:
+        """Unit viewing directions of the pixels' centres in the camera's frame."""
+        u, v = pixels[..., 0] + 0.5, pixels[..., 1] + 0.5
+        x, y = (u - self.cx) / self.fx, -(v - self.cy) / self.fy
+        return torch.nn.functional.normalize(torch.stack([x, y, -torch.ones_like(x)], -1), dim=-1)
+
+    def rays(
+        self, pose: Pose, pixels: Int[Tensor, "n 2"] | None = None
+    ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
+        """Origins [m] and unit directions in the world of the given pixels (default: all, row by row).
+
+        `pose` is T_world_camera, without batch dimensions; gradients flow to it.
+        """
+        in_camera = self.directions(self.pixels() if pixels is None else pixels).to(pose.position)
+        directions = in_camera @ pose.rotation.transpose(-1, -2)
+        return pose.position.expand_as(directions), directions
+
+
+def look_at(eye: Float[Tensor, "*batch 3"], target: Float[Tensor, "*batch 3"]) -> Pose:
+    """T_world_camera of a camera at `eye` [m] looking at `target` [m], its top towards the world's z axis."""
+    backward = torch.nn.functional.normalize(eye - target, dim=-1)
+    up = torch.tensor([0.0, 0.0, 1.0], dtype=eye.dtype).expand_as(backward)
+    steep = backward[..., 2:].abs() > 0.999
+    up = torch.where(steep, torch.tensor([1.0, 0.0, 0.0], dtype=eye.dtype).expand_as(backward), up)
+    right = torch.nn.functional.normalize(torch.linalg.cross(up, backward), dim=-1)
+    return Pose(torch.stack([right, torch.linalg.cross(backward, right), backward], -1), eye)

@@ -1,0 +1,56 @@
+"""What the loop yields: every iteration of planner and filter, and a record of each completed time step."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.steps import FilterStep
+from nerfnav.planner.steps import PlanStep
+from nerfnav.robots.state import Motion, RigidState
+
+
+class EpisodeOutcome(Enum):
+    """How a flight ended; the value is what a user reads."""
+
+    REACHED = "the robot is at the goal"
+    COLLIDED = "the robot touched the ground-truth mesh"
+    DIVERGED = "the filter lost the robot"
+    TIMEOUT = "the goal was not reached in time"
+    NO_PLAN = "no plan leads to the goal"
+
+
+@dataclass(frozen=True)
+class NavigationStep:
+    """One time step: action, picture, belief, new plan."""
+
+    index: int
+    """Time step, 0 is the start before any action."""
+    time: float
+    """[s]"""
+    action: Float[Tensor, " a"] | None
+    """The action that led here; None at index 0."""
+    truth: RigidState
+    """Where the robot is."""
+    belief: Belief
+    """Where it believes to be."""
+    image: UInt8[Tensor, "height width 3"] | None
+    """What its camera saw; None at index 0 and in open loop."""
+    update: FilterStep | None
+    """The last iteration of the filter, with its pixels; None where there was no picture."""
+    plan: Motion
+    """What it intends to do from here; its first state is the belief's mean."""
+    touched: bool
+    """Whether the body met the ground truth on the way here; False where there is no ground truth."""
+    filter_ms: float
+    """Time the filter took [ms]."""
+    replan_ms: float
+    """Time the planner took [ms]."""
+    outcome: EpisodeOutcome | None = None
+    """None while the flight goes on; set on the last step."""
+
+
+LoopEvent = PlanStep | FilterStep | NavigationStep
+"""What `navigate` yields, in the order in which it happens."""

@@ -1,0 +1,79 @@
+"""One state for all robots, its tangent space, and a motion as a sequence of states and actions.
+
+Notation: x = (p, v, R, w) with position p and velocity v in the world, attitude R = R_world_body, body rate w in the
+body. The tangent of x has 12 numbers in this order: dp [m], dv [m/s], dtheta [rad], dw [rad/s], with
+x (+) d = (p + dp, v + dv, R Exp(dtheta), w + dw).
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.geometry import so3
+from nerfnav.geometry.camera import Pose
+from nerfnav.structs import TensorStruct
+
+TANGENT = 12
+"""Length of a tangent vector of RigidState."""
+POSITION, VELOCITY, ATTITUDE, BODY_RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+"""Where the parts stand in a tangent vector."""
+
+
+@dataclass(frozen=True)
+class RigidState(TensorStruct):
+    """A rigid body's pose and velocities, with any batch shape."""
+
+    position: Float[Tensor, "*batch 3"]
+    """p, in the world [m]."""
+    velocity: Float[Tensor, "*batch 3"]
+    """v, in the world [m/s]."""
+    rotation: Float[Tensor, "*batch 3 3"]
+    """R_world_body."""
+    body_rate: Float[Tensor, "*batch 3"]
+    """w, in the body's axes [rad/s]."""
+
+    @classmethod
+    def at_rest(cls, position: tuple[float, float, float], yaw: float = 0.0) -> "RigidState":
+        """A level state without motion at `position` [m], heading `yaw` [rad]."""
+        zero = torch.zeros(3)
+        return cls(torch.tensor(position, dtype=torch.float32), zero, so3.from_yaw(torch.tensor(float(yaw))), zero)
+
+    @property
+    def pose(self) -> Pose:
+        """T_world_body."""
+        return Pose(self.rotation, self.position)
+
+    def retract(self, tangent: Float[Tensor, "*batch 12"]) -> "RigidState":
+        """x (+) tangent."""
+        return RigidState(
+            self.position + tangent[..., POSITION],
+            self.velocity + tangent[..., VELOCITY],
+            so3.retract(self.rotation, tangent[..., ATTITUDE]),
+            self.body_rate + tangent[..., BODY_RATE],
+        )
+
+    def local(self, other: "RigidState") -> Float[Tensor, "*batch 12"]:
+        """other (-) x: the tangent d at this state with x (+) d = other."""
+        return torch.cat(
+            [
+                other.position - self.position,
+                other.velocity - self.velocity,
+                so3.local(self.rotation, other.rotation),
+                other.body_rate - self.body_rate,
+            ],
+            -1,
+        )
+
+
+@dataclass(frozen=True)
+class Motion(TensorStruct):
+    """States at times 0, dt, ..., N dt and the actions between them."""
+
+    states: RigidState
+    """Batch shape (..., N + 1)."""
+    actions: Float[Tensor, "*batch n a"]
+    """Action of each of the N steps, as the robot's `action_names` say."""
+    dt: float
+    """Length of a step [s]."""
