@@ -1,11 +1,13 @@
 """Frozen records of tensors: one base that maps, indexes, stacks and moves all tensors of a record at once."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
-from typing import Any, Self
+from dataclasses import Field, fields, replace
+from typing import Any, ClassVar, TypeVar
 
 import torch
 from torch import Tensor
+
+S = TypeVar("S", bound="TensorStruct")
 
 
 class TensorStruct:
@@ -14,7 +16,9 @@ class TensorStruct:
     Nested TensorStructs are followed; fields that are neither pass through unchanged.
     """
 
-    def map(self, function: Callable[[Tensor], Tensor]) -> Self:
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    def map(self: S, function: Callable[[Tensor], Tensor]) -> S:
         """The same record with `function` applied to every tensor in it."""
         changed: dict[str, Any] = {}
         for field in fields(self):
@@ -25,20 +29,20 @@ class TensorStruct:
                 changed[field.name] = value.map(function)
         return replace(self, **changed)
 
-    def __getitem__(self, index: Any) -> Self:
+    def __getitem__(self: S, index: Any) -> S:
         """Index the leading dimensions of every tensor, as `tensor[index]` does."""
         return self.map(lambda tensor: tensor[index])
 
-    def to(self, *args: Any, **kwargs: Any) -> Self:
+    def to(self: S, *args: Any, **kwargs: Any) -> S:
         """Move or cast every tensor, as `torch.Tensor.to` does."""
         return self.map(lambda tensor: tensor.to(*args, **kwargs))
 
-    def detach(self) -> Self:
+    def detach(self: S) -> S:
         """The same values without their autograd history."""
         return self.map(torch.Tensor.detach)
 
     @classmethod
-    def stack(cls, records: Sequence[Self], dim: int = 0) -> Self:
+    def stack(cls: type[S], records: Sequence[S], dim: int = 0) -> S:
         """One record whose tensors are those of `records`, stacked along a new dimension.
 
         Fields that are not tensors are taken from the first record. Raises ValueError when `records` is empty.
@@ -46,7 +50,7 @@ class TensorStruct:
         return _combine(records, lambda tensors: torch.stack(tensors, dim))
 
     @classmethod
-    def cat(cls, records: Sequence[Self], dim: int = 0) -> Self:
+    def cat(cls: type[S], records: Sequence[S], dim: int = 0) -> S:
         """One record whose tensors are those of `records`, joined along an existing dimension."""
         return _combine(records, lambda tensors: torch.cat(tensors, dim))
 

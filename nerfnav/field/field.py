@@ -14,6 +14,8 @@ from torch import Tensor
 from nerfnav.geometry.box import Box
 
 Points = Float[Tensor, "*batch 3"]
+LAST_SAMPLE = 0.499
+"""A ray has floor(length / step + LAST_SAMPLE) samples: the middle of the last one is inside, rounding included."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def uniform_samples(
     """A sample in the middle of every `step` metres of each ray inside the box."""
     with torch.no_grad():
         enter, leave = box_interval(box, origins, directions)
-        counts = torch.ceil((leave - enter).clamp_min(0) / step)
+        counts = torch.floor((leave - enter) / step + LAST_SAMPLE).clamp_min(0)
         index = torch.arange(max(1, int(counts.max().item())), device=origins.device)
         mask = index < counts[:, None]
         distances = enter[:, None] + (index + 0.5) * step

@@ -1,0 +1,94 @@
+"""Fields in files: npz without pickle, versioned, written beside and renamed, so that no failure loses the old file.
+
+Raw densities are stored in steps of 1/8 and colours in steps of 1/255, which zip well: empty nodes are all alike.
+"""
+
+import json
+import os
+import zipfile
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from nerfnav.errors import FieldFileError
+from nerfnav.field.info import FieldInfo
+from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.geometry.box import Box
+
+_FORMAT = "nerfnav-voxel-field"
+_VERSION = 1
+_RAW_STEP = 1 / 8  # [raw]: less than 13 % of a density, far below what images can tell
+
+
+def save_field(field: VoxelField, path: Path) -> int:
+    """Write a field to `path` and return its size in bytes. An existing file is replaced only once all is written."""
+    raw = field.values[..., 0].cpu().numpy()
+    quantised = np.clip(np.rint((raw - EMPTY_RAW) / _RAW_STEP), 0, 255).astype(np.uint8)
+    color = np.rint(field.values[..., 1:].cpu().numpy().clip(0, 1) * 255).astype(np.uint8)
+    color[~_near_density(quantised)] = 0  # colours that nothing can show
+    header = {"format": _FORMAT, "version": _VERSION, "info": asdict(field.info)}
+    beside = path.with_name(path.name + ".part")
+    try:
+        with beside.open("wb") as file:
+            np.savez_compressed(
+                file,
+                header=np.array(json.dumps(header)),
+                raw=quantised,
+                color=color,
+                box=torch.stack([field.box.lower, field.box.upper]).cpu().numpy(),
+                background=field.background.cpu().numpy(),
+            )
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise FieldFileError(f"the field cannot be written to {path}: {error.strerror}") from error
+    return path.stat().st_size
+
+
+def load_field(path: Path) -> VoxelField:
+    """Read a field. Raises FieldFileError, in one sentence, for anything that is not a whole nerfnav field."""
+    if not path.is_file():
+        raise FieldFileError(f"there is no field file {path}; make one with nerfnav train")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            header = json.loads(str(file["header"]))
+            if header.get("format") != _FORMAT:
+                raise FieldFileError(f"{path} is not a nerfnav field; make one with nerfnav train")
+            if header["version"] > _VERSION:
+                raise FieldFileError(f"{path} was written by a newer nerfnav; update nerfnav to read it")
+            return _field_of(file, header["info"])
+    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError, TypeError, RuntimeError) as error:
+        raise FieldFileError(
+            f"{path} is not a whole nerfnav field (truncated, or another kind of file); "
+            f"make one with nerfnav train"
+        ) from error
+    except OSError as error:
+        raise FieldFileError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _field_of(file: np.lib.npyio.NpzFile, info: dict[str, object]) -> VoxelField:
+    raw, color, box = file["raw"], file["color"], file["box"]
+    if raw.dtype != np.uint8 or raw.ndim != 3 or color.shape != (*raw.shape, 3) or box.shape != (2, 3):
+        raise ValueError("arrays of wrong shape")
+    values = np.empty((*raw.shape, 4), np.float32)
+    values[..., 0] = raw * np.float32(_RAW_STEP) + np.float32(EMPTY_RAW)
+    values[..., 1:] = color * np.float32(1 / 255)
+    if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
+        raise ValueError("an empty box")
+    known = {field.name for field in fields(FieldInfo)}
+    return VoxelField(
+        Box(torch.from_numpy(box[0]), torch.from_numpy(box[1])),
+        torch.from_numpy(values),
+        torch.from_numpy(file["background"]),
+        replace(FieldInfo(), **{key: value for key, value in info.items() if key in known}),  # type: ignore[arg-type]
+    )
+
+
+def _near_density(quantised: np.ndarray) -> np.ndarray:
+    """Nodes that have density or a neighbour, along an axis or a diagonal, that has."""
+    solid = torch.from_numpy(quantised > 0).float()[None, None]
+    return torch.nn.functional.max_pool3d(solid, 3, 1, 1)[0, 0].numpy() > 0

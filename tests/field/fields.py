@@ -1,0 +1,46 @@
+"""Small fields that several tests look at."""
+
+import torch
+
+from nerfnav.field.analytic import BallsField
+from nerfnav.field.render import render_image
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.camera import Camera, Pose, look_at
+from nerfnav.geometry.images import PosedImages
+
+BOX = Box.of((-1, -1, -0.5), (1, 1, 0.6))
+
+
+def random_voxels(seed: int = 0, dtype: torch.dtype = torch.float32) -> VoxelField:
+    """Fog of random density and colour."""
+    generator = torch.Generator().manual_seed(seed)
+    values = torch.rand(21, 23, 13, 4, generator=generator, dtype=dtype)
+    values[..., 0] = values[..., 0] * 6 - 9
+    return VoxelField(BOX, values, torch.tensor([0.2, 0.5, 0.8], dtype=dtype))
+
+
+def random_rays(count: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
+    """Rays from inside and around the box, in all directions."""
+    generator = torch.Generator().manual_seed(seed)
+    origins = torch.rand(count, 3, generator=generator) * 3 - 1.5
+    directions = torch.randn(count, 3, generator=generator)
+    return origins, torch.nn.functional.normalize(directions, dim=-1)
+
+
+def ball() -> BallsField:
+    """One coloured ball in the middle of a clear box."""
+    return BallsField(BOX, torch.zeros(1, 3), torch.tensor([0.3]))
+
+
+def photographs_of_ball(count: int, size: int = 48, turn: float = 0.0) -> PosedImages:
+    """Pictures of the ball from a ring around it; `turn` [rad] moves the whole ring."""
+    camera = Camera.from_fov(size, size, 60)
+    angles = torch.arange(count) * 2.399963 + turn  # the golden angle spreads them
+    heights = torch.linspace(-0.4, 0.5, count)
+    poses = [
+        look_at(torch.tensor([0.95 * a.cos(), 0.95 * a.sin(), z]), torch.zeros(3))
+        for a, z in zip(angles, heights, strict=True)
+    ]
+    images = [(render_image(ball(), camera, pose).color * 255).round().to(torch.uint8) for pose in poses]
+    return PosedImages(torch.stack(images), camera, Pose.stack(poses))

@@ -1,0 +1,83 @@
+"""Training: a picture goes in, the same picture comes out, always in the same way."""
+
+import torch
+
+from nerfnav.compiled import default_threads
+from nerfnav.field.learner import views_of_nodes
+from nerfnav.field.rays import RaySampler
+from nerfnav.field.train import TrainConfig, TrainStep, train
+from tests.field.fields import BOX, ball, photographs_of_ball
+
+CONFIG = TrainConfig(voxel=0.05, iterations=300, rays=1024, report_every=50)
+
+
+def run(config: TrainConfig = CONFIG, seed: int = 0) -> list[TrainStep]:
+    generator = torch.Generator().manual_seed(seed)
+    photographs, held_out = photographs_of_ball(24), photographs_of_ball(4, turn=0.7)
+    return list(train(photographs, held_out, BOX, ball().background, config, generator))
+
+
+def test_a_ball_is_learned_from_its_pictures():
+    steps = run()
+    field = steps[-1].field
+    assert field is not None
+    assert steps[-1].psnr_db > 25
+    assert field.info.psnr_db == steps[-1].psnr_db
+    assert field.info.noise_std is not None and 0 < field.info.noise_std < 0.06
+    on_the_skin = field.density(torch.tensor([[0.28, 0.0, 0.0], [0.0, -0.28, 0.0]]))
+    far_away = field.density(torch.tensor([[0.7, 0.7, 0.4], [-0.8, 0.0, 0.0]]))
+    assert on_the_skin.min() > 20
+    assert far_away.max() < 1
+
+
+def test_progress_counts_up_to_the_end():
+    steps = run()
+    fractions = [step.fraction for step in steps]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    assert [step.field is None for step in steps] == [True] * (len(steps) - 1) + [False]
+    assert all(step.rays_per_s > 0 for step in steps)
+
+
+def test_the_same_seed_gives_the_same_field_bit_for_bit():
+    first, second, other = run()[-1].field, run()[-1].field, run(seed=1)[-1].field
+    assert first is not None and second is not None and other is not None
+    assert torch.equal(first.values, second.values), f"with {default_threads()} threads"
+    assert not torch.equal(first.values, other.values)
+
+
+def test_asking_to_stop_gives_the_field_so_far():
+    generator = torch.Generator().manual_seed(0)
+    steps = train(photographs_of_ball(8), photographs_of_ball(1).subset([]), BOX, ball().background, CONFIG, generator)
+    assert next(steps).field is None
+    last = steps.send(True)
+    assert last.field is not None
+    assert last.field.info.iterations == 50
+    assert last.field.info.psnr_db is None  # nothing was held out
+
+
+def test_a_budget_ends_training_in_time():
+    last = run(TrainConfig(voxel=0.04, budget=2.0, rays=512))[-1]
+    assert last.field is not None
+    assert last.fraction == 1
+    assert 2.0 <= last.field.info.train_s < 8.0
+
+
+def test_nodes_that_more_cameras_see_learn_faster():
+    share = views_of_nodes(BOX, (5, 5, 5), photographs_of_ball(12))
+    assert share.max() == 1
+    assert share[2, 2, 2] == 1
+    assert share[0, 0, 4] < 1
+
+
+def test_training_rays_are_those_of_the_camera():
+    photographs = photographs_of_ball(3, size=8)
+    batch = RaySampler(photographs, torch.Generator().manual_seed(0)).draw(500)
+    known = {}
+    for index, image in enumerate(photographs.images):
+        origins, directions = photographs.camera.rays(photographs.poses[index])
+        for origin, direction, color in zip(origins, directions, image.reshape(-1, 3) / 255, strict=True):
+            known[tuple((direction * 1e4).round().tolist())] = (origin, color)
+    for origin, direction, target in zip(batch.origins, batch.directions, batch.targets, strict=True):
+        expected_origin, expected_color = known[tuple((torch.from_numpy(direction) * 1e4).round().tolist())]
+        torch.testing.assert_close(torch.from_numpy(origin), expected_origin)
+        torch.testing.assert_close(torch.from_numpy(target), expected_color)

@@ -1,0 +1,84 @@
+"""The voxel field's compiled paths against its torch paths, and those against finite differences."""
+
+import numpy as np
+import torch
+
+from nerfnav.field.field import uniform_samples
+from nerfnav.field.kernels import learn
+from nerfnav.field.learner import GridLearner
+from nerfnav.field.render import render_rays
+from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField, occupied_blocks
+from tests.field.fields import BOX, photographs_of_ball, random_rays, random_voxels
+
+
+def test_compiled_rendering_equals_the_reference_to_1e_4():
+    field = random_voxels()
+    rays = random_rays(300)
+    reference = render_rays(field, *rays, uniform_samples(BOX, *rays, field.step))
+    compiled = field.render_rays(*rays)
+    assert (compiled.color - reference.color).abs().max() < 1e-4
+    assert (compiled.opacity - reference.opacity).abs().max() < 1e-4
+    assert (compiled.depth - reference.depth).abs().max() < 1e-3
+
+
+def test_skipping_empty_blocks_changes_no_colour():
+    field = random_voxels()
+    field.values[:12, :, :, 0] = EMPTY_RAW
+    rays = random_rays(300, seed=1)
+    assert 0 < int((~field.occupied).sum()) < field.occupied.numel()
+    reference = render_rays(field, *rays, uniform_samples(BOX, *rays, field.step))
+    assert (field.render_rays(*rays).color - reference.color).abs().max() < 1e-4
+
+
+def test_the_fields_own_samples_give_the_reference_colour():
+    field = random_voxels()
+    rays = random_rays(300, seed=2)
+    reference = render_rays(field, *rays, uniform_samples(BOX, *rays, field.step))
+    assert (render_rays(field, *rays).color - reference.color).abs().max() < 1e-3
+
+
+def test_compiled_density_and_gradient_equal_autograd():
+    single = random_voxels()
+    field = VoxelField(BOX, single.values.double(), single.background.double())
+    points = (torch.rand(500, 3, dtype=torch.float64) * 3 - 1.5).requires_grad_()
+    density = field.density(points)
+    (gradient,) = torch.autograd.grad(density.sum(), points)
+    compiled, compiled_gradient = single.density_and_gradient(points.detach().float())
+    assert 0 < int((density == 0).sum()) < 500  # some lie outside the box
+    torch.testing.assert_close(compiled.double(), density.detach(), rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(compiled_gradient.double(), gradient, rtol=1e-3, atol=1e-2)
+
+
+def test_density_is_differentiable_twice():
+    field = random_voxels(dtype=torch.float64)
+    point = torch.tensor([0.123, -0.234, 0.2], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradgradcheck(lambda p: field.density(p), (point,))
+
+
+def test_the_compiled_training_gradient_equals_autograd():
+    field = random_voxels()
+    origins, directions = random_rays(200, seed=3)
+    targets = torch.rand(200, 3, generator=torch.Generator().manual_seed(0))
+    learner = GridLearner(BOX, field.values, field.background, photographs_of_ball(1, 4), workers=2)
+    errors = learn.loss_and_gradient(
+        learner.values, learner._occupied, learner._lower, learner._per_meter, origins.numpy(),
+        directions.numpy(), np.zeros(200, np.float32), targets.numpy(), np.float32(DENSITY_SCALE),
+        learner._step, field.background.numpy(), np.float32(0), learner._gradients, learner._touched,
+    )  # fmt: skip
+    values = field.values.clone().requires_grad_()
+    samples = uniform_samples(BOX, origins, directions, field.step)
+    color = render_rays(VoxelField(BOX, values, field.background), origins, directions, samples).color
+    loss = (color - targets).square().sum()
+    (gradient,) = torch.autograd.grad(loss, values)
+    compiled = torch.from_numpy(learner._gradients.sum(0))
+    assert abs(float(errors.sum()) / loss.item() - 1) < 1e-4
+    assert (compiled - gradient).norm() < 1e-3 * gradient.norm()
+    assert (compiled - gradient).abs().max() < 1e-3 * gradient.abs().max()
+
+
+def test_a_block_is_occupied_when_any_of_its_corners_is():
+    raw = torch.full((9, 9, 9), EMPTY_RAW)
+    raw[4, 0, 0] = 0.0
+    blocks = occupied_blocks(raw, EMPTY_RAW + 1)
+    assert blocks.shape == (3, 3, 3)
+    assert blocks.nonzero().tolist() == [[0, 0, 0], [1, 0, 0]]  # node 4 borders cells of both
