@@ -7,6 +7,7 @@ stands for `step` metres of it and stops the light with alpha_i = 1 - exp(-rho_i
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -55,6 +56,25 @@ class Field(Protocol):
     def samples(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> RaySamples:
         """Where to sample rays so that what is left out changes no colour by more than about 1e-3."""
         ...
+
+
+@runtime_checkable
+class FastDensity(Protocol):
+    """A field that has densities and their gradients faster than autograd."""
+
+    def density_and_gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the function of this name says."""
+        ...
+
+
+def density_and_gradient(field: Field, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """rho (n) [1/m] and d rho / d p (n, 3) [1/m^2] at world points (n, 3) [m], all in float64."""
+    if isinstance(field, FastDensity):
+        return field.density_and_gradient(points)
+    at = torch.from_numpy(points).to(field.box.lower.device).requires_grad_()
+    density = field.density(at)
+    (gradient,) = torch.autograd.grad(density.sum(), at)
+    return density.detach().double().cpu().numpy(), gradient.double().cpu().numpy()
 
 
 def box_interval(

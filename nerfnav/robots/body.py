@@ -25,6 +25,12 @@ class Body:
         ]
         return cls(extents, torch.cartesian_prod(*axes))
 
+    def grown(self, margin: float) -> "Body":
+        """The same body with every face moved outwards by `margin` [m], its points spread accordingly."""
+        x, y, z = (edge + 2 * margin for edge in self.extents)
+        stretch = torch.tensor([x, y, z]) / torch.tensor(self.extents)
+        return Body((x, y, z), self.points_body * stretch.to(self.points_body))
+
     @property
     def radius(self) -> float:
         """Half of the box's diagonal [m]: the body fits into this ball in every attitude."""

@@ -1,14 +1,15 @@
 """The voxel field's compiled paths against its torch paths, and those against finite differences."""
 
 import numpy as np
+import pytest
 import torch
 
-from nerfnav.field.field import uniform_samples
+from nerfnav.field.field import density_and_gradient, uniform_samples
 from nerfnav.field.kernels import learn
 from nerfnav.field.learner import GridLearner
 from nerfnav.field.render import render_rays
 from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField, occupied_blocks
-from tests.field.fields import BOX, photographs_of_ball, random_rays, random_voxels
+from tests.field.fields import BOX, ball, photographs_of_ball, random_rays, random_voxels
 
 
 def test_compiled_rendering_equals_the_reference_to_1e_4():
@@ -37,16 +38,29 @@ def test_the_fields_own_samples_give_the_reference_colour():
     assert (render_rays(field, *rays).color - reference.color).abs().max() < 1e-3
 
 
-def test_compiled_density_and_gradient_equal_autograd():
+@pytest.mark.parametrize("count", [500, 30_000])  # one thread, all threads
+def test_compiled_density_and_gradient_equal_autograd(count: int):
     single = random_voxels()
     field = VoxelField(BOX, single.values.double(), single.background.double())
-    points = (torch.rand(500, 3, dtype=torch.float64) * 3 - 1.5).requires_grad_()
+    points = torch.rand(count, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 3 - 1.5
+    points.requires_grad_()
     density = field.density(points)
     (gradient,) = torch.autograd.grad(density.sum(), points)
-    compiled, compiled_gradient = single.density_and_gradient(points.detach().float())
-    assert 0 < int((density == 0).sum()) < 500  # some lie outside the box
-    torch.testing.assert_close(compiled.double(), density.detach(), rtol=1e-4, atol=1e-4)
-    torch.testing.assert_close(compiled_gradient.double(), gradient, rtol=1e-3, atol=1e-2)
+    compiled, compiled_gradient = density_and_gradient(single, points.detach().numpy())
+    assert 0 < int((density == 0).sum()) < count  # some lie outside the box
+    torch.testing.assert_close(torch.from_numpy(compiled), density.detach(), rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(torch.from_numpy(compiled_gradient), gradient, rtol=1e-4, atol=1e-3)
+
+
+def test_fields_without_a_kernel_have_their_gradient_from_autograd():
+    points = np.array([[0.29, 0.02, 0.01], [0.9, 0.9, 0.5]])
+    density, gradient = density_and_gradient(ball(), points)
+    step = 1e-6
+    for axis in range(3):
+        offset = step * np.eye(3)[axis]
+        ahead, behind = (density_and_gradient(ball(), points + sign * offset)[0] for sign in (1, -1))
+        np.testing.assert_allclose(gradient[:, axis], (ahead - behind) / (2 * step), rtol=1e-4, atol=1e-6)
+    assert density[0] > 50 > density[1]
 
 
 def test_density_is_differentiable_twice():

@@ -1,49 +1,60 @@
 """Density and its gradient at points: twin of `VoxelField.density`."""
 
+import math
+
 import numba
-import numpy as np
 
 from nerfnav.compiled import kernel
-from nerfnav.field.kernels.cells import cell_of, corner_weights, interpolate, sigmoid, softplus
+from nerfnav.field.kernels.cells import BLOCK_SHIFT
+
+CHUNK = 256
+"""Points that one thread takes at a time."""
+
+
+@kernel(inline=True)
+def density_at(values, occupied, lower, per_meter, scale, point, gradient):
+    """rho [1/m] at a point and, written into `gradient`, d rho / d p [1/m^2]; zero outside the grid."""
+    nx, ny, nz, _ = values.shape
+    gradient[0], gradient[1], gradient[2] = 0.0, 0.0, 0.0
+    x = (point[0] - lower[0]) * per_meter[0]
+    y = (point[1] - lower[1]) * per_meter[1]
+    z = (point[2] - lower[2]) * per_meter[2]
+    if not (0.0 <= x <= nx - 1 and 0.0 <= y <= ny - 1 and 0.0 <= z <= nz - 1):
+        return 0.0
+    i, j, k = min(int(x), nx - 2), min(int(y), ny - 2), min(int(z), nz - 2)
+    if not occupied[i >> BLOCK_SHIFT, j >> BLOCK_SHIFT, k >> BLOCK_SHIFT]:
+        return 0.0
+    x, y, z = x - i, y - j, z - k
+    # along z at the four edges, then along y at the two faces, then along x
+    edge00, slope00 = values[i, j, k, 0], values[i, j, k + 1, 0] - values[i, j, k, 0]
+    edge01, slope01 = values[i, j + 1, k, 0], values[i, j + 1, k + 1, 0] - values[i, j + 1, k, 0]
+    edge10, slope10 = values[i + 1, j, k, 0], values[i + 1, j, k + 1, 0] - values[i + 1, j, k, 0]
+    edge11, slope11 = values[i + 1, j + 1, k, 0], values[i + 1, j + 1, k + 1, 0] - values[i + 1, j + 1, k, 0]
+    edge00, edge01 = edge00 + z * slope00, edge01 + z * slope01
+    edge10, edge11 = edge10 + z * slope10, edge11 + z * slope11
+    near, far = edge00 + y * (edge01 - edge00), edge10 + y * (edge11 - edge10)
+    raw = near + x * (far - near)
+    exponential = math.exp(-abs(raw))
+    density = scale * (max(raw, 0.0) + math.log1p(exponential))
+    slope = scale * (1.0 if raw > 0.0 else exponential) / (1.0 + exponential)
+    gradient[0] = slope * per_meter[0] * (far - near)
+    gradient[1] = slope * per_meter[1] * ((1.0 - x) * (edge01 - edge00) + x * (edge11 - edge10))
+    along_z = (1.0 - x) * ((1.0 - y) * slope00 + y * slope01) + x * ((1.0 - y) * slope10 + y * slope11)
+    gradient[2] = slope * per_meter[2] * along_z
+    return density
+
+
+@kernel()
+def density_and_gradient(values, occupied, lower, per_meter, scale, points, density, gradient):
+    """Fill density (n) and gradient (n, 3) at points (n, 3), in one thread."""
+    for n in range(points.shape[0]):
+        density[n] = density_at(values, occupied, lower, per_meter, scale, points[n], gradient[n])
 
 
 @kernel(parallel=True)
-def density_and_gradient(values, lower, per_meter, points, scale):
-    """rho (n) [1/m] and d rho / d p (n, 3) [1/m^2]; zero outside the grid."""
+def density_and_gradient_parallel(values, occupied, lower, per_meter, scale, points, density, gradient):
+    """The same in all threads: pays from some thousand points on."""
     count = points.shape[0]
-    shape = values.shape
-    density = np.zeros(count, np.float32)
-    gradient = np.zeros((count, 3), np.float32)
-    for n in numba.prange(count):
-        cell, fraction = np.empty(3, np.int64), np.empty(3, np.float32)
-        weights = np.empty(8, np.float32)
-        inside = True
-        for axis in range(3):
-            coordinate = (points[n, axis] - lower[axis]) * per_meter[axis]
-            inside = inside and np.float32(0.0) <= coordinate <= np.float32(shape[axis] - 1)
-            cell[axis], fraction[axis] = cell_of(coordinate, shape[axis])
-        if not inside:
-            continue
-        i, j, k = cell[0], cell[1], cell[2]
-        x, y, z = fraction[0], fraction[1], fraction[2]
-        corner_weights(x, y, z, weights)
-        raw = interpolate(values, 0, i, j, k, weights)
-        density[n] = scale * softplus(raw)
-        slope = scale * sigmoid(raw)
-        for axis in range(3):
-            # the derivative of trilinear weights along an axis: the far face minus the near face
-            corner_weights(
-                np.float32(1.0) if axis == 0 else x,
-                np.float32(1.0) if axis == 1 else y,
-                np.float32(1.0) if axis == 2 else z,
-                weights,
-            )
-            far = interpolate(values, 0, i, j, k, weights)
-            corner_weights(
-                np.float32(0.0) if axis == 0 else x,
-                np.float32(0.0) if axis == 1 else y,
-                np.float32(0.0) if axis == 2 else z,
-                weights,
-            )
-            gradient[n, axis] = slope * per_meter[axis] * (far - interpolate(values, 0, i, j, k, weights))
-    return density, gradient
+    for chunk in numba.prange((count + CHUNK - 1) // CHUNK):
+        for n in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            density[n] = density_at(values, occupied, lower, per_meter, scale, points[n], gradient[n])

@@ -1,0 +1,162 @@
+"""Photographing a scene: where to stand, and what is seen from there.
+
+Cameras stand in free space only: one inside a stone would teach a field that the stone is air.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import so3
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.camera import R_BODY_CAMERA, Camera, Pose, look_at
+from nerfnav.geometry.images import PosedImages
+from nerfnav.robots.body import Body
+from nerfnav.robots.state import RigidState
+from nerfnav.world.contact import ground
+from nerfnav.world.raycast import MeshRenderer, Picture
+from nerfnav.world.scene import Scene
+
+_ROUNDS = 30
+_GLANCE = 20  # pixels along a picture that is only asked how much it shows
+_TILT = 0.2
+"""Standard deviation of the cameras' pitch and roll inside the box [rad]."""
+_NOWHERE = Pose(torch.zeros(0, 3, 3), torch.zeros(0, 3))
+
+
+@dataclass(frozen=True)
+class CaptureConfig:
+    """How many photographs are taken, of which size, and from where."""
+
+    images: int = 200
+    """Number of photographs."""
+    width: int = 200
+    """[pixels]"""
+    height: int = 200
+    """[pixels]"""
+    horizontal_fov_deg: float = 90.0
+    """Horizontal field of view [degrees]."""
+    clearance: float = 0.05
+    """Half edge of the cube around a camera that must be free [m]."""
+    inside_share: float = 0.8
+    """Share of cameras inside the box, where robots fly; the others look in from around it."""
+    flight_band: tuple[float, float] = (0.1, 0.85)
+    """Lowest and highest camera inside the box, as shares of its height; low ones are more frequent."""
+    seen_share: float = 0.25
+    """Smallest share of a photograph that must show the mesh and not the sky."""
+    supersample: int = 2
+    """Rays along each side of a pixel."""
+
+
+@dataclass(frozen=True)
+class CaptureStep:
+    """One photograph."""
+
+    index: int
+    """Counted from 0."""
+    total: int
+    """How many there will be."""
+    picture: Picture
+    """The photograph."""
+    pose: Pose
+    """T_world_camera it was taken from."""
+    captured: PosedImages | None = None
+    """All photographs; set on the last step."""
+
+
+def capture(scene: Scene, config: CaptureConfig, generator: torch.Generator) -> Iterator[CaptureStep]:
+    """Photograph a scene, one step for each photograph; the last step carries all of them."""
+    camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
+    renderer = MeshRenderer(scene, supersample=config.supersample)
+    poses = capture_poses(scene, config, generator)
+    images = []
+    for index in range(config.images):
+        picture = renderer.render(camera, poses[index])
+        images.append(picture.image)
+        last = index + 1 == config.images
+        captured = PosedImages(torch.stack(images), camera, poses) if last else None
+        yield CaptureStep(index, config.images, picture, poses[index], captured)
+
+
+def photograph(renderer: MeshRenderer, camera: Camera, poses: Pose) -> PosedImages:
+    """The pictures taken from poses T_world_camera of batch shape (n,)."""
+    images = [renderer.render(camera, poses[k]).image for k in range(len(poses.position))]
+    return PosedImages(torch.stack(images), camera, poses)
+
+
+def split(captured: PosedImages, every: int = 10) -> tuple[PosedImages, PosedImages]:
+    """Images to learn from, and one of every `every` images, kept for testing: never learn from those."""
+    test = list(range(every // 2, len(captured), every))
+    train = sorted(set(range(len(captured))) - set(test))
+    return captured.subset(train), captured.subset(test)
+
+
+def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generator) -> Pose:
+    """Poses T_world_camera in free space, batch shape (images,), inside and around in shuffled order.
+
+    Raises InvalidInputError where too few places are free and have something to see.
+    """
+    if config.images < 1:
+        raise InvalidInputError(f"a capture needs at least 1 image, not {config.images}")
+    inside = round(config.images * config.inside_share)
+    glance = MeshRenderer(scene)
+
+    def pick(count: int, propose: Callable[[int], Pose]) -> Pose:
+        kept = [_NOWHERE]
+        for _ in range(_ROUNDS):
+            missing = count - sum(len(pose.position) for pose in kept)
+            if missing <= 0:
+                return Pose.cat(kept)[:count]
+            proposed = propose(2 * missing)
+            free = proposed[_free(scene, proposed, config.clearance)]
+            kept.append(free[_seen(glance, free, config) >= config.seen_share])
+        raise InvalidInputError(
+            f"the scene {scene.name} has too few places for {config.images} cameras that are free within "
+            f"{config.clearance} m and see the mesh in {config.seen_share:.0%} of their picture: ask for less"
+        )
+
+    within = pick(inside, lambda count: _within(scene.box, config.flight_band, count, generator))
+    around = pick(config.images - inside, lambda count: _around(scene.box, count, generator))
+    return Pose.cat([within, around])[torch.randperm(config.images, generator=generator)]
+
+
+def _free(scene: Scene, poses: Pose, clearance: float) -> Bool[Tensor, " n"]:
+    """Whether a cube of half edge `clearance` [m] around each pose touches nothing."""
+    edge = 2 * clearance
+    cube = Body.box((edge, edge, edge), (1, 1, 1))
+    level = torch.eye(3).expand_as(poses.rotation)
+    still = torch.zeros_like(poses.position)
+    return ~ground(scene).touches(cube, RigidState(poses.position, still, level, still))
+
+
+def _seen(renderer: MeshRenderer, poses: Pose, config: CaptureConfig) -> Float[Tensor, " n"]:
+    """The share of each picture that is not sky, from a coarse glance."""
+    camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
+    camera = camera.scaled(min(1.0, _GLANCE / config.width))
+    shares = [renderer.render(camera, poses[k]).depth.isfinite().float().mean() for k in range(len(poses.position))]
+    return torch.stack(shares) if shares else torch.zeros(0)
+
+
+def _within(box: Box, band: tuple[float, float], count: int, generator: torch.Generator) -> Pose:
+    """Cameras anywhere in the box, low ones more often, that look around as a tilting robot does."""
+    share = torch.rand(count, 3, generator=generator)
+    share[:, 2] = band[0] + (band[1] - band[0]) * share[:, 2] ** 1.6
+    yaw = 2 * math.pi * torch.rand(count, generator=generator)
+    pitch, roll = _TILT * torch.randn(2, count, generator=generator)
+    zero = torch.zeros(count)
+    tilt = so3.exp(torch.stack([zero, pitch, zero], -1)) @ so3.exp(torch.stack([roll, zero, zero], -1))
+    return Pose(so3.from_yaw(yaw) @ tilt @ R_BODY_CAMERA, box.lower + share * box.size)
+
+
+def _around(box: Box, count: int, generator: torch.Generator) -> Pose:
+    """Cameras around and above the box that look at places in its middle."""
+    share, aim = torch.rand(2, count, 3, generator=generator)
+    yaw, elevation = 2 * math.pi * share[:, 0], torch.deg2rad(5 + 70 * share[:, 1] ** 1.5)
+    way = torch.stack([elevation.cos() * yaw.cos(), elevation.cos() * yaw.sin(), elevation.sin()], -1)
+    reach = 0.5 * box.size[:2].norm() * (0.55 + 0.45 * share[:, 2:])
+    return look_at(box.center + reach * way, box.center + (aim - 0.5) * 0.6 * box.size)

@@ -1,0 +1,105 @@
+"""Photographs of a mesh: embree finds what each ray hits first, the mesh says which colour it has there.
+
+No light is computed: the colours of a mesh hold sun and shadow already.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import trimesh
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from jaxtyping import Bool, Float, Float32, Int32, UInt8
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.world.scene import Scene
+from nerfnav.world.surface import surface_color
+
+Rays = Float32[np.ndarray, "n 3"]
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What n rays hit first."""
+
+    face: Int32[np.ndarray, " n"]
+    """Index of the face, -1 where nothing is hit."""
+    weights: Float32[np.ndarray, "n 3"]
+    """Barycentric weights of the face's corners."""
+    distance: Float32[np.ndarray, " n"]
+    """From the ray's origin [m], infinite where nothing is hit."""
+
+
+class RayCaster:
+    """Rays against one mesh."""
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        """Build embree's tree over the mesh's faces."""
+        self._scene = EmbreeScene()
+        TriangleMesh(self._scene, np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32))
+
+    def first_hits(self, origins: Rays, directions: Rays) -> Hits:
+        """The nearest hit of each ray; directions are unit vectors."""
+        found = self._scene.run(origins, directions, output=1)
+        second, third = found["u"], found["v"]
+        missed = found["primID"] < 0
+        distance = np.where(missed, np.float32(np.inf), found["tfar"])
+        return Hits(found["primID"], np.stack([1 - second - third, second, third], -1), distance)
+
+    def occluded(self, origins: Rays, directions: Rays) -> Bool[np.ndarray, " n"]:
+        """Whether anything at all lies on each ray."""
+        return self._scene.run(origins, directions, query="OCCLUDED") == 0
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a camera sees."""
+
+    image: UInt8[Tensor, "height width 3"]
+    """sRGB colours, 0 to 255."""
+    depth: Float[Tensor, "height width"]
+    """Distance along each pixel's central ray [m], infinite where it sees the sky."""
+
+
+class MeshRenderer:
+    """A camera in front of a mesh."""
+
+    def __init__(
+        self,
+        source: Scene | trimesh.Trimesh,
+        sky: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        supersample: int = 1,
+    ) -> None:
+        """Look at a scene, under its own sky, or at a mesh under `sky` (sRGB in [0, 1]).
+
+        Each pixel is the mean of `supersample` x `supersample` rays.
+        """
+        if supersample < 1:
+            raise InvalidInputError(f"supersample must be 1 or more, not {supersample}")
+        mesh = source.mesh if isinstance(source, Scene) else source
+        self._sky = np.array(source.sky if isinstance(source, Scene) else sky, np.float32) * 255
+        self._caster = RayCaster(mesh)
+        self._color = surface_color(mesh)
+        self._supersample = supersample
+
+    def render(self, camera: Camera, pose: Pose) -> Picture:
+        """The picture that a camera at `pose` = T_world_camera takes."""
+        finer = camera.scaled(self._supersample)
+        with torch.no_grad():
+            origins, directions = (_numpy(rays) for rays in finer.rays(pose))
+        hits = self._caster.first_hits(origins, directions)
+        colors = np.tile(self._sky, (len(hits.face), 1))
+        seen = hits.face >= 0
+        colors[seen] = self._color(hits.face[seen], hits.weights[seen])
+        k = self._supersample
+        blocks = colors.reshape(camera.height, k, camera.width, k, 3)
+        image = (blocks.mean((1, 3)) if k > 1 else colors.reshape(camera.height, camera.width, 3)) + 0.5
+        depth = hits.distance.reshape(finer.height, finer.width)[k // 2 :: k, k // 2 :: k]
+        return Picture(torch.from_numpy(image.astype(np.uint8)), torch.from_numpy(np.ascontiguousarray(depth)))
+
+
+def _numpy(rays: Float[Tensor, "n 3"]) -> Rays:
+    return np.ascontiguousarray(rays.detach().cpu().numpy(), np.float32)

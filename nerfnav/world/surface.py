@@ -1,0 +1,78 @@
+"""Which colour a point on a mesh has: vertex colours, face colours or a texture."""
+
+from collections.abc import Callable
+
+import numpy as np
+import trimesh
+from jaxtyping import Float32, Int32
+from trimesh.visual.color import ColorVisuals
+from trimesh.visual.texture import TextureVisuals
+
+Colors = Float32[np.ndarray, "n 3"]
+Faces = Int32[np.ndarray, " n"]
+Barycentric = Float32[np.ndarray, "n 3"]
+
+SurfaceColor = Callable[[Faces, Barycentric], Colors]
+"""Colours (sRGB, 0 to 255) at points given by their face and their weights of its three corners."""
+
+
+def surface_color(mesh: trimesh.Trimesh) -> SurfaceColor:
+    """The colours of a mesh, whichever way it stores them; grey where it stores none."""
+    visual = mesh.visual
+    if isinstance(visual, TextureVisuals):
+        image, tint = _material(visual.material)
+        if image is None or visual.uv is None:
+            return lambda faces, weights: np.tile(tint, (len(faces), 1))
+        return _textured(image, tint, np.asarray(visual.uv, np.float32)[mesh.faces])
+    assert isinstance(visual, ColorVisuals)  # trimesh knows no third kind
+    if visual.kind == "face":
+        flat = np.asarray(visual.face_colors[:, :3], np.float32)
+        return lambda faces, weights: flat[faces]
+    corners = np.asarray(visual.vertex_colors[:, :3], np.float32)[mesh.faces]
+    return lambda faces, weights: _interpolate(corners, faces, weights)
+
+
+def _interpolate(
+    corners: Float32[np.ndarray, "f 3 c"], faces: Faces, weights: Barycentric
+) -> Float32[np.ndarray, "n c"]:
+    """Blend the values at each face's corners."""
+    values = corners[faces]
+    return (weights[:, :, None] * values).sum(1)
+
+
+def _textured(
+    image: Float32[np.ndarray, "h w 3"],
+    tint: Float32[np.ndarray, " 3"],
+    uv_corners: Float32[np.ndarray, "f 3 2"],
+) -> SurfaceColor:
+    """Bilinear look-up in an image that repeats; v points up, rows of the image point down."""
+    height, width = image.shape[:2]
+
+    def color(faces: Faces, weights: Barycentric) -> Colors:
+        uv = _interpolate(uv_corners, faces, weights)
+        x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+        left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+        along_x, along_y = ((z - floor).astype(np.float32)[:, None] for z, floor in ((x, left), (y, top)))
+        upper = _row(image, top, left, along_x)
+        lower = _row(image, top + 1, left, along_x)
+        return ((1 - along_y) * upper + along_y * lower) * (tint / 255)
+
+    return color
+
+
+def _row(image: np.ndarray, row: np.ndarray, left: np.ndarray, along_x: np.ndarray) -> np.ndarray:
+    """Linear look-up within rows of an image that repeats."""
+    height, width = image.shape[:2]
+    row = row % height
+    return (1 - along_x) * image[row, left % width] + along_x * image[row, (left + 1) % width]
+
+
+def _material(material: object) -> tuple[np.ndarray | None, np.ndarray]:
+    """The image of a material, if it has one, and the colour (0 to 255) that tints it."""
+    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    factor = getattr(material, "baseColorFactor", None)
+    if factor is None and image is None:
+        factor = getattr(material, "main_color", None)
+    tint = np.full(3, 255, np.float32) if factor is None else np.asarray(factor[:3], np.float32)
+    pixels = None if image is None else np.asarray(image.convert("RGB"), np.float32)
+    return pixels, tint

@@ -1,0 +1,31 @@
+"""The places that come with nerfnav: one file per world, built by a function, found by name."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from nerfnav.errors import UnknownNameError
+from nerfnav.world.scene import Scene
+from scenes import blocks, stonehenge
+
+_BUILDERS: dict[str, Callable[[], Scene]] = {"stonehenge": stonehenge.build, "blocks": blocks.build}
+
+
+def names() -> list[str]:
+    """The known scenes, the default one first."""
+    return list(_BUILDERS)
+
+
+@cache
+def load(name: str) -> Scene:
+    """The scene of that name, built once. Raises UnknownNameError, which lists the known names."""
+    if name not in _BUILDERS:
+        raise UnknownNameError("scene", name, names())
+    return _BUILDERS[name]()
+
+
+def trained_path(name: str) -> Path:
+    """Where the trained field of a scene lies. Raises UnknownNameError, which lists the known names."""
+    if name not in _BUILDERS:
+        raise UnknownNameError("scene", name, names())
+    return Path(__file__).parent / "trained" / f"{name}.npz"

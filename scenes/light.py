@@ -1,0 +1,109 @@
+"""Light baked into colours: a late sun with its shadows, and a sky that reaches less far into corners."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from trimesh.visual.color import ColorVisuals
+
+from nerfnav.world.raycast import RayCaster
+
+Color = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Light:
+    """Sun and sky; colours are linear."""
+
+    azimuth_deg: float = 218.0
+    """Where the sun stands, counted from east to north [degrees]."""
+    elevation_deg: float = 29.0
+    """How high it stands [degrees]."""
+    sun: Color = (2.55, 1.98, 1.36)
+    """What the sun sends."""
+    sky: Color = (0.36, 0.44, 0.57)
+    """What the whole sky sends."""
+    bounce: Color = (0.10, 0.09, 0.06)
+    """What the ground sends back upwards."""
+    sun_rays: int = 6
+    """Shadow rays to the sun's disk."""
+    sky_rays: int = 48
+    """Shadow rays to the sky."""
+
+
+def lit(parts: Sequence[trimesh.Trimesh], albedos: Sequence[np.ndarray], light: Light) -> trimesh.Trimesh:
+    """One mesh of all parts, whose vertex colours are the parts' linear colours (v, 3) under the light."""
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)])
+    mesh = trimesh.Trimesh(np.concatenate([part.vertices for part in parts]), faces, process=False)
+    mesh.visual = ColorVisuals(mesh, vertex_colors=bake(mesh, np.concatenate(albedos), light))
+    return mesh
+
+
+def bake(mesh: trimesh.Trimesh, albedo: np.ndarray, light: Light) -> np.ndarray:
+    """sRGB bytes (v, 3) of a mesh's vertices, whose own colours `albedo` (v, 3) are linear."""
+    caster = RayCaster(mesh)
+    normals = mesh.vertex_normals.astype(np.float32)
+    origins = mesh.vertices.astype(np.float32) + 0.003 * normals
+
+    def received(directions: np.ndarray) -> np.ndarray:
+        """Mean over directions (k, 3) of cosine times visibility, for each vertex."""
+        total = np.zeros(len(normals), np.float32)
+        for direction in directions.astype(np.float32):
+            cosine = normals @ direction
+            facing = np.flatnonzero(cosine > 0)
+            rays = np.broadcast_to(direction, (len(facing), 3)).copy()
+            total[facing] += cosine[facing] * ~caster.occluded(origins[facing], rays)
+        return total / len(directions)
+
+    sky = 2 * received(_dome(light.sky_rays))
+    sun, sky = _unbury(mesh, np.stack([received(_sun_disk(light)), sky]), sky < 0.02)
+    down = 0.5 - 0.5 * normals[:, 2]
+    shades = np.outer(sun, light.sun) + np.outer(sky, light.sky) + np.outer(down, light.bounce)
+    return to_srgb(albedo * shades)
+
+
+def _unbury(mesh: trimesh.Trimesh, values: np.ndarray, buried: np.ndarray) -> np.ndarray:
+    """Values (k, v) whose buried vertices take the mean of their neighbours in the open.
+
+    Else the dark of a vertex inside a stone would leak along edges into what is seen of the ground.
+    """
+    ends = np.concatenate([mesh.edges_unique, mesh.edges_unique[:, ::-1]])
+    ends = ends[buried[ends[:, 0]] & ~buried[ends[:, 1]]]
+    count = np.bincount(ends[:, 0], minlength=len(buried))
+    lent = np.stack([np.bincount(ends[:, 0], row[ends[:, 1]], len(buried)) for row in values])
+    return np.where(count > 0, lent / np.maximum(count, 1), values)
+
+
+def _sun_disk(light: Light) -> np.ndarray:
+    """Directions (k, 3) on a ring about 2 degrees around the sun: a soft edge of the shadows."""
+    azimuth, elevation = np.radians([light.azimuth_deg, light.elevation_deg])
+    center = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+    side = np.array([-np.sin(azimuth), np.cos(azimuth), 0])
+    turn = 2 * np.pi * np.arange(light.sun_rays) / light.sun_rays
+    ring = center + 0.035 * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(center, side)))
+    return ring / np.linalg.norm(ring, axis=1, keepdims=True)
+
+
+def _dome(count: int) -> np.ndarray:
+    """Directions (count, 3) spread evenly over the upper half of the sphere (Fibonacci spiral)."""
+    index = np.arange(count) + 0.5
+    height = index / count
+    turn = np.pi * (1 + 5**0.5) * index
+    flat = np.sqrt(1 - height**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), height], -1)
+
+
+def to_srgb(linear: np.ndarray) -> np.ndarray:
+    """Bytes of linear colours, bright ones rolled off softly towards white."""
+    rolled = linear / (1 + np.maximum(0, linear - 0.6) * 0.45)
+    clipped = np.clip(rolled, 0, 1)
+    curve = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    return np.round(255 * curve).astype(np.uint8)
+
+
+def from_srgb(color: Color) -> np.ndarray:
+    """The linear colour of an sRGB colour in [0, 1]."""
+    value = np.asarray(color, float)
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,147 @@
+"""Stonehenge in the paper's scale, 2 m across: a ring with lintels, five trilithons, fallen stones, a meadow.
+
+The entrance is in the north-east, as at the real one; the south-western ring has fallen. Stones stand clear of the
+ends of all tasks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from nerfnav.geometry.box import Box
+from nerfnav.world.scene import Scene, Task
+from scenes.light import Light, lit
+from scenes.meadow import meadow
+from scenes.primitives import Roughness, Size, place, stone
+from scenes.weathering import weathered
+
+_EDGE = 0.0135
+"""Legs of the triangles: the finest detail that colours can have [m]."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """One stone and how it stands or lies."""
+
+    size: Size
+    """Along its own x, y, z before tilting [m]."""
+    foot: Size
+    """Where the middle of its underside is [m]."""
+    yaw_deg: float
+    """Heading of its x axis [degrees]."""
+    tilt_deg: tuple[float, float] = (0.0, 0.0)
+    """Lean about its y and its x axis [degrees]."""
+
+
+def _polar(radius: float, angle_deg: float, z: float) -> Size:
+    angle = np.radians(angle_deg)
+    return float(radius * np.cos(angle)), float(radius * np.sin(angle)), z
+
+
+def _ring() -> list[Block]:
+    """The sarsen ring: eighteen places 20 degrees apart, six of them empty, lintels over neighbours."""
+    radius, thickness, width, height, sunk = 0.995, 0.078, 0.145, 0.37, 0.035
+    standing = [318, 338, 358, 378, 398, 438, 458, 478, 518, 538, 558, 638]
+    top = height - sunk - 0.006
+    blocks = []
+    for k, angle in enumerate(standing):
+        lean = (1.5 * np.sin(5.1 * k), 1.5 * np.cos(3.7 * k))
+        width_here = width * (1 + 0.06 * np.sin(2.3 * k))
+        blocks.append(Block((thickness, width_here, height), _polar(radius, angle, -sunk), angle, lean))
+        if angle + 20 in standing:
+            middle = radius * np.cos(np.radians(10))
+            chord = 2 * radius * np.sin(np.radians(10))
+            blocks.append(Block((thickness + 0.012, chord - 0.006, 0.062), _polar(middle, angle + 10, top), angle + 10))
+    return blocks
+
+
+def _trilithon(radius: float, angle_deg: float, height: float) -> list[Block]:
+    """Two uprights and the lintel that they carry."""
+    thickness, width, apart, sunk = 0.09, 0.105, 0.098, 0.035
+    center, along = np.array(_polar(radius, angle_deg, -sunk)), np.array(_polar(1.0, angle_deg + 90, 0.0))
+    feet = [tuple((center + side * along).tolist()) for side in (-apart, apart)]
+    uprights = [Block((thickness, width, height + sunk), foot, angle_deg) for foot in feet]
+    lintel = Block((thickness + 0.015, 0.315, 0.072), _polar(radius, angle_deg, height - 0.008), angle_deg)
+    return [*uprights, lintel]
+
+
+def _ruins() -> list[Block]:
+    """What has fallen, what stands outside the ring, and the low bluestones."""
+    bluestones = [
+        (0.72, 8),
+        (0.72, 24),
+        (0.72, 72),
+        (0.72, 346),
+        (0.62, 210),
+        (0.62, 228),
+        (0.61, 246),
+        (0.60, 150),
+    ]
+    low = [
+        Block((0.06, 0.07, 0.17 + 0.03 * np.sin(4.0 * k)), _polar(r, angle, -0.03), angle, (4 * np.sin(k), 3.0))
+        for k, (r, angle) in enumerate(bluestones)
+    ]
+    return [
+        *low,
+        Block((0.34, 0.13, 0.085), (0.77, -0.30, -0.02), 75, (2, 3)),
+        Block((0.30, 0.12, 0.080), (-1.09, 0.19, -0.02), 100, (-3, 2)),
+        Block((0.26, 0.11, 0.080), (0.02, -0.03, -0.025), -38, (2, 0)),
+        Block((0.28, 0.09, 0.070), (0.19, -0.55, -0.022), 20, (2, 4)),
+        Block((0.26, 0.12, 0.085), (-0.35, 1.075, -0.02), 15, (3, -4)),
+        Block((0.11, 0.13, 0.30), (0.78, 0.92, -0.04), 40, (8, 5)),
+        Block((0.10, 0.12, 0.16), (-1.02, -0.42, -0.03), 20, (0, 6)),
+        Block((0.10, 0.12, 0.18), (0.62, -1.00, -0.03), -50, (5, 0)),
+    ]
+
+
+def blocks() -> list[Block]:
+    """All stones."""
+    trilithons = [
+        (0.36, 232, 0.52),
+        (0.36, 174, 0.46),
+        (0.36, 290, 0.46),
+        (0.282, 113, 0.41),
+        (0.345, 350, 0.41),
+    ]
+    return [*_ring(), *(block for place_ in trilithons for block in _trilithon(*place_)), *_ruins()]
+
+
+def build() -> Scene:
+    """Raise the stones, lay the meadow, and bake the evening sun."""
+    ground, ground_color = meadow(radius=1.27, edge=_EDGE)
+    parts: list[trimesh.Trimesh] = [ground]
+    albedos = [ground_color]
+    for seed, block in enumerate(blocks()):
+        raised = stone(block.size, _EDGE, seed, Roughness())
+        tilt = np.radians(block.tilt_deg)
+        parts.append(place(raised, block.foot, np.radians(block.yaw_deg), (tilt[0], tilt[1])))
+        albedos.append(weathered(parts[-1], seed))
+    return Scene(
+        name="stonehenge",
+        title="Stonehenge",
+        mesh=lit(parts, albedos, Light()),
+        solids=tuple(parts),
+        box=Box.of((-1.3, -1.3, -0.08), (1.3, 1.3, 0.75)),
+        sky=(0.72, 0.83, 0.95),
+        tasks=_TASKS,
+    )
+
+
+_TASKS = tuple(
+    Task(name, start, goal)
+    for name, start, goal in [
+        ("East to west", (0.55, -0.02, 0.05), (-0.72, 0.17, 0.19)),
+        ("South to north", (-0.12, -0.92, 0.05), (-0.1, 0.8, 0.19)),
+        ("South-west to north-east", (-0.72, -0.75, 0.1), (0.51, 0.48, 0.16)),
+        ("Through the horseshoe", (-0.42, -0.75, 0.1), (0.21, 0.48, 0.16)),
+        ("Past the altar", (-0.12, -0.75, 0.1), (-0.09, 0.48, 0.16)),
+        ("South to north-west", (0.18, -0.75, 0.1), (-0.39, 0.48, 0.16)),
+        ("Corner to corner", (0.48, -0.75, 0.1), (-0.69, 0.48, 0.16)),
+        ("South-east to north-west", (0.48, -0.42, 0.1), (-0.71, 0.83, 0.16)),
+        ("West to the entrance", (-0.72, -0.12, 0.1), (0.49, 0.83, 0.16)),
+        ("Along the horseshoe", (-0.72, -0.42, 0.1), (0.49, 0.23, 0.16)),
+        ("Headline, across the ring", (0.39, -0.67, 0.2), (-0.4, 0.55, 0.16)),
+    ]
+)
+"""The ten flights of the paper's authors and the one of their headline figure."""

@@ -1,0 +1,58 @@
+import pytest
+import torch
+
+import scenes
+from nerfnav.errors import UnknownNameError
+from nerfnav.robots.body import Body
+from nerfnav.robots.state import RigidState
+from nerfnav.world.contact import ground, judge
+
+_BODY = Body.box((0.1, 0.1, 0.04), (2, 2, 2))
+
+
+def test_an_unknown_scene_is_refused_with_the_known_ones():
+    with pytest.raises(UnknownNameError, match="blocks, stonehenge"):
+        scenes.load("atlantis")
+    with pytest.raises(UnknownNameError, match="blocks, stonehenge"):
+        scenes.trained_path("atlantis")
+
+
+def test_scenes_are_built_once_and_know_where_their_field_lies():
+    assert scenes.names()[0] == "stonehenge"
+    assert scenes.load("blocks") is scenes.load("blocks")
+    assert scenes.trained_path("blocks").parts[-3:] == ("scenes", "trained", "blocks.npz")
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_all_solids_are_watertight_and_inside_the_box(name: str):
+    scene = scenes.load(name)
+    for solid in scene.solids:
+        assert solid.is_watertight
+        assert solid.volume > 0
+    assert scene.box.contains(torch.tensor(scene.mesh.bounds, dtype=torch.float32)).all()
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_what_is_touched_is_what_is_seen(name: str):
+    scene = scenes.load(name)
+    assert sum(len(solid.faces) for solid in scene.solids) == len(scene.mesh.faces)
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_the_ends_of_all_tasks_are_free_with_room_to_spare(name: str):
+    """A level cylinder that holds the body at any yaw and 4 cm more, 2 cm towards the ground."""
+    scene = scenes.load(name)
+    radius = 0.05 * 2**0.5 + 0.04
+    wide = Body.box((2 * radius, 2 * radius, 0.08), (2, 2, 2))
+    yaws = torch.linspace(0, torch.pi / 2, 5)[:-1].tolist()
+    states = [RigidState.at_rest(end, yaw) for task in scene.tasks for end in (task.start, task.goal) for yaw in yaws]
+    # the turned squares overlap in the cylinder: it is free where any of them is
+    free = ~ground(scene).touches(wide, RigidState.stack(states)).reshape(-1, len(yaws))
+    assert free.any(-1).all()
+    assert scene.box.contains(torch.stack([state.position for state in states])).all()
+
+
+def test_the_first_task_of_blocks_is_blocked_and_the_second_is_not():
+    scene = scenes.load("blocks")
+    straight = [RigidState.stack([task.start_state, task.goal_state]) for task in scene.tasks]
+    assert [judge(scene, _BODY, states).first_touched_step for states in straight] == [0, None]

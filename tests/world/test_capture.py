@@ -1,0 +1,68 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import KDTree
+
+import scenes
+from nerfnav.errors import InvalidInputError
+from nerfnav.world.capture import CaptureConfig, capture, capture_poses, photograph, split
+from nerfnav.world.raycast import MeshRenderer
+from nerfnav.world.solid import Solid
+
+_CONFIG = CaptureConfig(images=30, width=24, height=16, supersample=1)
+
+
+def _generator() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+def test_cameras_keep_clear_of_the_mesh_and_are_never_inside_a_solid():
+    scene = scenes.load("blocks")
+    poses = capture_poses(scene, replace(_CONFIG, images=200), _generator())
+    eyes = poses.position.double().numpy()
+    distance, _ = KDTree(scene.mesh.vertices).query(eyes)
+    assert distance.min() >= _CONFIG.clearance
+    assert not np.any([Solid(mesh).contains(eyes) for mesh in scene.solids])
+
+
+def test_cameras_stand_low_between_the_blocks_and_around_them():
+    scene = scenes.load("blocks")
+    eyes = capture_poses(scene, replace(_CONFIG, images=200), _generator()).position
+    inside = scene.box.contains(eyes)
+    assert 160 <= inside.sum() < 200
+    assert (eyes[inside, 2] < 0.2).sum() > 40
+
+
+def test_every_photograph_shows_more_than_sky():
+    scene = scenes.load("blocks")
+    for step in capture(scene, _CONFIG, _generator()):
+        assert step.picture.depth.isfinite().float().mean() > 0.2
+
+
+def test_a_capture_ends_with_all_photographs_and_repeats_for_a_seed():
+    scene = scenes.load("blocks")
+    first, second = (list(capture(scene, _CONFIG, _generator())) for _ in range(2))
+    captured, again = first[-1].captured, second[-1].captured
+    assert captured is not None and again is not None
+    assert all(step.captured is None for step in first[:-1])
+    assert captured.images.shape == (30, 16, 24, 3)
+    assert torch.equal(captured.images, again.images)
+    assert torch.equal(captured.images[3], first[3].picture.image)
+    alike = photograph(MeshRenderer(scene), captured.camera, captured.poses[:4])
+    assert torch.equal(alike.images, captured.images[:4])
+
+
+def test_test_images_are_never_learnt_from():
+    captured = list(capture(scenes.load("blocks"), _CONFIG, _generator()))[-1].captured
+    assert captured is not None
+    train, test = split(captured, every=10)
+    assert (len(train), len(test)) == (27, 3)
+    apart = torch.cdist(test.poses.position, train.poses.position)
+    assert apart.min() > 1e-3
+
+
+def test_a_scene_without_room_for_cameras_is_refused():
+    with pytest.raises(InvalidInputError, match="too few places"):
+        capture_poses(scenes.load("blocks"), replace(_CONFIG, clearance=2.0), _generator())
