@@ -7,6 +7,7 @@ change `free` without constraints.
 
 from abc import ABC, abstractmethod
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -23,6 +24,10 @@ class Robot(ABC):
     """Its shape."""
     action_names: tuple[str, ...]
     """Name and unit of each number of an action, e.g. "thrust_n"."""
+    action_weights: tuple[float, ...]
+    """Diagonal of Gamma in the control cost u' Gamma u, one for each number of an action [1 / unit^2]."""
+    minimum_steps: int
+    """Fewest steps in which a motion between two full states exists."""
 
     @abstractmethod
     def step(self, state: RigidState, action: Float[Tensor, "*batch a"], dt: float) -> RigidState:
@@ -36,9 +41,20 @@ class Robot(ABC):
 
     @abstractmethod
     def encode(
-        self, waypoints: Float[Tensor, "n+1 4"], start: RigidState, goal: RigidState, dt: float
+        self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
     ) -> Float[Tensor, " k"]:
         """Free numbers whose motion follows waypoints (x, y, z [m], yaw [rad]), one for each time step.
 
         The first and last waypoint are start and goal; the ends' exactness wins where the waypoints disagree.
         """
+
+    def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
+        """How far a motion strays to where it is not well defined; 0 for robots that have no such place.
+
+        A smooth penalty without units, summed over the steps; planners weigh it and add it to their cost.
+        """
+        return motion.actions.new_zeros(motion.actions.shape[:-2])
+
+    def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
+        """By how much each of the free numbers may change before the motion is quite another one; 1 by default."""
+        return torch.ones_like(free)

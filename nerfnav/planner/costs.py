@@ -1,0 +1,127 @@
+"""The terms of Eq. 2: pure functions of a field and a motion, one for each, all of shape "*batch".
+
+Notation: rho density [1/m], b a body point, x_b(t) = p_t + R_t b its place in the world, u the action, Gamma diagonal.
+
+    J = collision * sum_t sum_b rho(x_b) s(b)  +  control * sum_t u_t' Gamma u_t  +  penalties
+
+s(b) is the distance that body point b itself travels in the step (rotation moves the corners of a body whose centre
+rests). Paper Eq. 1 prints >= between the collision probability and the sum; Boole's inequality gives <=.
+
+To add a term: write a function of the same shape here, give it a weight in CostWeights, and add it in `evaluate`.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field.field import Field
+from nerfnav.geometry.box import Box
+from nerfnav.planner.steps import PlanCost
+from nerfnav.robots.body import Body
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion
+
+_STANDSTILL = 1e-12
+"""Squared distance [m^2] that keeps the derivative of a distance finite where nothing moves."""
+
+
+@dataclass(frozen=True)
+class CostWeights:
+    """What the terms of J weigh.
+
+    The authors' later code differs from the paper: it squares the density, multiplies by the centre's distance
+    only, and takes torques to the fourth power. These terms follow the paper.
+    """
+
+    collision: float = 1.0
+    """Weight of the collision term; 1 in the paper."""
+    control: float = 0.1
+    """Scale of Gamma, whose diagonal is the robot's `action_weights`; the paper does not print its Gamma. With 1, to
+    hover would cost as much in a step as a certain collision, and plans would graze what they pass."""
+    limits: float = 100.0
+    """Weight of the robot's own `limits`, such as a thrust floor; not in the paper."""
+    outside: float = 1000.0
+    """Weight of leaving the field's box [1/m^2], outside which every density is 0; not in the paper."""
+    samples_per_step: int = 3
+    """Densities taken along each body point's way through a step. The paper takes 1, at the end of the step: then
+    a body slips between two waypoints through what is thinner than a step."""
+
+    margin: float = 0.01
+    """How much larger than the body the body points reach [m]: about a voxel, since a field's surfaces are no more
+    exact than that. 0 in the paper."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The weighted terms of J as differentiable tensors."""
+
+    collision: Float[Tensor, "*batch"]
+    """Density met on the way."""
+    control: Float[Tensor, "*batch"]
+    """Effort."""
+    limits: Float[Tensor, "*batch"]
+    """Penalties that keep the motion well defined and inside the box."""
+
+    @property
+    def total(self) -> Float[Tensor, "*batch"]:
+        """J."""
+        return self.collision + self.control + self.limits
+
+    def numbers(self) -> PlanCost:
+        """The same as plain numbers; for one motion only."""
+        return PlanCost(self.collision.item(), self.control.item(), self.limits.item())
+
+
+def evaluate(field: Field, robot: Robot, motion: Motion, weights: CostWeights) -> Terms:
+    """All terms of J, weighted."""
+    gamma = motion.actions.new_tensor(robot.action_weights)
+    met = collision_per_step(field, motion, robot.body.grown(weights.margin), weights.samples_per_step).sum(-1)
+    strayed = weights.limits * robot.limits(motion) + weights.outside * outside(field.box, motion)
+    return Terms(weights.collision * met, weights.control * control(motion, gamma), strayed)
+
+
+def body_points_world(motion: Motion, body: Body) -> Float[Tensor, "*batch times b 3"]:
+    """Where the body points are at each time [m]."""
+    states = motion.states
+    points_body = body.points_body.to(states.position)
+    return points_body @ states.rotation.transpose(-1, -2) + states.position[..., None, :]
+
+
+def collision_per_step(
+    field: Field, motion: Motion, body: Body, samples_per_step: int = 1
+) -> Float[Tensor, "*batch n"]:
+    """sum_b rho(x_b) s(b) of every step: an upper bound of its collision probability (Eq. 1).
+
+    The way of each body point through a step is cut into `samples_per_step` equal parts, and the density is taken in
+    the middle of each.
+    """
+    points = body_points_world(motion, body)
+    before, moved = points[..., :-1, :, :], points.diff(dim=-3)
+    travelled = (moved.square().sum(-1) + _STANDSTILL).sqrt()
+    fractions = (torch.arange(samples_per_step, dtype=points.dtype, device=points.device) + 0.5) / samples_per_step
+    along = before[..., None, :] + fractions[:, None] * moved[..., None, :]
+    return (field.density(along).mean(-1) * travelled).sum(-1)
+
+
+def control(motion: Motion, gamma: Float[Tensor, " a"]) -> Float[Tensor, "*batch"]:
+    """sum_t u_t' Gamma u_t with the diagonal `gamma`."""
+    return (gamma * motion.actions.square()).sum((-2, -1))
+
+
+def outside(box: Box, motion: Motion) -> Float[Tensor, "*batch"]:
+    """Squared distance of the positions from the box [m^2], summed over time."""
+    position = motion.states.position
+    below, above = (box.lower - position).clamp_min(0), (position - box.upper).clamp_min(0)
+    return (below + above).square().sum((-2, -1))
+
+
+def collision_probability_bound(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> float:
+    """Upper bound of the probability that one motion collides, at most 1: Eq. 1, and Boole's inequality over steps.
+
+    It bounds what the field believes and is no guarantee. It counts every body point as if it flew alone, so that
+    light fog on many points already brings it to 1. `collision_per_step` has the terms of the sum.
+    """
+    with torch.no_grad():
+        return min(1.0, collision_per_step(field, motion, body, samples_per_step).sum().item())

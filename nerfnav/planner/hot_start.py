@@ -1,0 +1,53 @@
+"""Where a plan goes on after its first actions were flown and the robot turned out to be elsewhere."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import so3
+from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion, RigidState
+
+_RECOVERY_S = 1.2
+"""Time over which a robot returns to its plan [s]: sooner takes sharp turns, later drifts into what is near."""
+
+
+def hot_start(
+    motion: Motion, start: RigidState, goal: RigidState, robot: Robot, *, executed: int = 1, steps: int | None = None
+) -> Trajectory:
+    """The rest of a motion, as seen from a new start.
+
+    Left alone, the planned actions would carry the new start (a filter's mean) away from the plan. The waypoints
+    follow where they would carry it, fade back to the plan, and end at the goal. `steps` is the new horizon: by
+    default what is left, at least the fewest that the robot can plan; a longer horizon waits at the goal.
+    Raises InvalidInputError for a horizon shorter than what is left, in which the goal would come too soon.
+    """
+    left = motion.actions.shape[-2] - executed
+    steps = max(left, robot.minimum_steps) if steps is None else steps
+    if not 0 <= left <= steps:
+        raise InvalidInputError(f"a horizon of {steps} steps does not hold the {left} that are left of the motion")
+    planned = motion.states[executed:]
+    drift = _rolled_out(robot, start, motion.actions[executed:], motion.dt) - planned.position
+    back = (torch.arange(left + 1) * motion.dt / min(_RECOVERY_S, max(left, 1) * motion.dt)).clamp_max(1)
+    positions = planned.position + (1 - back.square() * (3 - 2 * back))[:, None] * drift
+    index = torch.arange(steps + 1).clamp_max(left)
+    waypoints = torch.cat([positions[index], _unwrapped(so3.yaw_of(planned.rotation))[index, None]], -1)
+    return Trajectory(robot.encode(waypoints, start, goal, motion.dt), start, goal, steps, motion.dt)
+
+
+def _rolled_out(
+    robot: Robot, start: RigidState, actions: Float[Tensor, "n a"], dt: float
+) -> Float[Tensor, "times 3"]:
+    """Positions [m] of a robot that takes the actions whatever happens, the start included."""
+    states = [start]
+    for action in actions:
+        states.append(robot.step(states[-1], action, dt))
+    return RigidState.stack(states).position
+
+
+def _unwrapped(yaw: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+    """The same angles [rad], each within half a turn of the one before it."""
+    turn = torch.remainder(yaw.diff() + torch.pi, 2 * torch.pi) - torch.pi
+    return torch.cat([yaw[:1], yaw[:1] + turn.cumsum(0)])

@@ -1,0 +1,114 @@
+"""BFGS with a preconditioner: few, cheap iterations on a cost that is nearly all control effort at first.
+
+    x+ = x - t B g,   B the inverse Hessian: begun with the control cost's own curvature, then updated by BFGS
+
+(Nocedal and Wright, "Numerical Optimization", 2006, Eqs. 6.17 and 18.23: damped, since the density has kinks.)
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from nerfnav.planner.objective import Evaluation, Objective
+
+_ARMIJO = 1e-4
+_SHRINK = (0.1, 0.5)
+"""Least and largest factor between two tries of a step."""
+_TRIES = 12
+_DAMPING = 0.2
+
+
+@dataclass(frozen=True)
+class NewtonConfig:
+    """How J is minimised."""
+
+    iterations: int = 300
+    """At most so many steps."""
+    prior: float = 1.0
+    """Curvature that is added for what the control cost does not see, in units of J for a change by one scale."""
+    reach: float = 1.0
+    """Longest step of any free number, in its scale."""
+    tolerance: float = 1e-5
+    """Ends when the last `patience` iterations improved J by less than this share of it."""
+    patience: int = 8
+    """See tolerance."""
+
+
+def minimise(
+    objective: Objective, free: np.ndarray, scales: np.ndarray, config: NewtonConfig
+) -> Iterator[tuple[Evaluation, bool]]:
+    """Yield every iterate of the search from `free` (k), J falling from one to the next, and whether it has settled.
+
+    `scales` (k) say by how much each free number may change before the motion is quite another one.
+    """
+    now = objective(free)
+    inverse = preconditioner(objective.effort_gradient, now.free, scales, config.prior)
+    first, history, fresh = inverse, [now.cost.total], True
+    yield now, False
+    for _ in range(config.iterations):
+        direction = -inverse @ now.gradient
+        slope = float(direction @ now.gradient)
+        following = _search(objective, now, direction, slope, config.reach * scales) if slope < 0 else None
+        if following is None:
+            if fresh:
+                yield now, True
+                return
+            inverse, fresh = first, True  # what was learned of the curvature misleads: forget it
+            continue
+        step = following.free - now.free
+        # the step goes along -B g, so that B^-1 step is a multiple of g and needs no solving
+        pulled = float(step @ direction / (direction @ direction)) * -now.gradient
+        inverse, fresh = bfgs(inverse, step, pulled, following.gradient - now.gradient), False
+        now = following
+        history.append(now.cost.total)
+        settled = len(history) > config.patience and (
+            history[-1 - config.patience] - history[-1] <= config.tolerance * abs(history[-1])
+        )
+        yield now, settled
+        if settled:
+            return
+
+
+def preconditioner(
+    gradient: Callable[[np.ndarray], np.ndarray], free: np.ndarray, scales: np.ndarray, prior: float
+) -> np.ndarray:
+    """Inverse of |d gradient / d free| + prior / scales^2: curvature by differences, eigenvalues made positive."""
+    steps = 1e-4 * scales
+    ahead = np.stack([gradient(free + step) for step in np.diag(steps)])
+    behind = np.stack([gradient(free - step) for step in np.diag(steps)])
+    scaled = (ahead - behind) / (2 * steps[:, None]) * np.outer(scales, scales)
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    return scales[:, None] * (vectors / (np.abs(values) + prior)) @ vectors.T * scales
+
+
+def bfgs(inverse: np.ndarray, step: np.ndarray, pulled: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The inverse Hessian after a step and the change of the gradient along it, damped to stay positive definite.
+
+    `pulled` is the change that the inverse so far, B, would explain: B^-1 step.
+    """
+    expected, seen = float(step @ pulled), float(step @ change)
+    if seen < _DAMPING * expected:
+        share = (1 - _DAMPING) * expected / (expected - seen)
+        change = share * change + (1 - share) * pulled
+        seen = float(step @ change)
+    along = inverse @ change
+    cross = np.outer(along, step)
+    return inverse + np.outer(step, step) * ((1 + change @ along / seen) / seen) - (cross + cross.T) / seen
+
+
+def _search(
+    objective: Objective, now: Evaluation, direction: np.ndarray, slope: float, reach: np.ndarray
+) -> Evaluation | None:
+    """The first point along `direction`, at most `reach` away, where J fell enough (Armijo); None if there is none."""
+    length = min(1.0, float(1 / np.max(np.abs(direction) / reach)))
+    for _ in range(_TRIES):
+        tried = objective(now.free + length * direction)
+        gain = tried.cost.total - now.cost.total
+        if gain <= _ARMIJO * length * slope:
+            return tried
+        # the minimum of the parabola through what is known; NaN shrinks as far as allowed
+        best = -0.5 * slope * length**2 / (gain - slope * length)
+        low, high = _SHRINK
+        length *= high if not np.isfinite(best) else float(np.clip(best / length, low, high))
+    return None

@@ -1,0 +1,66 @@
+"""SO(3) in scalars for compiled code: twins of geometry/so3.py."""
+
+import math
+
+import numpy as np
+
+from nerfnav.compiled import kernel
+
+
+@kernel(inline=True)
+def cross(a, b, out):
+    """out = a x b."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@kernel(inline=True)
+def log_between(first, second, theta):
+    """theta = Log(first' second), by the quaternion, well conditioned up to angle pi."""
+    m = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            m[i, j] = first[0, i] * second[0, j] + first[1, i] * second[1, j] + first[2, i] * second[2, j]
+    trace = m[0, 0] + m[1, 1] + m[2, 2]
+    theta[0], theta[1], theta[2] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+    if trace > 0.0:
+        w = 0.5 * math.sqrt(1.0 + trace)
+        for i in range(3):
+            theta[i] *= 0.25 / w
+    else:
+        i = 0
+        if m[1, 1] > m[0, 0]:
+            i = 1
+        if m[2, 2] > m[i, i]:
+            i = 2
+        j, k = (i + 1) % 3, (i + 2) % 3
+        largest = 0.5 * math.sqrt(max(1.0 + m[i, i] - m[j, j] - m[k, k], 1e-12))
+        w = 0.25 * theta[i] / largest
+        theta[i], theta[j], theta[k] = (
+            largest, 0.25 * (m[i, j] + m[j, i]) / largest, 0.25 * (m[i, k] + m[k, i]) / largest,
+        )  # fmt: skip
+        if w < 0.0:
+            w = -w
+            for axis in range(3):
+                theta[axis] = -theta[axis]
+    sine = math.sqrt(theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2)
+    scale = 2.0 + sine * sine / 3.0 if sine < 1e-6 else 2.0 * math.atan2(sine, w) / sine
+    for axis in range(3):
+        theta[axis] *= scale
+
+
+@kernel(inline=True)
+def inverse_left_jacobian(theta, sign, vector, out):
+    """out = Jl(theta)^-1 vector for sign = 1, Jr(theta)^-1 vector for sign = -1 (Sola et al. 2018, Eqs. 144, 146)."""
+    squared = theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2
+    if squared < 1e-4:
+        second = 1.0 / 12.0 + squared / 720.0
+    else:
+        angle = math.sqrt(squared)
+        second = 1.0 / squared - (1.0 + math.cos(angle)) / (2.0 * angle * math.sin(angle))
+    once, twice = np.empty(3), np.empty(3)
+    cross(theta, vector, once)
+    cross(theta, once, twice)
+    for axis in range(3):
+        out[axis] = vector[axis] - sign * 0.5 * once[axis] + second * twice[axis]

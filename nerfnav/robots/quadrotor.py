@@ -1,0 +1,217 @@
+"""The quadrotor: collective thrust along the body's z axis and three torques.
+
+Notation: m mass, J inertia, g gravity, f thrust, tau torque, e3 the z axis; p, v, R, w as in robots/state.py.
+Dynamics, explicit Euler on the manifold with step dt:
+
+    p_{t+1} = p_t + v_t dt                    v_{t+1} = v_t + (R_t e3 f_t / m + g) dt
+    R_{t+1} = R_t Exp(w_t dt)                 w_{t+1} = w_t + J^-1 (tau_t - w_t x J w_t) dt
+
+Discrete differential flatness (Mellinger and Kumar, "Minimum snap trajectory generation and control for quadrotors",
+2011, made discrete): read backwards, the dynamics give every state and action from positions and yaws alone,
+
+    v_t = (p_{t+1} - p_t) / dt                R_t e3 f_t / m = (v_{t+1} - v_t) / dt - g
+    w_t = Log(R_t' R_{t+1}) / dt              tau_t = J (w_{t+1} - w_t) / dt + w_t x J w_t
+
+With N steps between fixed full states, p_0, p_1, R_0, R_1 follow from the start; p_N, p_{N+1}, R_N, w_N from the goal.
+While R_0 and R_1 are fixed the robot only chooses its thrust: f_0 and f_1 give p_2 and p_3. What is left is free:
+
+    free = (f_0, f_1, p_4 .. p_{N-1}, yaw_2 .. yaw_{N-1}),  2 + 3 (N - 4) + (N - 2) numbers
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import so3
+from nerfnav.robots.body import Body
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion, RigidState
+
+_NO_THRUST = 1e-4
+"""Acceleration by thrust [m/s^2] below which it has no direction to speak of."""
+
+_FREE_POSITION, _FREE_YAW = 0.15, 0.5
+"""How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
+
+
+@dataclass(frozen=True)
+class QuadrotorConfig:
+    """A quadrotor of the paper's size, 10 x 10 x 4 cm.
+
+    The paper's simulated robot weighs about 1 kg, four times what flies at this size with a camera and a computer.
+    """
+
+    mass: float = 0.25
+    """m [kg]."""
+    inertia: tuple[float, float, float] = (2.4e-4, 2.4e-4, 4.2e-4)
+    """Diagonal of J [kg m^2]: that of a solid box of this mass and size."""
+    extents: tuple[float, float, float] = (0.1, 0.1, 0.04)
+    """Edge lengths of the body [m], as in the paper."""
+    point_counts: tuple[int, int, int] = (5, 5, 2)
+    """Body points along each edge at which density is asked for: 2.5 cm apart, top and bottom."""
+    gravity: float = 9.81
+    """[m/s^2]"""
+    thrust_floor: float = 0.2
+    """Upward part of the thrust that motions should keep, as a share of the weight: at zero thrust and upside down
+    the attitude is not defined by the waypoints."""
+    angular_acceleration: float = 20.0
+    """Angular acceleration that costs as much as carrying the weight [rad/s^2]: sets Gamma of the torques."""
+
+
+@final
+class Quadrotor(Robot):
+    """A flying body with four numbers to choose: thrust [N] and torque [N m]."""
+
+    name = "quadrotor"
+    action_names = ("thrust_n", "torque_x_nm", "torque_y_nm", "torque_z_nm")
+    minimum_steps = 4
+
+    def __init__(self, config: QuadrotorConfig | None = None) -> None:
+        """A quadrotor with the given constants (default: those of QuadrotorConfig)."""
+        self.config = QuadrotorConfig() if config is None else config
+        self.body = Body.box(self.config.extents, self.config.point_counts)
+        self.weight = self.config.mass * self.config.gravity
+        torques = (edge * self.config.angular_acceleration for edge in self.config.inertia)
+        self.action_weights = (self.weight**-2, *(torque**-2 for torque in torques))
+
+    def step(self, state: RigidState, action: Float[Tensor, "*batch 4"], dt: float) -> RigidState:
+        """The state after `dt` [s] under (thrust [N], torque [N m]), which is held meanwhile."""
+        inertia = torch.tensor(self.config.inertia).to(action)
+        thrust, torque = action[..., :1], action[..., 1:]
+        acceleration = state.rotation[..., 2] * thrust / self.config.mass + self._gravity(action)
+        gyroscopic = torch.linalg.cross(state.body_rate, inertia * state.body_rate)
+        return RigidState(
+            state.position + state.velocity * dt,
+            state.velocity + acceleration * dt,
+            so3.retract(state.rotation, state.body_rate * dt),
+            state.body_rate + (torque - gyroscopic) / inertia * dt,
+        )
+
+    def free_numbers(self, steps: int) -> int:
+        """How many numbers are free over `steps` steps."""
+        if steps < self.minimum_steps:
+            raise InvalidInputError(
+                f"a quadrotor needs at least {self.minimum_steps} steps between two full states, not {steps}"
+            )
+        return 2 + 3 * (steps - 4) + (steps - 2)
+
+    def motion(
+        self, free: Float[Tensor, "*batch k"], start: RigidState, goal: RigidState, steps: int, dt: float
+    ) -> Motion:
+        """The flatness map above. The ends are met exactly, and the dynamics up to rounding.
+
+        Finite with finite derivatives everywhere. No continuous map turns an acceleration into a direction all the
+        way to zero (it would retract a ball to its sphere), so below 1e-4 m/s^2 of thrust the body stands upright.
+        """
+        expected = self.free_numbers(steps)
+        if free.shape[-1] != expected:
+            raise InvalidInputError(f"{steps} steps have {expected} free numbers, not {free.shape[-1]}")
+        batch = free.shape[:-1]
+        held = self._fixed_attitudes(start, dt)
+        positions = self._positions(free, held, start, goal, dt)
+        velocity = torch.cat(
+            [_rows(start.velocity, batch), positions.diff(dim=-2)[..., 1:-1, :] / dt, _rows(goal.velocity, batch)], -2
+        )
+        pull = velocity[..., 2:, :].diff(dim=-2) / dt - self._gravity(free)  # what thrust must give, t = 2 .. N-1
+        thrust, attitude = _thrust_and_attitude(pull, free[..., -(steps - 2) :])
+        first, second, last = (fixed.expand(*batch, 1, 3, 3) for fixed in (*held, goal.rotation))
+        rotation = torch.cat([first, second, attitude, last], -3)
+        between = so3.local(rotation[..., 1:-1, :, :], rotation[..., 2:, :, :]) / dt
+        rate = torch.cat([_rows(start.body_rate, batch), between, _rows(goal.body_rate, batch)], -2)
+        forces = torch.cat([free[..., :2], self.config.mass * thrust], -1)
+        actions = torch.cat([forces[..., None], self._torques(rate, dt)], -1)
+        return Motion(RigidState(positions[..., :-1, :], velocity, rotation, rate), actions, dt)
+
+    def encode(
+        self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
+    ) -> Float[Tensor, " k"]:
+        """Free numbers near waypoints: inner positions and yaws as they are, f_0 and f_1 by projection.
+
+        f_0 and f_1 push along a fixed axis only: they get the part of the wished acceleration along it, and at least
+        the thrust floor.
+        """
+        steps = waypoints.shape[0] - 1
+        self.free_numbers(steps)
+        positions = waypoints[:, :3]
+        before, at = start.position, start.position + start.velocity * dt
+        thrusts, floor = [], self.config.thrust_floor * self.weight
+        for index, rotation in enumerate(self._fixed_attitudes(start, dt)):
+            wish = (positions[index + 2] - 2 * at + before) / dt**2 - self._gravity(positions)
+            thrust = (self.config.mass * wish @ rotation[:, 2]).clamp_min(floor)
+            push = rotation[:, 2] * thrust / self.config.mass + self._gravity(positions)
+            before, at = at, 2 * at - before + push * dt**2
+            thrusts.append(thrust)
+        return torch.cat([torch.stack(thrusts), positions[4:-1].flatten(), waypoints[2:-1, 3]])
+
+    def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
+        """The weight, a few body lengths, half a radian."""
+        scales = torch.full_like(free, _FREE_POSITION)
+        steps = (free.shape[-1] + 12) // 4
+        scales[:2], scales[-(steps - 2) :] = self.weight, _FREE_YAW
+        return scales
+
+    def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
+        """Squared shortfall of the upward part of the thrust below its floor, in shares of the weight."""
+        upward = motion.actions[..., 0] * motion.states.rotation[..., :-1, 2, 2] / self.weight
+        return (self.config.thrust_floor - upward).clamp_min(0).square().sum(-1)
+
+    def _gravity(self, like: Tensor) -> Tensor:
+        return like.new_tensor([0.0, 0.0, -self.config.gravity])
+
+    @staticmethod
+    def _fixed_attitudes(start: RigidState, dt: float) -> tuple[Tensor, Tensor]:
+        """R_0 and R_1."""
+        return start.rotation, so3.retract(start.rotation, start.body_rate * dt)
+
+    def _positions(
+        self, free: Tensor, held: tuple[Tensor, Tensor], start: RigidState, goal: RigidState, dt: float
+    ) -> Tensor:
+        """p_0 .. p_{N+1}, where the last is virtual: one step beyond the goal."""
+        batch = free.shape[:-1]
+        axes = torch.stack([rotation[..., 2] for rotation in held], -2)
+        pushed = axes * (free[..., :2, None] / self.config.mass) + self._gravity(free)
+        first = start.position + start.velocity * dt
+        second = first + (start.velocity + pushed[..., 0, :] * dt) * dt
+        third = 2 * second - first + pushed[..., 1, :] * dt**2
+        inner = free.shape[-1] // 4 - 1  # N - 4, as there are 4 (N - 3) free numbers
+        middle = free[..., 2 : 2 + 3 * inner].unflatten(-1, (inner, 3))
+        fixed = [start.position, first, second, third]
+        ends = [goal.position, goal.position + goal.velocity * dt]
+        return torch.cat([*(_rows(p, batch) for p in fixed), middle, *(_rows(p, batch) for p in ends)], -2)
+
+    def _torques(self, rate: Tensor, dt: float) -> Tensor:
+        inertia = torch.tensor(self.config.inertia).to(rate)
+        now = rate[..., :-1, :]
+        return inertia * rate.diff(dim=-2) / dt + torch.linalg.cross(now, inertia * now)
+
+
+def _rows(vector: Tensor, batch: torch.Size) -> Tensor:
+    """A vector as one row of a (batch, time, ...) table."""
+    return vector.expand(*batch, vector.shape[-1])[..., None, :]
+
+
+def _thrust_and_attitude(pull: Tensor, yaw: Tensor) -> tuple[Tensor, Tensor]:
+    """|a| [m/s^2] and the attitude R = Tilt(a / |a|) Rz(yaw), where Tilt turns e3 the shortest way.
+
+    Singular only upside down (Watterson and Kumar, "Control of quadrotors using the Hopf fibration on SO(3)", 2020),
+    whereas the usual cross products with a heading are singular at 90 degrees of pitch.
+    """
+    squared = pull.square().sum(-1, keepdim=True)
+    upright = torch.zeros_like(pull)
+    upright[..., 2] = _NO_THRUST
+    guarded = torch.where(squared > _NO_THRUST**2, pull, upright)
+    thrust = guarded.square().sum(-1, keepdim=True).sqrt()
+    x, y, z = (guarded / thrust).unbind(-1)
+    share = 1 / (1 + z).clamp_min(1e-6)
+    xx, xy, yy = 1 - x * x * share, -x * y * share, 1 - y * y * share
+    cosine, sine = torch.cos(yaw), torch.sin(yaw)
+    rows = [
+        cosine * xx + sine * xy, cosine * xy - sine * xx, x,
+        cosine * xy + sine * yy, cosine * yy - sine * xy, y,
+        -cosine * x - sine * y, sine * x - cosine * y, z,
+    ]  # fmt: skip
+    return thrust.squeeze(-1), torch.stack(rows, -1).unflatten(-1, (3, 3))

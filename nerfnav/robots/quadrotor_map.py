@@ -1,0 +1,56 @@
+"""The quadrotor's compiled flatness map."""
+
+from typing import final
+
+import numpy as np
+
+from nerfnav.geometry import so3
+from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots.kernels import quadrotor as kernels
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.state import RigidState
+
+
+@final
+class QuadrotorMap(FlatMap):
+    """Free numbers of a quadrotor to its motion, and back."""
+
+    def __init__(self, robot: Quadrotor, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
+        """Map free numbers of `robot` between `start` and `goal`."""
+        self.dt = dt
+        self._weight, self._floor = robot.weight, robot.config.thrust_floor
+        ends = [part for state in (start, goal) for part in (state.position, state.velocity, state.body_rate)]
+        self._ends = np.stack([part.double().numpy() for part in ends])
+        second = so3.retract(start.rotation.double(), start.body_rate.double() * dt)
+        self._attitudes = np.stack([start.rotation.double().numpy(), second.numpy(), goal.rotation.double().numpy()])
+        self._constants = np.array([robot.config.mass, *robot.config.inertia, robot.config.gravity, dt])
+        self._beyond = np.empty((steps + 2, 3))
+        self.position = self._beyond[:-1]
+        self.velocity = np.empty((steps + 1, 3))
+        self.rotation = np.empty((steps + 1, 3, 3))
+        self.rate = np.empty((steps + 1, 3))
+        self.action = np.empty((steps, 4))
+
+    def forward(self, free: np.ndarray) -> None:
+        """See FlatMap."""
+        self._free = free
+        kernels.motion(
+            free, self._ends, self._attitudes, self._constants, self._beyond, self.velocity, self.rotation,
+            self.rate, self.action,
+        )  # fmt: skip
+
+    def limits(self, weight: float, by_rotation: np.ndarray, by_action: np.ndarray) -> float:
+        """See FlatMap."""
+        return kernels.limits(
+            self.rotation, self.action, self._weight, self._floor, weight, by_rotation, by_action
+        )
+
+    def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
+        """See FlatMap."""
+        beyond = np.concatenate([by_position, np.zeros((1, 3))])
+        gradient = np.empty_like(self._free)
+        kernels.adjoint(
+            self._free, self._attitudes, self._constants, self.velocity, self.rotation, self.rate, self.action,
+            beyond, by_rotation, by_action, gradient,
+        )  # fmt: skip
+        return gradient

@@ -1,0 +1,142 @@
+"""Paths around things, and waypoints along paths."""
+
+import heapq
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+
+from nerfnav.planner.astar import calm, ease, find_path, resample, smooth_path, waypoints_along
+from nerfnav.planner.kernels.search import cheapest_path
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.robots.state import RigidState
+from tests.planner.places import ROBOT, Wall, ball
+
+COARSE = OccupancyConfig(voxel=0.05)
+
+
+def dijkstra(prices: np.ndarray, start: tuple[int, ...], goal: tuple[int, ...]) -> float:
+    """The cost of the cheapest path, without any heuristic and in plain Python."""
+    cost, queue = {start: 0.0}, [(0.0, start)]
+    while queue:
+        spent, node = heapq.heappop(queue)
+        if node == goal:
+            return spent
+        for move in np.ndindex(3, 3, 3):
+            other = tuple(n + m - 1 for n, m in zip(node, move, strict=True))
+            if all(0 <= o < size for o, size in zip(other, prices.shape, strict=True)):
+                total = spent + 0.5 * math.dist(node, other) * float(prices[node] + prices[other])
+                if total < cost.get(other, math.inf):
+                    cost[other] = total
+                    heapq.heappush(queue, (total, other))
+    return math.inf
+
+
+def cost_of(path: np.ndarray, prices: np.ndarray) -> float:
+    steps = pairwise(path)
+    return sum(0.5 * math.dist(a, b) * float(prices[tuple(a)] + prices[tuple(b)]) for a, b in steps)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_path_is_cheaper_than_the_one_found(seed: int):
+    generator = np.random.default_rng(seed)
+    prices = (1 + 4 * generator.random((9, 8, 7))).astype(np.float32)
+    prices[generator.random(prices.shape) < 0.4] = np.inf
+    start, goal = (0, 0, 0), (8, 7, 6)
+    prices[start] = prices[goal] = 1
+    path = cheapest_path(prices, np.array(start), np.array(goal))
+    expected = dijkstra(prices, start, goal)
+    if math.isinf(expected):
+        assert len(path) == 0
+        return
+    assert tuple(path[0]) == start and tuple(path[-1]) == goal
+    assert np.abs(np.diff(path, axis=0)).max() == 1
+    assert cost_of(path, prices) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_path_from_a_voxel_to_itself_is_that_voxel():
+    path = cheapest_path(np.ones((3, 3, 3), np.float32), np.array([1, 1, 1]), np.array([1, 1, 1]))
+    assert path.tolist() == [[1, 1, 1]]
+
+
+def test_a_path_leads_through_the_door():
+    occupancy = OccupancyMap.of(Wall(door=0.4), ROBOT.body, COARSE)
+    start, goal = torch.tensor([-0.7, -0.5, 0.4]), torch.tensor([0.7, -0.5, 0.4])
+    path = find_path(occupancy, start, goal)
+    assert path is not None
+    assert torch.equal(path[0], start) and torch.equal(path[-1], goal)
+    crossing = path[path[:, 0].abs() < 0.06]
+    assert len(crossing) > 0 and ((crossing[:, 1] - 0.5).abs() < 0.16).all()
+
+
+def test_there_is_no_path_through_a_wall_without_a_door():
+    occupancy = OccupancyMap.of(Wall(door=0.0), ROBOT.body, COARSE)
+    assert find_path(occupancy, torch.tensor([-0.7, 0.0, 0.4]), torch.tensor([0.7, 0.0, 0.4])) is None
+
+
+def test_there_is_no_path_from_deep_inside_a_stone():
+    occupancy = OccupancyMap.of(ball(0.5), ROBOT.body, COARSE)
+    assert find_path(occupancy, torch.tensor([0.0, 0.0, 0.4]), torch.tensor([0.9, 0.9, 0.4])) is None
+
+
+def test_clearance_makes_a_path_keep_its_distance():
+    start, goal = torch.tensor([-0.7, 0.0, 0.4]), torch.tensor([0.7, 0.0, 0.4])
+    nearest = []
+    for weight in (0.0, 10.0):
+        config = OccupancyConfig(voxel=0.05, clearance=0.2, clearance_weight=weight)
+        path = find_path(OccupancyMap.of(ball(), ROBOT.body, config), start, goal)
+        assert path is not None
+        nearest.append((path - torch.tensor([0.0, 0.0, 0.4])).norm(dim=-1).min().item())
+    assert nearest[1] > nearest[0] + 0.04
+
+
+def test_smoothing_keeps_the_ends_and_rounds_the_corners():
+    corner = torch.tensor([[0.0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0]])
+    smooth = smooth_path(corner)
+    torch.testing.assert_close(smooth[[0, -1]], corner[[0, -1]], rtol=0, atol=1e-5)
+    assert 0.02 < (smooth - corner[1]).norm(dim=-1).min() < 0.06
+    headings = torch.nn.functional.normalize(smooth.diff(dim=0), dim=-1)
+    assert (headings[1:] * headings[:-1]).sum(-1).min() > math.cos(0.15)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.004, 0.05])
+def test_smoothing_takes_paths_of_any_length(length: float):
+    smooth = smooth_path(torch.tensor([[0.0, 0, 0], [length, 0, 0]]))
+    torch.testing.assert_close(smooth[-1], torch.tensor([length, 0, 0]), rtol=0, atol=1e-6)
+    assert torch.isfinite(smooth).all()
+
+
+def test_resampling_walks_along_the_line():
+    path = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 3, 0]])
+    points = resample(path, torch.tensor([0.0, 0.125, 0.25, 0.5, 1.0]))
+    expected = torch.tensor([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0], [1, 1, 0], [1, 3, 0]])
+    torch.testing.assert_close(points, expected)
+
+
+@pytest.mark.parametrize("steps", [1, 4, 20, 40])
+def test_easing_starts_and_ends_at_rest(steps: int):
+    share = ease(steps)
+    assert share[0] == 0 and share[-1].item() == pytest.approx(1)
+    assert (share.diff() >= 0).all()
+    if steps >= 20:
+        assert share[1:4].max() < 0.01 and share[-2] > 0.99
+
+
+def test_waypoints_turn_the_shorter_way():
+    start, goal = RigidState.at_rest((0, 0, 0), 3.0), RigidState.at_rest((1, 0, 0), -3.0)
+    waypoints = waypoints_along(torch.stack([start.position, goal.position]), start, goal, 20)
+    assert waypoints.shape == (21, 4)
+    assert waypoints[-1, 3].item() == pytest.approx(2 * math.pi - 3, abs=1e-5)
+    torch.testing.assert_close(waypoints[[0, -1], :3], torch.stack([start.position, goal.position]))
+
+
+def test_calming_keeps_the_ends_and_what_is_calm_already():
+    time = torch.linspace(0, 1, 21)[:, None]
+    parabola = torch.cat([time, time**2, 1 - time], -1)
+    torch.testing.assert_close(calm(parabola), parabola, rtol=0, atol=1e-5)
+    jagged = parabola + 0.1 * torch.randn(21, 3, generator=torch.Generator().manual_seed(0))
+    calmed = calm(jagged)
+    assert torch.equal(calmed[[0, -1]], jagged[[0, -1]])
+    assert calmed.diff(n=3, dim=0)[2:-2].norm() < 0.3 * jagged.diff(n=3, dim=0)[2:-2].norm()

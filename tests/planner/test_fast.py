@@ -1,0 +1,92 @@
+"""The fast planner: as exact as the paper's, no dearer, and much sooner done."""
+
+import pytest
+import torch
+
+from nerfnav.errors import OccupiedError
+from nerfnav.planner.costs import evaluate
+from nerfnav.planner.fast import FastPlanConfig, plan_fast, replan_fast
+from nerfnav.planner.hot_start import hot_start
+from nerfnav.planner.optimize import PlanConfig, plan
+from nerfnav.planner.problem import InitialGuess, PlanProblem
+from nerfnav.planner.quasi_newton import NewtonConfig
+from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.robots.state import RigidState
+from tests.planner.places import ROBOT, Wall, ball
+
+START, GOAL = RigidState.at_rest((-0.7, 0.02, 0.4), 0.2), RigidState.at_rest((0.7, 0.0, 0.5), -0.5)
+
+
+def around_the_ball() -> PlanProblem:
+    return PlanProblem(ball(), ROBOT, START, GOAL)
+
+
+def last_of(steps: list[PlanStep]) -> PlanStep:
+    assert [step.outcome for step in steps[:-1]] == [None] * (len(steps) - 1)
+    return steps[-1]
+
+
+def test_a_plan_around_a_ball_converges_without_touching_it():
+    last = last_of(list(plan_fast(around_the_ball())))
+    assert last.outcome is PlanOutcome.CONVERGED
+    distance = (last.motion.states.position - torch.tensor([0.0, 0.0, 0.4])).norm(dim=-1)
+    assert distance.min() > 0.25 + 0.02  # the radius and half the body's height
+    assert last.cost.collision < 0.1
+
+
+def test_the_ends_are_met_and_the_actions_fly_the_plan():
+    last = last_of(list(plan_fast(around_the_ball())))
+    states, state = last.motion.states, START
+    for t, action in enumerate(last.motion.actions):
+        state = ROBOT.step(state, action, last.motion.dt)
+        assert states[t + 1].local(state).abs().max() < 1e-3  # rates differ most; single precision
+        assert (states[t + 1].position - state.position).abs().max() < 1e-4
+    assert GOAL.local(states[-1]).abs().max() < 1e-5
+    assert START.local(states[0]).abs().max() < 1e-5
+
+
+def test_its_cost_is_no_higher_than_that_of_adam():
+    adam = last_of(list(plan(around_the_ball(), PlanConfig(iterations=1000))))
+    fast = last_of(list(plan_fast(around_the_ball())))
+    assert fast.cost.total <= 1.02 * adam.cost.total
+    reference = evaluate(ball(), ROBOT, fast.motion, FastPlanConfig().weights).numbers()
+    assert reference.total == pytest.approx(fast.cost.total, rel=1e-2)  # the same J
+
+
+def test_every_iteration_costs_less_than_the_one_before():
+    totals = [step.cost.total for step in plan_fast(around_the_ball())]
+    assert totals == sorted(totals, reverse=True)
+    assert totals[-1] < totals[0]
+
+
+def test_a_sealed_goal_has_no_path():
+    sealed = PlanProblem(Wall(door=0.0), ROBOT, START, RigidState.at_rest((0.7, 0.5, 0.5)))
+    assert last_of(list(plan_fast(sealed))).outcome is PlanOutcome.NO_PATH
+
+
+def test_a_goal_inside_the_ball_is_refused_with_the_nearest_free_point():
+    inside = PlanProblem(ball(), ROBOT, START, RigidState.at_rest((0.0, 0.0, 0.4)))
+    with pytest.raises(OccupiedError, match=r"the goal .* is in occupied space; the nearest free point is"):
+        next(plan_fast(inside))
+
+
+def test_too_few_iterations_are_reported():
+    config = FastPlanConfig(newton=NewtonConfig(iterations=3))
+    assert last_of(list(plan_fast(around_the_ball(), config))).outcome is PlanOutcome.ITERATION_LIMIT
+
+
+def test_start_and_goal_may_be_the_same_place():
+    still = PlanProblem(ball(), ROBOT, START, START)
+    last = last_of(list(plan_fast(still, FastPlanConfig(initial=InitialGuess.STRAIGHT))))
+    assert last.outcome is PlanOutcome.CONVERGED
+    assert (last.motion.states.position - START.position).norm(dim=-1).max() < 0.05
+
+
+def test_replanning_after_a_kick_starts_near_and_ends_at_the_goal():
+    first = last_of(list(plan_fast(around_the_ball())))
+    kicked = first.motion.states[1].retract(torch.tensor([0.02, -0.02, 0.01, *[0.0] * 3, 0.02, 0.02, 0.0, *[0.0] * 3]))
+    trajectory = hot_start(first.motion, kicked, GOAL, ROBOT)
+    last = last_of(list(replan_fast(around_the_ball(), trajectory)))
+    assert last.outcome is PlanOutcome.CONVERGED
+    assert GOAL.local(last.motion.states[-1]).abs().max() < 1e-5
+    assert last.cost.total < 2 * first.cost.total + 1

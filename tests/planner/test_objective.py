@@ -1,0 +1,82 @@
+"""The compiled J and its gradient against the reference terms and against finite differences."""
+
+import numpy as np
+import pytest
+import torch
+
+from nerfnav.planner.astar import waypoints_along
+from nerfnav.planner.costs import CostWeights, evaluate
+from nerfnav.planner.objective import Objective
+from nerfnav.planner.quasi_newton import NewtonConfig, bfgs, minimise, preconditioner
+from nerfnav.robots.maps import flat_map
+from nerfnav.robots.state import RigidState
+from tests.planner.places import ROBOT, ball
+
+STEPS, DT = 16, 0.1
+START, GOAL = RigidState.at_rest((-0.7, 0.02, 0.4), 0.2), RigidState.at_rest((0.7, 0.0, 0.5), -0.5)
+WEIGHTS = CostWeights()
+
+
+def guess(spread: float = 0.0) -> np.ndarray:
+    """The straight line, right through the ball, more or less disturbed."""
+    waypoints = waypoints_along(torch.stack([START.position, GOAL.position]), START, GOAL, STEPS)
+    free = ROBOT.encode(waypoints, START, GOAL, DT).double().numpy()
+    return free + spread * np.random.default_rng(0).standard_normal(free.shape)
+
+
+def objective() -> Objective:
+    return Objective(ball(), ROBOT, flat_map(ROBOT, START, GOAL, STEPS, DT), STEPS, WEIGHTS)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.05, 1.0])  # the last one leaves the box and runs out of thrust
+def test_the_compiled_terms_and_gradient_are_those_of_the_reference(spread: float):
+    free = guess(spread)
+    compiled = objective()(free)
+    at = torch.from_numpy(free).requires_grad_()
+    start, goal = START.to(torch.float64), GOAL.to(torch.float64)
+    terms = evaluate(ball(), ROBOT, ROBOT.motion(at, start, goal, STEPS, DT), WEIGHTS)
+    (gradient,) = torch.autograd.grad(terms.total, at)
+    assert compiled.cost.collision == pytest.approx(terms.collision.item(), rel=1e-5)
+    assert compiled.cost.control == pytest.approx(terms.control.item(), rel=1e-5)
+    assert compiled.cost.limits == pytest.approx(terms.limits.item(), rel=1e-5, abs=1e-9)
+    assert compiled.cost.collision > 0
+    np.testing.assert_allclose(compiled.gradient, gradient, rtol=1e-4, atol=1e-5 * gradient.abs().max().item())
+
+
+def test_the_gradient_is_that_of_finite_differences():
+    j, free, step = objective(), guess(0.02), 1e-6
+    gradient = j(free).gradient
+    for index in range(len(free)):
+        offset = step * np.eye(len(free))[index]
+        slope = (j(free + offset).cost.total - j(free - offset).cost.total) / (2 * step)
+        assert slope == pytest.approx(gradient[index], rel=1e-3, abs=1e-3)
+
+
+def test_bfgs_explains_the_last_change_of_the_gradient():
+    generator = np.random.default_rng(0)
+    root = generator.standard_normal((5, 5))
+    hessian, step = root @ root.T + np.eye(5), generator.standard_normal(5)
+    updated = bfgs(np.eye(5), step, step, hessian @ step)
+    np.testing.assert_allclose(updated @ hessian @ step, step, atol=1e-10)
+
+
+def test_bfgs_stays_positive_definite_where_the_curvature_is_negative():
+    step = np.array([1.0, 0.5, -0.2])
+    updated = bfgs(np.eye(3), step, step, -2 * step)
+    assert np.linalg.eigvalsh(updated).min() > 0
+
+
+def test_the_preconditioner_inverts_a_quadratic_with_its_curvature_made_positive():
+    hessian, scales = np.diag([4.0, -2.0, 0.0]), np.array([1.0, 2.0, 0.5])
+    inverse = preconditioner(lambda free: hessian @ free, np.zeros(3), scales, 0.01)
+    np.testing.assert_allclose(np.diag(inverse), 1 / (np.array([4.0, 2.0, 0.0]) + 0.01 / scales**2), rtol=1e-6)
+
+
+def test_every_step_of_the_search_lowers_the_cost_until_it_settles():
+    scales = ROBOT.free_scales(torch.from_numpy(guess())).numpy()
+    steps = list(minimise(objective(), guess(), scales, NewtonConfig()))
+    totals = [step.cost.total for step, _ in steps]
+    assert totals == sorted(totals, reverse=True)
+    assert [settled for _, settled in steps].index(True) == len(steps) - 1
+    assert totals[-1] < 0.2 * totals[0]
+    assert steps[-1][0].cost.collision < 0.1

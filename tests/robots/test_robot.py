@@ -1,0 +1,28 @@
+"""What robots have in common."""
+
+import torch
+from torch import Tensor
+
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion, RigidState
+
+
+class Statue(Robot):
+    """The least a robot can do."""
+
+    name, action_names, action_weights, minimum_steps = "statue", ("none",), (1.0,), 1
+
+    def step(self, state: RigidState, action: Tensor, dt: float) -> RigidState:
+        return state
+
+    def motion(self, free: Tensor, start: RigidState, goal: RigidState, steps: int, dt: float) -> Motion:
+        return Motion(RigidState.stack([start] * (steps + 1)), torch.zeros(steps, 1), dt)
+
+    def encode(self, waypoints: Tensor, start: RigidState, goal: RigidState, dt: float) -> Tensor:
+        return torch.zeros(0)
+
+
+def test_a_robot_without_places_to_avoid_has_no_limits_penalty():
+    state = RigidState.at_rest((0, 0, 0))
+    motion = Statue().motion(torch.zeros(0), state, state, 3, 0.1)
+    assert Statue().limits(motion) == 0
