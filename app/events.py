@@ -4,6 +4,7 @@ A job is a generator of events. Library steps (PlanStep, FilterStep, NavigationS
 are; what else a job has to say stands here.
 """
 
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -61,3 +62,6 @@ class JobCancelled:
 
 
 JobEvent = LoopEvent | TrainStep | Progress | JobStarted | JobFinished | JobFailed | JobCancelled
+
+JobEvents = Generator[JobEvent, bool | None, None]
+"""A job at work. Closing it cancels it; a job that says so takes True and ends early with what it has."""

@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.covariance import Curvature
+from nerfnav.estimator.pixels import PixelSource
 from nerfnav.robots.state import RigidState
 
 
@@ -38,3 +40,9 @@ class FilterStep:
     """None while the update goes on; set on the last step."""
     outcome: FilterOutcome | None = None
     """None while the update goes on; set on the last step."""
+    believed: Bool[Tensor, " m"] | None = None
+    """Which pixels count at this estimate, the others being outliers; None where nothing rejects outliers."""
+    pixel_source: PixelSource | None = None
+    """How the pixels were chosen; None where the estimator does not choose."""
+    curvature: Curvature | None = None
+    """How the posterior covariance was made; set on the last step of an update that used the picture."""

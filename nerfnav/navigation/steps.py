@@ -20,6 +20,7 @@ class EpisodeOutcome(Enum):
     DIVERGED = "the filter lost the robot"
     TIMEOUT = "the goal was not reached in time"
     NO_PLAN = "no plan leads to the goal"
+    STOPPED = "the flight was stopped on the way"
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import math
 import numba
 
 from nerfnav.compiled import kernel
-from nerfnav.field.kernels.cells import BLOCK_SHIFT
+from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
 
 CHUNK = 256
 """Points that one thread takes at a time."""
@@ -34,6 +34,8 @@ def density_at(values, occupied, lower, per_meter, scale, point, gradient):
     edge10, edge11 = edge10 + z * slope10, edge11 + z * slope11
     near, far = edge00 + y * (edge01 - edge00), edge10 + y * (edge11 - edge10)
     raw = near + x * (far - near)
+    if raw < NEGLIGIBLE_RAW:
+        return 0.0
     exponential = math.exp(-abs(raw))
     density = scale * (max(raw, 0.0) + math.log1p(exponential))
     slope = scale * (1.0 if raw > 0.0 else exponential) / (1.0 + exponential)

@@ -1,0 +1,30 @@
+"""nerfnav export: trajectories for other programs."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from app.commands.screen import follow, show
+from app.jobs.export import ExportRequest
+from app.jobs.export import run as run_job
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Write the trajectory of a plan or a flight in another format: csv or json."""
+
+    run: Positional[Path]
+    """Folder that `nerfnav plan --out` or `nerfnav fly --out` wrote."""
+    format: str
+    """csv or json."""
+    out: Path
+    """File to write."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Export, and tell what was written."""
+    request = ExportRequest(arguments.run, arguments.format, arguments.out)
+    show("export", follow(run_job(request)).summary, arguments.json)

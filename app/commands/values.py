@@ -1,0 +1,105 @@
+"""Arguments that several subcommands share."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from tyro.conf import Positional
+from tyro.constructors import PrimitiveConstructorSpec
+
+from app.jobs.plan import PlanRequest, Point
+from app.place import Place
+from nerfnav.errors import InvalidInputError
+from nerfnav.planner.optimize import PlanConfig
+
+
+def _numbers(words: list[str]) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(word) for word in words)
+    except ValueError:
+        raise ValueError(f"an end is made of numbers, not of {' '.join(words)!r}") from None
+    if len(numbers) not in (3, 4):
+        raise ValueError(f"an end is X Y Z or X Y Z YAW, not {len(numbers)} numbers")
+    if not all(math.isfinite(number) for number in numbers):
+        raise ValueError(f"an end is made of finite numbers, not of {' '.join(words)}")
+    return numbers
+
+
+EndNumbers = Annotated[
+    tuple[float, ...] | None,
+    PrimitiveConstructorSpec(
+        nargs="*",
+        metavar="X Y Z [YAW]",
+        instance_from_str=_numbers,
+        is_instance=lambda value: value is None or isinstance(value, tuple),
+        str_from_instance=lambda value: [] if value is None else [f"{number:g}" for number in value],
+    ),
+]
+"""Where a flight starts or ends, as words of a command line [m, rad]."""
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a flight starts or ends, level and at rest."""
+
+    position: Point
+    """[m]"""
+    yaw: float = 0.0
+    """Heading [rad]."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """Where to fly: in which place, from where to where."""
+
+    place: Positional[str]
+    """Name of a bundled scene, or path of a field file."""
+    task: int | None = None
+    """Number of one of the scene's tasks, as `nerfnav scenes` lists them; 0 where nothing else is said."""
+    start: EndNumbers = None
+    """Where to start: x y z [m] and perhaps the heading [rad]."""
+    goal: EndNumbers = None
+    """Where to arrive: x y z [m] and perhaps the heading [rad]."""
+    robot: str = "quadrotor"
+    """What flies."""
+    planner: str = "paper"
+    """Which planner."""
+    steps: int = 20
+    """Number of time steps."""
+    dt: float = 0.1
+    """Length of a step [s]."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+    def request(self, place: Place, config: PlanConfig) -> PlanRequest:
+        """What is asked of the planner."""
+        start, goal = self._ends(place)
+        return PlanRequest(
+            start.position,
+            goal.position,
+            start.yaw,
+            goal.yaw,
+            steps=self.steps,
+            dt=self.dt,
+            planner=self.planner,
+            config=config,
+        )
+
+    def _ends(self, place: Place) -> tuple[End, End]:
+        """Start and goal. Raises InvalidInputError where they cannot be told from what was said."""
+        tasks = place.scene.tasks if place.scene else ()
+        if self.start is not None and self.goal is not None and self.task is None:
+            return _end(self.start), _end(self.goal)
+        if self.start is not None or self.goal is not None:
+            raise InvalidInputError("give either --task, or both --start and --goal")
+        if not tasks:
+            raise InvalidInputError(f"{place.name} has no tasks: give --start and --goal")
+        number = 0 if self.task is None else self.task
+        if not 0 <= number < len(tasks):
+            raise InvalidInputError(f"{place.name} has tasks 0 to {len(tasks) - 1}, not {number}")
+        task = tasks[number]
+        return End(task.start, task.start_yaw), End(task.goal, task.goal_yaw)
+
+
+def _end(numbers: tuple[float, ...]) -> End:
+    return End((numbers[0], numbers[1], numbers[2]), numbers[3] if len(numbers) == 4 else 0.0)

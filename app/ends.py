@@ -1,0 +1,60 @@
+"""Start and goal, as a person puts them down."""
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from nerfnav.geometry.box import Box
+from nerfnav.robots.state import RigidState
+
+Point = tuple[float, float, float]
+
+
+class Which(Enum):
+    """One of the two ends; the value is what the user reads."""
+
+    START = "start"
+    GOAL = "goal"
+
+
+@dataclass(frozen=True)
+class End:
+    """Where the robot starts or is to arrive, level and at rest."""
+
+    position: Point = (0.0, 0.0, 0.0)
+    """In the world [m]."""
+    yaw: float = 0.0
+    """Heading [rad]."""
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all numbers are; what a browser sends need not be."""
+        return all(math.isfinite(number) for number in (*self.position, self.yaw))
+
+    def state(self) -> RigidState:
+        """The state that this end stands for."""
+        return RigidState.at_rest(self.position, self.yaw)
+
+    def kept_inside(self, box: Box, margin: float) -> "End":
+        """The nearest end whose position is at least `margin` [m] inside the box, its yaw in -pi to pi."""
+        lower, upper = (box.lower + margin).tolist(), (box.upper - margin).tolist()
+        x, y, z = (
+            round(min(max(value, low), high), 4) for value, low, high in zip(self.position, lower, upper, strict=True)
+        )
+        return End((x, y, z), math.remainder(self.yaw, math.tau))
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Start and goal."""
+
+    start: End = End()
+    goal: End = End()
+
+    def of(self, which: Which) -> End:
+        """The start or the goal."""
+        return self.start if which is Which.START else self.goal
+
+    def moved(self, which: Which, end: End) -> "Ends":
+        """The same ends but for one."""
+        return replace(self, start=end) if which is Which.START else replace(self, goal=end)

@@ -1,0 +1,12 @@
+"""Numbers that requests refuse."""
+
+import math
+
+from nerfnav.errors import InvalidInputError
+
+
+def require_positive(**numbers: float | None) -> None:
+    """Raise InvalidInputError, which names it, for a number that is not finite and above 0; None is not asked for."""
+    for name, number in numbers.items():
+        if number is not None and not 0 < number < math.inf:
+            raise InvalidInputError(f"{name} must be a number above 0, not {number:g}")

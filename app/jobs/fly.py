@@ -1,0 +1,130 @@
+"""Fly: Algorithm 1 in a simulated world, from a plan to an episode."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from app.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.export import TRAJECTORY
+from app.jobs.outputs import prepare_folder, write_text
+from app.jobs.plan import PlanRequest
+from app.place import Place, occupancy_of
+from app.registry import ESTIMATORS, PLANNERS, named
+from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.photometric import ColorNoise
+from nerfnav.export.tables import csv_text, episode_table, json_text
+from nerfnav.field.render import render_image
+from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.simulator import CameraFunction, Simulator
+from nerfnav.navigation.steps import LoopEvent, NavigationStep
+from nerfnav.planner.steps import PlanStep
+from nerfnav.robots.state import Motion
+from nerfnav.world.contact import contact_check
+from nerfnav.world.raycast import MeshRenderer
+
+CAMERA = Camera.from_fov(200, 200, 90)
+"""What the robot sees with: as wide as the field's own photographs."""
+
+
+@dataclass(frozen=True)
+class FlyRequest:
+    """What to fly."""
+
+    route: PlanRequest
+    """From where to where, and how the first plan is made; its `out` is not used."""
+    plan: Motion | None = None
+    """The first plan where it is already made, from the route's start to its goal."""
+    estimator: str = "paper"
+    """Name of the estimator."""
+    open_loop: bool = False
+    """Fly the first plan blindly."""
+    seed: int = 0
+    """Seed of everything random: noise, first belief, choice of pixels."""
+    config: NavigateConfig = field(default_factory=NavigateConfig)
+    """How the flight is flown; its `plan` gives way to the route's `config`."""
+    out: Path | None = None
+    """Folder for the episode and trajectory.csv, trajectory.json; None writes nothing."""
+
+
+def run(request: FlyRequest, place: Place) -> JobEvents:
+    """Yield what planner, filter and loop yield, then the numbers of the flight and what was written.
+
+    Send True to land early: the flight so far is then reported and stored, with the outcome "stopped".
+    Raises NerfnavError where the request cannot be worked with.
+    """
+    out = None if request.out is None else prepare_folder(request.out)
+    yield JobStarted("fly")
+    yield Progress("finding a way", 0.0)
+    flown: list[NavigationStep] = []
+    for event in _begin(request, place):
+        stop = yield event
+        if isinstance(event, NavigationStep):
+            flown.append(event)
+            stop = (yield Progress("flying", min(1.0, event.index / request.route.steps))) or stop
+        elif isinstance(event, PlanStep) and not flown:
+            fraction = min(1.0, (event.iteration + 1) / request.route.config.iterations)
+            stop = (yield Progress("optimising the first plan", fraction)) or stop
+        if stop and flown:
+            break
+    episode = Episode.of(flown)
+    summary = summary_of(episode, place)
+    yield JobFinished("fly", summary, () if out is None else save(out, episode, place))
+
+
+def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
+    """What `fly --json` prints."""
+    unjudged = {} if place.scene else {"mesh_collision_steps": None}
+    return episode.metrics() | unjudged
+
+
+def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
+    """Write a flight's files into `folder`."""
+    table = episode_table(episode, place.robot.action_names, place.robot.name)
+    return (
+        *episode.save(folder),
+        write_text(folder / "trajectory.csv", csv_text(table)),
+        write_text(folder / TRAJECTORY, json_text(table)),
+    )
+
+
+def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
+    route, field_ = request.route, place.field
+    planner = named("planner", route.planner, PLANNERS)
+    estimator = named("estimator", request.estimator, ESTIMATORS)
+    config = replace(request.config, plan=route.config, open_loop=request.open_loop or request.config.open_loop)
+    config = replace(config, filter=_with_noise_of(config.filter, place))
+    generator = torch.Generator().manual_seed(request.seed)
+    pilot = Pilot(
+        planner(field_, place.robot, config.plan, config.replan, occupancy_of(place, config.plan.occupancy)),
+        estimator(field_, place.robot, CAMERA, config=config.filter),
+    )
+    contact = None if place.scene is None else contact_check(place.scene, place.robot.body)
+    simulator = Simulator(
+        place.robot, route.start_state, _camera(place), generator, noise=config.noise, contact=contact
+    )
+    mission = Mission(route.goal_state, route.steps, route.dt, request.plan)
+    return navigate(mission, simulator, pilot, config, generator)
+
+
+def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:
+    """The colour noise that was measured for this field, unless another was asked for."""
+    asked = config.color_noise.std != ColorNoise.std
+    return config if asked else config.for_field(place.field.info.noise_std)
+
+
+def _camera(place: Place) -> CameraFunction:
+    """Pictures of the ground truth; of the field where there is none."""
+    if place.scene is None:
+        return lambda pose: _picture_of_field(place, pose)
+    renderer = MeshRenderer(place.scene, supersample=2)  # as the photographs that the field learned from
+    return lambda pose: renderer.render(CAMERA, pose).image
+
+
+def _picture_of_field(place: Place, pose: Pose) -> torch.Tensor:
+    color = render_image(place.field, CAMERA, pose).color
+    return (255 * color.clamp(0, 1)).round().to(torch.uint8)

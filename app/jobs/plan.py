@@ -1,0 +1,124 @@
+"""Plan: from a start and a goal to a trajectory through the field, judged on the mesh."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from app.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.checks import require_positive
+from app.jobs.clock import Stopwatch
+from app.jobs.outputs import json_line, prepare_folder, write_text
+from app.place import Place, occupancy_of
+from app.registry import PLANNERS, named
+from nerfnav.export.tables import csv_text, json_text, motion_table
+from nerfnav.planner.costs import collision_probability_bound
+from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner.steps import PlanStep
+from nerfnav.robots.state import Motion, RigidState
+from nerfnav.world.contact import judge
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """What to plan."""
+
+    start: Point
+    """Where the robot is, at rest [m]."""
+    goal: Point
+    """Where it shall come to rest [m]."""
+    start_yaw: float = 0.0
+    """Heading at the start [rad]."""
+    goal_yaw: float = 0.0
+    """Heading at the goal [rad]."""
+    steps: int = 20
+    """Number of time steps."""
+    dt: float = 0.1
+    """Length of a step [s]."""
+    planner: str = "paper"
+    """Name of the planner."""
+    config: PlanConfig = field(default_factory=PlanConfig.paper)
+    """Its settings."""
+    out: Path | None = None
+    """Folder for trajectory.csv, trajectory.json and plan.json; None writes nothing."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for numbers that no plan can have."""
+        require_positive(steps=self.steps, dt=self.dt, iterations=self.config.iterations)
+
+    @property
+    def start_state(self) -> RigidState:
+        """The state at rest at the start."""
+        return RigidState.at_rest(self.start, self.start_yaw)
+
+    @property
+    def goal_state(self) -> RigidState:
+        """The state at rest at the goal."""
+        return RigidState.at_rest(self.goal, self.goal_yaw)
+
+
+def run(request: PlanRequest, place: Place) -> JobEvents:
+    """Yield every iteration of the planner, then the numbers of the last one and what was written.
+
+    Raises NerfnavError where the request cannot be worked with.
+    """
+    planner = named("planner", request.planner, PLANNERS)
+    out = None if request.out is None else prepare_folder(request.out)
+    yield JobStarted("plan")
+    yield Progress("finding a way", 0.0)
+    clock, last = Stopwatch(), None
+    with clock.running():
+        occupancy = occupancy_of(place, request.config.occupancy)
+    finder = planner(place.field, place.robot, first=request.config, occupancy=occupancy)
+    for step in clock.time(finder.plan(request.start_state, request.goal_state, request.steps, request.dt)):
+        last = step
+        yield step
+        yield Progress("optimising", min(1.0, (step.iteration + 1) / request.config.iterations))
+    assert last is not None, "a planner yields at least one step"
+    yield Progress("judging", 1.0)
+    summary = summary_of(last, place, clock.seconds)
+    yield JobFinished("plan", summary, () if out is None else save(out, last.motion, place, summary))
+
+
+def summary_of(step: PlanStep, place: Place, wall_s: float) -> dict[str, Any]:
+    """What `plan --json` prints, for the last step of a planner."""
+    motion = step.motion
+    return {
+        "outcome": step.outcome.name.lower() if step.outcome else None,
+        "iterations": step.iteration + 1,
+        "wall_s": wall_s,
+        "cost": {
+            "collision": step.cost.collision,
+            "control": step.cost.control,
+            "total": step.cost.total,
+        },
+        "collision_probability_bound": collision_probability_bound(place.field, motion, place.robot.body),
+        "mesh_overlap_m3": mesh_overlap_m3(place, motion),
+        "max_thrust_n": _max_thrust_n(place, motion),
+        "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
+    }
+
+
+def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
+    """Largest overlap of body and mesh over the poses between the waypoints [m^3]; None without a mesh."""
+    if place.scene is None:
+        return None
+    return judge(place.scene, place.robot.body, motion.states).max_overlap_m3
+
+
+def save(folder: Path, motion: Motion, place: Place, summary: dict[str, Any]) -> tuple[Path, ...]:
+    """Write a plan's three files into `folder`."""
+    table = motion_table(motion, place.robot.action_names, place.robot.name)
+    return (
+        write_text(folder / "trajectory.csv", csv_text(table)),
+        write_text(folder / "trajectory.json", json_text(table)),
+        write_text(folder / "plan.json", json_line(summary) + "\n"),
+    )
+
+
+def _max_thrust_n(place: Place, motion: Motion) -> float | None:
+    """The largest total thrust; None for a robot whose actions are not thrusts."""
+    if "thrust_n" not in place.robot.action_names:
+        return None
+    return motion.actions[..., place.robot.action_names.index("thrust_n")].max().item()

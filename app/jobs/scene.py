@@ -1,0 +1,56 @@
+"""Open a place and make it visible: the field, its surface, and kernels that are warm before they are needed."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import torch
+
+from app.events import JobFinished, Progress
+from app.jobs import plan
+from app.jobs.plan import PlanRequest
+from app.layers.surface import unlit_glb, without_specks
+from app.messages import PlaceOpened, SurfaceShaped
+from app.place import Place, open_place
+from app.session import opening_ends
+from nerfnav.errors import NerfnavError
+from nerfnav.field.meshing import field_mesh
+from nerfnav.field.render import render_image
+from nerfnav.geometry.camera import Camera, look_at
+from nerfnav.planner.optimize import PlanConfig
+
+_CELLS = 170
+"""Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
+_LEVEL = 15.0
+"""Density at the surface [1/m]: low enough that thin parts have no holes, high enough that fog is not seen."""
+
+_SPECK = 400
+"""Parts of the surface with fewer faces than this are not shown."""
+
+
+def run(
+    what: str, opener: Callable[[str], Place] = open_place
+) -> Iterator[Progress | PlaceOpened | SurfaceShaped | JobFinished]:
+    """Yield the place as soon as it is loaded, then its surface. Raises NerfnavError as `open_place` does."""
+    yield Progress("opening the field", 0.05)
+    place = opener(what)
+    yield PlaceOpened(place)
+    yield Progress("shaping the surface", 0.3)
+    spacing = float(place.field.box.size.max()) / _CELLS
+    surface = without_specks(field_mesh(place.field, spacing, _LEVEL), _SPECK)
+    yield SurfaceShaped(unlit_glb(surface))
+    yield Progress("compiling kernels, which takes longer the first time", 0.6)
+    warm_up(place)
+    yield JobFinished("open", {"name": place.name})
+
+
+def warm_up(place: Place) -> None:
+    """Do once, small, what plans and flights will do: kernels are compiled and the map is made by then."""
+    box = place.field.box
+    eye = box.center + 0.4 * box.size * torch.tensor([1.0, 0.0, 0.0])
+    render_image(place.field, Camera.from_fov(8, 8, 90), look_at(eye, box.center))
+    ends = opening_ends(place, None) if place.scene is None else opening_ends(place, place.scene.tasks[0].name)
+    assert ends is not None
+    request = PlanRequest(ends.start.position, ends.goal.position, config=PlanConfig(iterations=1))
+    with suppress(NerfnavError):  # ends that nobody chose may be occupied
+        for _ in plan.run(request, place):
+            pass

@@ -1,0 +1,85 @@
+"""The flight: where the robot is, where it believes to be, how sure it is, and what it intends."""
+
+import numpy as np
+import trimesh
+import viser
+import viser.transforms as tf
+
+from app.layers.nodes import Bodies, Line, positions, quaternions, robot_shape
+from app.session import FlightRecord, Session
+from app.theme import BELIEF, HIT, PLAN, TRUTH
+from nerfnav.estimator.belief import Belief
+from nerfnav.robots.state import POSITION, RigidState
+
+_CHI_95 = 2.7955
+"""Square root of the 95 % quantile of the chi-squared distribution with three degrees of freedom."""
+_LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
+
+
+class FlyLayer:
+    """Shows true path, estimated path with its covariances, and the plan of the moment."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._truth = Line(server, "/flight/truth", TRUTH, 0.016)
+        self._belief = Line(server, "/flight/belief", BELIEF, 0.008)
+        self._plan = Line(server, "/flight/plan", PLAN, 0.013)
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+        self._covariance = Bodies(server, "/flight/covariance", ball, BELIEF, opacity=0.5)
+        self._hits = Bodies(server, "/flight/hits", ball, HIT, opacity=0.9)
+        self._robot: Bodies | None = None
+        self._ghost: Bodies | None = None
+        self._shown: FlightRecord | None = None
+
+    def show(self, session: Session) -> None:
+        """Draw the flight as far as it has gone."""
+        flight = session.flight
+        if flight is self._shown or session.place is None:
+            return
+        self._shown = flight
+        if self._robot is None or self._ghost is None:
+            shape = robot_shape(session.place.robot.body.extents)
+            self._robot = Bodies(self._server, "/flight/robot", shape, TRUTH, opacity=None)
+            self._ghost = Bodies(self._server, "/flight/ghost", shape, BELIEF, opacity=0.5)
+        steps = flight.steps if flight is not None else ()
+        under_way = flight is not None and bool(steps) and flight.outcome is None
+        with self._server.atomic():
+            self._truth.show(_path([step.truth for step in steps]))
+            self._belief.show(_path([step.belief.mean for step in steps]))
+            intent = flight.plan if flight is not None and under_way else None
+            self._plan.show(None if intent is None else positions(intent.states))
+            self._covariance.show(*ellipsoids([step.belief for step in steps]))
+            self._hits.show(*_balls([step.truth for step in steps if step.touched], radius=0.02))
+            self._robot.show(*_placed(steps[-1].truth if steps else None))
+            guess = flight.guess if flight is not None else None
+            self._ghost.show(*_placed(guess or (steps[-1].belief.mean if steps else None)))
+
+
+def ellipsoids(beliefs: list[Belief]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions."""
+    if not beliefs:
+        return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
+    centers = np.stack([belief.mean.position.detach().numpy() for belief in beliefs])
+    covariances = np.stack([belief.covariance[POSITION, POSITION].detach().double().numpy() for belief in beliefs])
+    variances, axes = np.linalg.eigh(covariances)
+    axes[np.linalg.det(axes) < 0, :, 0] *= -1  # a mirrored frame is no rotation
+    half = np.maximum(_CHI_95 * np.sqrt(np.maximum(variances, 0)), _LEAST_AXIS)
+    return centers, tf.SO3.from_matrix(axes).wxyz, half
+
+
+def _path(states: list[RigidState]) -> np.ndarray | None:
+    return positions(RigidState.stack(states)) if len(states) > 1 else None
+
+
+def _balls(states: list[RigidState], radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    if not states:
+        return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
+    centers = positions(RigidState.stack(states))
+    return centers, np.tile([1.0, 0, 0, 0], (len(centers), 1)), np.full_like(centers, radius)
+
+
+def _placed(state: RigidState | None) -> tuple[np.ndarray, np.ndarray]:
+    if state is None:
+        return np.zeros((0, 3)), np.zeros((0, 4))
+    one = RigidState.stack([state])
+    return positions(one), quaternions(one)

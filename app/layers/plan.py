@@ -1,0 +1,42 @@
+"""The plan: its line as it is now, a few earlier iterations, and the body along it."""
+
+import numpy as np
+import viser
+
+from app.layers.nodes import Bodies, Line, Trail, positions, quaternions, robot_shape
+from app.session import Session
+from app.theme import PLAN, STALE
+
+_THICKNESS = 0.017  # [m]
+
+
+class PlanLayer:
+    """Shows the iterations of a plan as they are computed."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
+        self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
+        self._bodies: Bodies | None = None
+        self._shown: tuple[int, bool, bool] | None = None
+
+    def show(self, session: Session) -> None:
+        """Draw the plan; greyed where the ends have moved since, hidden where a flight shows its own."""
+        flying = session.flight is not None and bool(session.flight.steps)
+        plan = None if flying else session.plan
+        stale, busy = session.plan_is_stale, session.job is not None
+        if session.place is None or self._shown == (id(plan), stale, busy):
+            return
+        self._shown = id(plan), stale, busy
+        if self._bodies is None:
+            shape = robot_shape(session.place.robot.body.extents)
+            self._bodies = Bodies(self._server, "/plan/bodies", shape, PLAN, opacity=0.35)
+        motion = plan.latest.motion if plan is not None and plan.latest is not None else None
+        with self._server.atomic():
+            self._line.show(None if motion is None else positions(motion.states), STALE if stale else PLAN)
+            self._trail.show(plan.trail if plan is not None and busy and not stale else ())
+            bodies = motion if motion is not None and not busy and not stale else None
+            if bodies is None:
+                self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
+            else:
+                self._bodies.show(positions(bodies.states), quaternions(bodies.states))

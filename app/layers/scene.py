@@ -1,0 +1,39 @@
+"""The field as a surface, and the first view of it."""
+
+import numpy as np
+import viser
+
+from app.session import Session
+from nerfnav.geometry.box import Box
+
+
+class SceneLayer:
+    """Shows the field's surface, unlit, as its light is in its colours."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: bytes | None = None
+        self._framed: Box | None = None
+
+    def show(self, session: Session) -> None:
+        """Add the surface once it is there, and look at the box once it is known."""
+        if session.place is not None and self._framed is not session.place.field.box:
+            self._framed = session.place.field.box
+            frame(self._server, self._framed)
+        if session.surface is not None and self._shown is not session.surface:
+            self._shown = session.surface
+            self._server.scene.add_glb("/field", session.surface, cast_shadow=False, receive_shadow=False)
+
+
+def frame(server: viser.ViserServer, box: Box) -> None:
+    """Let everyone look at the box from above one corner."""
+    center, size = box.center.numpy().astype(float), box.size.numpy().astype(float)
+    reach = float(np.hypot(size[0], size[1]))
+    eye = center + reach * np.array([-0.36, -0.68, 0.66])
+    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, 0.7 * size[2]])
+    server.initial_camera.position = eye
+    server.initial_camera.look_at = target
+    server.initial_camera.fov = float(np.deg2rad(45))
+    for client in server.get_clients().values():
+        client.camera.position, client.camera.look_at = eye, target
+        client.camera.fov = float(np.deg2rad(45))

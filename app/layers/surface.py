@@ -1,0 +1,82 @@
+"""A mesh made ready for a browser: cleaned, and as bytes that are shown as they are (binary glTF without light)."""
+
+import json
+import struct
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from trimesh.visual.color import ColorVisuals
+
+_VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
+_FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
+
+
+def without_specks(mesh: trimesh.Trimesh, least_faces: int) -> trimesh.Trimesh:
+    """The mesh without connected parts of fewer faces: a trained field has specks of fog that only disturb the eye."""
+    if len(mesh.faces) == 0:
+        return mesh
+    edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    shape = (len(mesh.vertices), len(mesh.vertices))
+    graph = coo_matrix((np.ones(len(edges), dtype=bool), (edges[:, 0], edges[:, 1])), shape=shape)
+    _, part_of_vertex = connected_components(graph, directed=False)
+    part_of_face = part_of_vertex[mesh.faces[:, 0]]
+    kept = mesh.copy()
+    kept.update_faces(np.bincount(part_of_face)[part_of_face] >= least_faces)
+    kept.remove_unreferenced_vertices()
+    return kept
+
+
+def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
+    """A mesh with vertex colours as binary glTF that viewers show as it is, without light (KHR_materials_unlit)."""
+    vertices = np.ascontiguousarray(mesh.vertices, dtype="<f4")
+    faces = np.ascontiguousarray(mesh.faces, dtype="<u4")
+    # colours of glTF are linear; 16 bits, or dark ones show bands
+    srgb = _vertex_colors(mesh) / 255.0
+    curved = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    colors = np.full((len(vertices), 4), 65535, dtype="<u2")
+    colors[:, :3] = np.round(65535 * curved)
+    parts = [vertices.tobytes(), colors.tobytes(), faces.tobytes()]
+    offsets = np.cumsum([0, *map(len, parts)]).tolist()
+    views = [
+        {"buffer": 0, "byteOffset": offset, "byteLength": len(part), "target": target}
+        for offset, part, target in zip(offsets, parts, (_VERTICES, _VERTICES, _INDICES), strict=False)
+    ]
+    low, high = vertices.min(0).tolist(), vertices.max(0).tolist()
+    accessors = [
+        {"bufferView": 0, "componentType": _FLOAT, "count": len(vertices), "type": "VEC3", "min": low, "max": high},
+        {"bufferView": 1, "componentType": _UINT16, "normalized": True, "count": len(vertices), "type": "VEC4"},
+        {"bufferView": 2, "componentType": _UINT32, "count": faces.size, "type": "SCALAR"},
+    ]
+    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0}
+    return _glb(
+        {
+            "asset": {"version": "2.0"},
+            "extensionsUsed": ["KHR_materials_unlit"],
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [primitive]}],
+            "materials": [{"extensions": {"KHR_materials_unlit": {}}}],
+            "buffers": [{"byteLength": offsets[-1]}],
+            "bufferViews": views,
+            "accessors": accessors,
+        },
+        b"".join(parts),
+    )
+
+
+def _vertex_colors(mesh: trimesh.Trimesh) -> np.ndarray:
+    """sRGB bytes (n, 3)."""
+    assert isinstance(mesh.visual, ColorVisuals), "only vertex colours are shown as they are"
+    return np.asarray(mesh.visual.vertex_colors)[:, :3]
+
+
+def _glb(document: dict[str, object], binary: bytes) -> bytes:
+    """The container of binary glTF: a header, a chunk of JSON, a chunk of data, each padded to 4 bytes."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(binary))
+    return header + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary

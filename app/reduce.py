@@ -1,0 +1,159 @@
+"""How the session moves on: one pure function of a session and a message, `session = reduce(session, message)`."""
+
+from dataclasses import replace
+
+from app import messages as m
+from app.ends import Ends
+from app.events import JobCancelled, JobFailed, JobFinished, Progress
+from app.place import Place
+from app.session import FlightRecord, Job, JobKind, Notice, PlanRecord, Session, opening_ends
+from nerfnav.estimator.steps import FilterStep
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.planner.steps import PlanOutcome, PlanStep
+
+_NOTICES_KEPT = 5
+
+
+def reduce(session: Session, message: m.Message) -> Session:
+    """The session after `message`."""
+    match message:
+        case m.Reported(job, event):
+            # a cancelled job may still report: it is no longer the one that is wanted
+            wanted = session.job is not None and session.job.id == job
+            return _report(session, event) if wanted else session
+        case m.EndReport(question, problem):
+            if session.ends.of(question.which) != question.end:
+                return session
+            return replace(session, problems={**session.problems, question.which: problem})
+        case m.View():
+            return replace(session, view=message)
+        case m.Tell(title, body, bad):
+            return noticed(session, title, body, bad)
+        case _:
+            return _command(session, message)
+
+
+def noticed(session: Session, title: str, body: str, bad: bool = False) -> Session:
+    """The session with one more notice."""
+    number = session.notices[-1].id + 1 if session.notices else 0
+    notice = Notice(number, title, body, bad, session.jobs_begun)
+    return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])
+
+
+def _command(session: Session, command: m.Command) -> Session:
+    if session.place is None:
+        return session  # nothing can be asked before the place is open
+    match command:
+        case m.MoveEnd():
+            return _move_end(session, session.place, command)
+        case m.ChooseTask(name):
+            ends = opening_ends(session.place, name)
+            return session if ends is None else replace(session, task=name, home=name, ends=ends, problems={})
+        case m.StartPlan():
+            return _begin(session, JobKind.PLAN)
+        case m.StartFlight():
+            return _begin(session, JobKind.FLY)
+        case m.Cancel():
+            return _cancel(session)
+        case m.Pause() | m.Resume() | m.StepOnce():
+            return replace(session, job=_steered(session, command))
+        case m.Reset():
+            ends = opening_ends(session.place, session.home) or session.ends
+            stopped = _cancel(session)
+            return replace(stopped, task=session.home, ends=ends, problems={}, plan=None, flight=None)
+    raise TypeError(f"the session knows no message of type {type(command).__name__}")
+
+
+def _move_end(session: Session, place: Place, move: m.MoveEnd) -> Session:
+    if not move.end.is_finite:
+        return noticed(session, "Not a number", f"The {move.which.value} needs finite numbers.", bad=True)
+    end = move.end.kept_inside(place.field.box, margin=place.robot.body.radius)
+    if end == session.ends.of(move.which):
+        return session
+    problems = {which: problem for which, problem in session.problems.items() if which is not move.which}
+    return replace(session, ends=session.ends.moved(move.which, end), task=None, problems=problems)
+
+
+def _begin(session: Session, kind: JobKind) -> Session:
+    if session.job is not None:
+        return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
+    job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
+    begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1, flight=None)
+    if kind is JobKind.PLAN:
+        return replace(begun, plan=PlanRecord(session.ends))
+    return replace(begun, plan=session.fresh_plan, flight=FlightRecord(session.ends))
+
+
+def _cancel(session: Session) -> Session:
+    if session.job is None or session.job.kind is JobKind.OPEN:
+        return session
+    return replace(session, job=None)
+
+
+def _steered(session: Session, command: m.Pause | m.Resume | m.StepOnce) -> Job | None:
+    job = session.job
+    if job is None or job.kind is not JobKind.FLY:
+        return job
+    match command:
+        case m.Pause():
+            return replace(job, paused=True, steps_granted=session.steps_reported)
+        case m.Resume():
+            return replace(job, paused=False)
+        case m.StepOnce():
+            return replace(job, paused=True, steps_granted=session.steps_reported + 1)
+
+
+def _report(session: Session, event: object) -> Session:
+    job = session.job
+    assert job is not None
+    match event:
+        case m.PlaceOpened(place):
+            name = place.scene.tasks[0].name if place.scene is not None and place.scene.tasks else None
+            ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
+            return replace(session, place=place, task=name, home=name, ends=ends)
+        case m.SurfaceShaped(glb):
+            return replace(session, surface=glb)
+        case Progress(label, fraction):
+            return replace(session, job=replace(job, label=label, fraction=fraction))
+        case PlanStep() | FilterStep() | NavigationStep():
+            return _step(session, job, event)
+        case JobFinished():
+            return _finished(replace(session, job=None), job, event)
+        case JobFailed(_, message):
+            return noticed(replace(session, job=None), f"Could not {job.kind.value}", message, bad=True)
+        case JobCancelled():
+            return replace(session, job=None)
+        case _:
+            return session  # what else jobs say is not shown
+
+
+def _step(session: Session, job: Job, event: PlanStep | FilterStep | NavigationStep) -> Session:
+    if job.kind is JobKind.PLAN and session.plan is not None and isinstance(event, PlanStep):
+        return replace(session, plan=session.plan.with_step(event))
+    flight = session.flight
+    if flight is None:
+        return session
+    if isinstance(event, NavigationStep):
+        return replace(session, flight=flight.with_step(event))
+    planned = session.plan is not None and session.plan.outcome is not None
+    if isinstance(event, FilterStep) or flight.steps or planned:
+        return replace(session, flight=flight.with_iteration(event))
+    # a flight that begins without a plan makes one: that is a plan like any other
+    plan = session.plan if session.plan is not None else PlanRecord(job.ends)
+    return replace(session, plan=plan.with_step(event), flight=replace(flight, plan=event.motion))
+
+
+def _finished(session: Session, job: Job, event: JobFinished) -> Session:
+    if job.kind is JobKind.PLAN and session.plan is not None:
+        session = replace(session, plan=replace(session.plan, summary=event.summary))
+        outcome = session.plan.outcome if session.plan is not None else None
+        if outcome in (PlanOutcome.NO_PATH, PlanOutcome.DIVERGED):
+            return noticed(session, "No plan", f"{outcome.value.capitalize()}.", bad=True)
+    if job.kind is JobKind.FLY and session.flight is not None:
+        flight = replace(session.flight, summary=event.summary)
+        session = replace(session, flight=flight)
+        if flight.outcome is not None:
+            happy = flight.outcome is EpisodeOutcome.REACHED
+            title = "Arrived" if happy else "Flight ended"
+            return noticed(session, title, f"{flight.outcome.value.capitalize()}.", bad=not happy)
+    return session

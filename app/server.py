@@ -1,0 +1,174 @@
+"""The browser app: a page that shows one session, and the two threads behind it.
+
+tabs --commands--> inbox --> UI loop: session = reduce(session, message) --> layers and panels --> tabs
+                     ^            | session
+                     +-- events --+--> worker: the job that the session wants
+"""
+
+import logging
+import queue
+import threading
+import time
+import webbrowser
+from typing import Protocol
+
+import viser
+
+from app.guard import guarded_server
+from app.layers.ends import EndsLayer
+from app.layers.fly import FlyLayer
+from app.layers.notices import NoticesLayer
+from app.layers.plan import PlanLayer
+from app.layers.scene import SceneLayer
+from app.messages import Message, Reported
+from app.net import check_address
+from app.panels.ends import EndsPanel
+from app.panels.export import ExportPanel
+from app.panels.fly import FlyPanel
+from app.panels.plan import PlanPanel
+from app.panels.status import StatusPanel
+from app.reduce import reduce
+from app.session import Session
+from app.theme import dress
+from app.work import NavigationWork
+from app.worker import Work, Worker
+from nerfnav.errors import NerfnavError
+
+_log = logging.getLogger(__name__)
+_TORCH_THREADS = 1  # planner and filter are many small operations: more threads are no faster, and burn the cores
+_FRAME_S = 1 / 20  # the page changes at most this often; what happens in between is merged
+
+
+class Shows(Protocol):
+    """A part of the page."""
+
+    def show(self, session: Session) -> None:
+        """Show the session, by changing what has changed."""
+        ...
+
+
+def serve(what: str, host: str, port: int, token: str | None, open_browser: bool) -> None:
+    """Serve `what` (scene name or field file) until interrupted.
+
+    Raises NerfnavError when the address cannot be listened at, a token is missing, or `what` cannot be opened.
+    """
+    app = App(what, host, port, token)
+    app.start()
+    try:
+        if open_browser:
+            webbrowser.open(app.url)
+        app.wait()
+    except KeyboardInterrupt:
+        return  # the way to end a server
+    finally:
+        app.stop()
+
+
+class App:
+    """One place, served to any number of tabs."""
+
+    def __init__(
+        self,
+        what: str,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        token: str | None = None,
+        work: Work | None = None,
+    ) -> None:
+        """Nothing is listened at before `start`."""
+        self._host, self._port, self._token = host, port, token
+        self._session = Session.opening(what)
+        self._inbox: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._worker = Worker(work or NavigationWork(), self.post, _TORCH_THREADS)
+        self._loop = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
+        self._server: viser.ViserServer | None = None
+        self._parts: tuple[Shows, ...] = ()
+
+    @property
+    def session(self) -> Session:
+        """The state as of now."""
+        return self._session
+
+    @property
+    def url(self) -> str:
+        """Where the page is, token included."""
+        host = "localhost" if self._host in ("0.0.0.0", "::", "") else self._host
+        return f"http://{host}:{self._port}/" + (f"?token={self._token}" if self._token else "")
+
+    def start(self) -> None:
+        """Listen, put up the page, and begin to open the place."""
+        check_address(self._host, self._port)
+        self._server = server = guarded_server(self._host, self._port, self._token)
+        dress(server)
+        layers: tuple[Shows, ...] = (
+            SceneLayer(server),
+            EndsLayer(server, self.post),
+            PlanLayer(server),
+            FlyLayer(server),
+            NoticesLayer(server),
+        )
+        panels: tuple[Shows, ...] = (
+            StatusPanel(server),
+            EndsPanel(server, self.post),
+            PlanPanel(server, self.post),
+            FlyPanel(server, self.post),
+            ExportPanel(server, self.post),
+        )
+        self._parts = (*layers, *panels)
+        self._worker.start()
+        self._loop.start()
+
+    def stop(self) -> None:
+        """End the worker and the page."""
+        self._inbox.put(None)
+        self._loop.join(5)
+        self._worker.stop()
+        if self._server is not None:
+            self._server.stop()
+
+    def post(self, message: Message) -> None:
+        """Hand a message to the session, from any thread."""
+        self._inbox.put(message)
+
+    def wait(self) -> None:
+        """Return when the app was stopped; raise NerfnavError when the place could not be opened."""
+        while self._loop.is_alive():
+            self._loop.join(0.5)
+            if self._session.job is None and self._session.place is None:
+                raise NerfnavError(self._session.notices[-1].body)
+
+    def _run(self) -> None:
+        """Take in messages as they come, and show what they made of the session a few times a second."""
+        self._worker.follow(self._session)
+        self._show()
+        while (message := self._inbox.get()) is not None:
+            until = time.monotonic() + _FRAME_S
+            changed = self._take(message)
+            while (left := until - time.monotonic()) > 0:
+                try:
+                    message = self._inbox.get(timeout=left)
+                except queue.Empty:
+                    break
+                if message is None:
+                    return
+                changed = self._take(message) or changed
+            if changed:
+                self._show()
+
+    def _take(self, message: Message) -> bool:
+        """Let the session move on; whether the page may have to change."""
+        before = self._session
+        try:
+            self._session = reduce(before, message)
+        except Exception:
+            _log.exception("a message of type %s was not understood", type(message).__name__)
+        self._worker.follow(self._session)
+        # a command that was refused leaves the session alone, but its tab shows what was refused
+        return self._session is not before or not isinstance(message, Reported)
+
+    def _show(self) -> None:
+        for part in self._parts:
+            try:
+                part.show(self._session)
+            except Exception:
+                _log.exception("%s could not show the session", type(part).__name__)

@@ -1,0 +1,246 @@
+"""The app's whole state as one frozen value.
+
+The session says what is wanted of the worker (`job`, `questions`) and everything that the page shows. No other place
+holds state: a reloaded page and a second tab show the same, and the logic is tested without a browser. `app.reduce`
+moves it from one message to the next.
+"""
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any, ClassVar
+
+from app.ends import End, Ends, Which
+from app.messages import EndQuestion, Question, View, ViewQuestion
+from app.place import Place
+from nerfnav.estimator.steps import FilterStep
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
+from nerfnav.robots.state import Motion, RigidState
+
+_FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
+
+
+class JobKind(Enum):
+    """What the worker can be asked for; the value is a verb for the user."""
+
+    OPEN = "open"
+    PLAN = "plan"
+    FLY = "fly"
+
+
+@dataclass(frozen=True)
+class CostHistory:
+    """Cost by term over the iterations, thinned so that it stays short."""
+
+    LIMIT: ClassVar[int] = 400
+
+    iterations: tuple[int, ...] = ()
+    """At which iterations the cost is kept."""
+    costs: tuple[PlanCost, ...] = ()
+    """The cost there."""
+    stride: int = 1
+    """Iterations between two entries."""
+
+    def appended(self, iteration: int, cost: PlanCost) -> "CostHistory":
+        """With one more entry, unless the stride skips it; beyond LIMIT entries every other one is dropped."""
+        if iteration % self.stride:
+            return self
+        longer = CostHistory((*self.iterations, iteration), (*self.costs, cost), self.stride)
+        if len(longer.iterations) <= self.LIMIT:
+            return longer
+        return CostHistory(longer.iterations[::2], longer.costs[::2], 2 * self.stride)
+
+
+@dataclass(frozen=True)
+class PlanRecord:
+    """A plan as far as it is computed."""
+
+    TRAIL: ClassVar[int] = 6
+    """How many earlier iterations are kept."""
+
+    ends: Ends
+    """What it was asked to join."""
+    latest: PlanStep | None = None
+    """The last iteration so far."""
+    trail: tuple[Motion, ...] = ()
+    """A few earlier iterations, oldest first."""
+    history: CostHistory = CostHistory()
+    """Cost by term."""
+    summary: dict[str, Any] = field(default_factory=dict)
+    """The job's numbers, once it has finished."""
+
+    @property
+    def outcome(self) -> PlanOutcome | None:
+        """None while it is computed, or when it was stopped."""
+        return None if self.latest is None else self.latest.outcome
+
+    def with_step(self, step: PlanStep) -> "PlanRecord":
+        """With one more iteration; iterations 1, 2, 4, 8, ... stay visible, as the line moves most early on."""
+        trail = self.trail
+        if self.latest is not None and step.iteration & (step.iteration - 1) == 0:
+            trail = (*trail, self.latest.motion)[-self.TRAIL :]
+        return replace(self, latest=step, trail=trail, history=self.history.appended(step.iteration, step.cost))
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """A flight as far as it has gone."""
+
+    ends: Ends
+    """What it was asked to join."""
+    steps: tuple[NavigationStep, ...] = ()
+    """Time steps so far."""
+    plan: Motion | None = None
+    """What the robot intends now."""
+    guess: RigidState | None = None
+    """Where the filter is while it works on a picture; None between pictures."""
+    doing: str = ""
+    """What the time step in progress is at, for the user."""
+    summary: dict[str, Any] = field(default_factory=dict)
+    """The job's numbers, once it has finished."""
+
+    @property
+    def outcome(self) -> EpisodeOutcome | None:
+        """None while it flies, or when it was stopped."""
+        return self.steps[-1].outcome if self.steps else None
+
+    def with_step(self, step: NavigationStep) -> "FlightRecord":
+        """With one more time step."""
+        return replace(self, steps=(*self.steps, step), plan=step.plan, guess=None, doing="")
+
+    def with_iteration(self, step: PlanStep | FilterStep) -> "FlightRecord":
+        """With one more iteration of what happens within a time step."""
+        if isinstance(step, FilterStep):
+            return replace(self, guess=step.mean, doing=f"filtering, iteration {step.iteration + 1}")
+        return replace(self, plan=step.motion, doing=f"replanning, iteration {step.iteration + 1}")
+
+
+@dataclass(frozen=True)
+class Job:
+    """Work that is wanted of the worker, until the session wants other work or none."""
+
+    id: int
+    """Unique in a session: tells late reports of a cancelled job from those of the next."""
+    kind: JobKind
+    """What to do."""
+    ends: Ends = field(default_factory=Ends)
+    """Between which start and goal."""
+    first_plan: PlanRecord | None = None
+    """For a flight: a finished plan between these ends, to begin with."""
+    label: str = ""
+    """What is being done, for the user."""
+    fraction: float | None = None
+    """0 to 1; None while unknown."""
+    paused: bool = False
+    """Whether to hold once the flight has reported `steps_granted` time steps."""
+    steps_granted: int = 0
+    """How far a paused flight may go; it holds at once where it has gone that far."""
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something that the user should know now."""
+
+    id: int
+    """Rises by one from notice to notice."""
+    title: str
+    body: str
+    bad: bool = False
+    """Whether something failed."""
+    jobs_begun: int = 0
+    """How many jobs had begun by then: the next one makes it old news."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """Everything the app knows."""
+
+    what: str
+    """Scene name or field file that is opened."""
+    place: Place | None = None
+    """None while it is being opened."""
+    surface: bytes | None = None
+    """The field's surface as binary glTF; None while it is being shaped."""
+    task: str | None = None
+    """The task whose ends these are; None when they were moved by hand."""
+    home: str | None = None
+    """The task that was chosen last, to which a reset returns."""
+    ends: Ends = field(default_factory=Ends)
+    """Start and goal."""
+    problems: dict[Which, str | None] = field(default_factory=dict)
+    """What keeps the robot from an end, None where nothing does; absent while it is being looked at."""
+    job: Job | None = None
+    """What the worker is to do."""
+    jobs_begun: int = 0
+    """How many jobs there were."""
+    plan: PlanRecord | None = None
+    """The last plan."""
+    flight: FlightRecord | None = None
+    """The last flight."""
+    view: View | None = None
+    """The field's rendering of the last view that was asked for."""
+    notices: tuple[Notice, ...] = ()
+    """The last few, newest last."""
+
+    @classmethod
+    def opening(cls, what: str) -> "Session":
+        """The session at the start: `what` is to be opened."""
+        return cls(what, job=Job(0, JobKind.OPEN, label="Opening the field"), jobs_begun=1)
+
+    @property
+    def fresh_plan(self) -> PlanRecord | None:
+        """The plan, if it is finished and joins the ends as they are now."""
+        plan = self.plan
+        return plan if plan is not None and plan.outcome in _FLYABLE and plan.ends == self.ends else None
+
+    @property
+    def trouble(self) -> Notice | None:
+        """What failed last, until the next job begins."""
+        last = self.notices[-1] if self.notices else None
+        return last if last is not None and last.bad and last.jobs_begun == self.jobs_begun else None
+
+    @property
+    def plan_is_stale(self) -> bool:
+        """Whether start or goal have moved since the plan was asked for."""
+        return self.plan is not None and self.plan.ends != self.ends
+
+    @property
+    def flight_is_stale(self) -> bool:
+        """Whether start or goal have moved since the flight began."""
+        return self.flight is not None and self.flight.ends != self.ends
+
+    @property
+    def steps_reported(self) -> int:
+        """Time steps of the flight so far, the start included."""
+        return len(self.flight.steps) if self.flight is not None else 0
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """What the page would like to know of the place now."""
+        if self.place is None:
+            return ()
+        asked: list[Question] = [
+            EndQuestion(which, self.ends.of(which)) for which in Which if which not in self.problems
+        ]
+        flight = self.flight
+        if flight is not None and flight.steps:
+            seen = ViewQuestion(("flight", self.jobs_begun, len(flight.steps)), (flight.steps[-1].belief.mean,))
+        else:
+            seen = ViewQuestion(("ends", self.ends), (self.ends.start.state(), self.ends.goal.state()))
+        if self.view is None or self.view.question != seen:
+            asked.append(seen)
+        return tuple(asked)
+
+
+def opening_ends(place: Place, task: str | None) -> Ends | None:
+    """The ends of a task of the place; without a task, two ends beside the middle of the box; None if unknown."""
+    if task is None:
+        x, y, z = place.field.box.center.tolist()
+        reach = 0.35 * float(place.field.box.size[0])
+        return Ends(
+            End((round(x - reach, 3), round(y, 3), round(z, 3))), End((round(x + reach, 3), round(y, 3), round(z, 3)))
+        )
+    for known in place.scene.tasks if place.scene is not None else ():
+        if known.name == task:
+            return Ends(End(known.start, known.start_yaw), End(known.goal, known.goal_yaw))
+    return None

@@ -1,0 +1,73 @@
+"""What the worker can do for this app: the jobs that the command line runs too, and answers to the page."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+
+from app.jobs import fly, plan, scene
+from app.jobs.fly import CAMERA, FlyRequest
+from app.jobs.plan import PlanRequest
+from app.messages import Answer, EndQuestion, EndReport, Question, View, ViewQuestion
+from app.place import Place, occupancy_of
+from app.session import Job, JobKind, Session
+from nerfnav.field.render import render_image
+from nerfnav.geometry.camera import FORWARD_MOUNT
+from nerfnav.navigation.replan import NavigateConfig
+from nerfnav.planner.ends import nearest_free
+from nerfnav.planner.occupancy import OccupancyMap, body_density
+from nerfnav.planner.optimize import PlanConfig
+from nerfnav.robots.state import RigidState
+
+
+@dataclass
+class NavigationWork:
+    """Opens places, plans and flies in them. Used by the worker's thread alone."""
+
+    open: Callable[[str], Iterator[Any]] = scene.run
+    """The job that opens a place."""
+    plan: PlanConfig = field(default_factory=PlanConfig.paper)
+    """How the first plan is made."""
+    navigate: NavigateConfig = field(default_factory=NavigateConfig)
+    """How a flight is flown; its `plan` gives way to the one above."""
+
+    def begin(self, session: Session, job: Job) -> Iterator[Any]:
+        """The events of a job."""
+        if job.kind is JobKind.OPEN:
+            return self.open(session.what)
+        assert session.place is not None, "nothing but opening is asked for before the place is open"
+        start, goal = job.ends.start, job.ends.goal
+        route = PlanRequest(start.position, goal.position, start.yaw, goal.yaw, config=self.plan)
+        if job.kind is JobKind.PLAN:
+            return plan.run(route, session.place)
+        made = job.first_plan.latest if job.first_plan is not None else None
+        request = FlyRequest(route, plan=None if made is None else made.motion, config=self.navigate)
+        return fly.run(request, session.place)
+
+    def answer(self, session: Session, question: Question) -> Answer:
+        """Whether the robot fits at an end, or what the field looks like from a state."""
+        place = session.place
+        assert place is not None, "there are no questions before the place is open"
+        if isinstance(question, ViewQuestion):
+            return View(question, tuple(view_from(place, state) for state in question.states))
+        return EndReport(question, problem_at(place, question, occupancy_of(place, self.plan.occupancy)))
+
+
+def problem_at(place: Place, question: EndQuestion, occupancy: OccupancyMap) -> str | None:
+    """Why the robot cannot be at this end, or None."""
+    body, state = place.robot.body, question.end.state()
+    if body_density(place.field, body, state) <= occupancy.config.threshold:
+        return None
+    nearest = nearest_free(place.field, body, state, occupancy)
+    if nearest is None:
+        return f"the {question.which.value} is in occupied space, far from any free point."
+    x, y, z = nearest.tolist()
+    return f"the {question.which.value} is in occupied space; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
+
+
+def view_from(place: Place, state: RigidState) -> np.ndarray:
+    """The field as the robot's camera would see it, sRGB bytes."""
+    rendering = render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT))
+    return (255 * rendering.color.clamp(0, 1)).round().to(torch.uint8).numpy()

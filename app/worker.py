@@ -1,0 +1,173 @@
+"""The one thread that computes: it does what the session wants, and nothing else.
+
+The session is not told what to do step by step: `follow` hands over the latest session, and between two steps of a
+job the worker looks at it. A job that is no longer wanted is closed, a paused one is held, questions of the page are
+answered between steps; of two wishes the later wins.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator
+from typing import Any, Protocol
+
+import torch
+
+from app.events import JobCancelled, JobFailed, JobFinished
+from app.messages import Answer, Question, Reported, Tell
+from app.session import Job, Session
+from nerfnav.errors import NerfnavError
+from nerfnav.navigation.steps import NavigationStep
+
+_log = logging.getLogger(__name__)
+_ANSWER_EVERY_S = 0.1  # pause between two answers while a job runs, which has the rest of the time
+
+
+class Work(Protocol):
+    """What the worker can do."""
+
+    def begin(self, session: Session, job: Job) -> Iterator[Any]:
+        """The events of a job, computed as they are asked for."""
+        ...
+
+    def answer(self, session: Session, question: Question) -> Answer:
+        """The answer to a question of the page."""
+        ...
+
+
+class Worker:
+    """Runs the wanted job on a thread of its own and posts what it yields."""
+
+    def __init__(self, work: Work, post: Callable[[Reported | Answer | Tell], None], threads: int) -> None:
+        """`post` takes messages for the session from this thread; `threads` is how many torch may use."""
+        self._work, self._post, self._threads = work, post, threads
+        self._changed = threading.Condition()
+        self._wanted: Session | None = None
+        self._stopping = False
+        self._running: _Running | None = None
+        self._answered: set[Question] = set()
+        self._last_answer = 0.0
+        self._thread = threading.Thread(target=self._run, name="nerfnav-worker", daemon=True)
+
+    def start(self) -> None:
+        """Begin to follow."""
+        self._thread.start()
+
+    def follow(self, session: Session) -> None:
+        """From now on, do what `session` wants."""
+        with self._changed:
+            self._wanted = session
+            self._answered.intersection_update(session.questions)
+            self._changed.notify()
+
+    def stop(self, timeout_s: float = 10.0) -> None:
+        """Close the running job and end the thread, waiting at most `timeout_s` for the step in progress."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        while (session := self._next_session()) is not None:
+            # again and again, for a parallel kernel of numba leaves torch in this thread with all cores
+            torch.set_num_threads(self._threads)
+            self._switch(session)
+            self._answer_one()
+            self._advance(session)
+        if self._running is not None:
+            self._running.close()
+
+    def _next_session(self) -> Session | None:
+        """The session to serve, as soon as there is something to do for it; None when it is time to end."""
+        with self._changed:
+            while not self._stopping:
+                if self._wanted is not None and self._has_work(self._wanted):
+                    return self._wanted
+                self._changed.wait()
+            return None
+
+    def _has_work(self, session: Session) -> bool:
+        running, job = self._running, session.job
+        if (running is None) != (job is None) or self._open_question(session) is not None:
+            return True
+        return running is not None and job is not None and (running.id != job.id or running.may_go_on(job))
+
+    def _switch(self, session: Session) -> None:
+        """Close the running job if another is wanted or none, and begin the wanted one."""
+        job = session.job
+        if self._running is not None and (job is None or job.id != self._running.id):
+            self._running.close()
+            self._running = None
+        if job is not None and self._running is None:
+            self._running = _Running(job, self._work, session)
+
+    def _open_question(self, session: Session) -> Question | None:
+        """A question that is not answered yet; while a job runs, not too soon after the last one."""
+        busy = self._running is not None and session.job is not None and self._running.may_go_on(session.job)
+        if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
+            return None
+        return next((question for question in session.questions if question not in self._answered), None)
+
+    def _answer_one(self) -> None:
+        with self._changed:
+            # of the latest session: an older one may still ask what was answered a moment ago
+            session = self._wanted
+            question = self._open_question(session) if session is not None else None
+            if session is None or question is None:
+                return
+            self._answered.add(question)
+        try:
+            self._post(self._work.answer(session, question))
+        except NerfnavError as error:
+            self._post(Tell("No answer", str(error), bad=True))
+        except Exception as error:
+            _log.exception("answering %s failed", type(question).__name__)
+            self._post(Tell("Something broke", _describe(error), bad=True))
+        self._last_answer = time.monotonic()
+
+    def _advance(self, session: Session) -> None:
+        running, job = self._running, session.job
+        if running is not None and job is not None and running.may_go_on(job):
+            self._post(Reported(running.id, running.next_event()))
+
+
+class _Running:
+    """A job in progress."""
+
+    def __init__(self, job: Job, work: Work, session: Session) -> None:
+        self.id = job.id
+        self._name = job.kind.value
+        self._ended = False
+        self._time_steps = 0
+        self._events = self._begun(job, work, session)
+
+    @staticmethod
+    def _begun(job: Job, work: Work, session: Session) -> Generator[Any, None, None]:
+        yield from work.begin(session, job)
+
+    def may_go_on(self, job: Job) -> bool:
+        """Whether there is a next step, and the job is not held before it."""
+        return not self._ended and not (job.paused and self._time_steps >= job.steps_granted)
+
+    def next_event(self) -> Any:
+        """What the job yields next; the end and failures of a job are events too."""
+        try:
+            event = next(self._events)
+        except StopIteration:
+            event = JobCancelled(self._name)  # nobody waits for it if the job has said that it finished
+        except NerfnavError as error:
+            event = JobFailed(self._name, str(error))
+        except Exception as error:
+            _log.exception("the job %s broke", self._name)
+            event = JobFailed(self._name, _describe(error))
+        self._ended = isinstance(event, JobCancelled | JobFailed | JobFinished)
+        self._time_steps += isinstance(event, NavigationStep)
+        return event
+
+    def close(self) -> None:
+        """Give up what is left of the job."""
+        self._events.close()
+
+
+def _describe(error: Exception) -> str:
+    return f"This is a fault of the program ({type(error).__name__}: {error}); it goes on, and the log says more."

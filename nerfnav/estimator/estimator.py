@@ -1,0 +1,27 @@
+"""The contract of every estimator: from a belief, a picture and an action to the next belief."""
+
+from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.steps import FilterStep
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """Anything that follows the robot's state."""
+
+    def update(
+        self,
+        belief: Belief,
+        image: UInt8[Tensor, "height width 3"],
+        action: Float[Tensor, " a"],
+        dt: float,
+        generator: torch.Generator,
+    ) -> Iterator[FilterStep]:
+        """The belief after an action of `dt` [s] and the picture taken then; the last step carries it."""
+        ...

@@ -1,0 +1,50 @@
+"""Gaussian noise on a state: what the filter assumes and what the simulator does, in one record."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+
+
+@dataclass(frozen=True)
+class StateNoise:
+    """Standard deviations of independent noise in the tangent of a state.
+
+    The defaults are the paper's process noise of one time step: 2 cm and 0.02 rad, half of that on the rates.
+    """
+
+    position_m: float = 0.02
+    """On each coordinate of the position [m]."""
+    velocity_mps: float = 0.01
+    """On each coordinate of the velocity [m/s]."""
+    attitude_rad: float = 0.02
+    """On each coordinate of the attitude's tangent [rad]."""
+    body_rate_radps: float = 0.01
+    """On each coordinate of the body rate [rad/s]."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError unless all four are finite and at least 0."""
+        values = (self.position_m, self.velocity_mps, self.attitude_rad, self.body_rate_radps)
+        if not all(0 <= value < float("inf") for value in values):
+            raise InvalidInputError(f"standard deviations must be finite and at least 0, not {values}")
+
+    @classmethod
+    def isotropic(cls, variance: float) -> "StateNoise":
+        """The same variance on all twelve numbers, as the paper's 0.1 I."""
+        return cls(*(variance**0.5,) * 4)
+
+    def std(self) -> Float[Tensor, "12"]:
+        """Standard deviation of each tangent number."""
+        parts = (self.position_m, self.velocity_mps, self.attitude_rad, self.body_rate_radps)
+        return torch.tensor(parts, dtype=torch.float32).repeat_interleave(3)
+
+    def covariance(self) -> Float[Tensor, "12 12"]:
+        """The diagonal covariance."""
+        return torch.diag(self.std().square())
+
+    def sample(self, generator: torch.Generator) -> Float[Tensor, "12"]:
+        """One random tangent vector."""
+        return self.std() * torch.randn(12, generator=generator)

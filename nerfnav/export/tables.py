@@ -1,0 +1,180 @@
+"""Trajectories as tables: one row for each time, as CSV for spreadsheets and as JSON that says what it means.
+
+Row k holds the state at time k dt and the action that is applied from there on; the last row has no action, which
+is an empty cell in CSV and null in JSON. Axes are those of the library: world ENU (x east, y north, z up), body FLU
+(x forward, y left, z up), attitude as the quaternion (w, x, y, z) of R_world_body.
+"""
+
+import csv
+import io
+import json
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import so3
+from nerfnav.navigation.episode import Episode
+from nerfnav.robots.state import Motion, RigidState
+
+FORMAT, VERSION = "nerfnav trajectory", 1
+FRAMES = {
+    "world": "ENU: x east, y north, z up",
+    "body": "FLU: x forward, y left, z up",
+    "attitude": "quaternion (w, x, y, z) of R_world_body",
+    "body_rate": "wx, wy, wz in the body's axes",
+}
+STATE_COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz")
+_UNITS = {"t": "s"} | dict.fromkeys("xyz", "m") | dict.fromkeys(("vx", "vy", "vz"), "m/s")
+_UNITS |= dict.fromkeys(("qw", "qx", "qy", "qz"), "1") | dict.fromkeys(("wx", "wy", "wz"), "rad/s")
+_UNIT_OF_SUFFIX = {"n": "N", "nm": "N m", "mps": "m/s", "mps2": "m/s^2", "radps": "rad/s", "radps2": "rad/s^2"}
+
+
+@dataclass(frozen=True)
+class Table:
+    """Named columns of numbers."""
+
+    columns: tuple[str, ...]
+    """Name of each column."""
+    values: Float[Tensor, "rows columns"]
+    """float64; NaN where a cell has no value."""
+    info: dict[str, Any] = field(default_factory=dict)
+    """What the numbers alone do not say: time step, robot, names of the actions."""
+
+    def column(self, name: str) -> Float[Tensor, " rows"]:
+        """The numbers under `name`."""
+        return self.values[:, self.columns.index(name)]
+
+    def block(self, names: tuple[str, ...]) -> Float[Tensor, "rows names"]:
+        """The numbers under several names, side by side."""
+        return torch.stack([self.column(name) for name in names], -1)
+
+
+def motion_table(motion: Motion, action_names: tuple[str, ...], robot: str = "") -> Table:
+    """The table of a motion of N steps: t, the 13 numbers of the state, the actions; N + 1 rows."""
+    states, actions = _state_block(motion.states), motion.actions.detach().to("cpu", torch.float64)
+    rows = states.shape[0]
+    if actions.shape != (rows - 1, len(action_names)):
+        raise InvalidInputError(
+            f"a motion of {rows} states needs actions of shape ({rows - 1}, {len(action_names)}), "
+            f"not {tuple(actions.shape)}"
+        )
+    time = motion.dt * torch.arange(rows, dtype=torch.float64)
+    last = torch.full((1, len(action_names)), math.nan, dtype=torch.float64)
+    values = torch.cat([time[:, None], states, torch.cat([actions, last])], -1)
+    info = {"robot": robot, "dt": motion.dt, "actions": list(action_names)}
+    return Table(("t", *STATE_COLUMNS, *action_names), values, info)
+
+
+def episode_table(episode: Episode, action_names: tuple[str, ...], robot: str = "") -> Table:
+    """The table of a flight: the motion that truly happened, then the belief beside it.
+
+    Adds belief_x ... belief_wz (mean), sd_x, sd_y, sd_z (standard deviation of the position [m]) and touched (1 where
+    the body met the ground truth on the way to this row).
+    """
+    flown = motion_table(Motion(episode.truth, episode.actions, episode.dt), action_names, robot)
+    variance = torch.diagonal(episode.beliefs.covariance, dim1=-2, dim2=-1)[..., :3]
+    extra = torch.cat(
+        [
+            _state_block(episode.beliefs.mean),
+            variance.detach().clamp_min(0).sqrt().double(),
+            episode.touched.double()[:, None],
+        ],
+        -1,
+    )
+    names = (*(f"belief_{name}" for name in STATE_COLUMNS), "sd_x", "sd_y", "sd_z", "touched")
+    info = flown.info | {"outcome": episode.outcome.name.lower()}
+    return Table(flown.columns + names, torch.cat([flown.values, extra], -1), info)
+
+
+def motion_of_table(table: Table) -> Motion:
+    """The motion that a table was made of; float32. Raises InvalidInputError where columns are missing."""
+    names = tuple(table.info.get("actions", ()))
+    missing = [name for name in ("t", *STATE_COLUMNS, *names) if name not in table.columns]
+    if missing or not names or "dt" not in table.info:
+        raise InvalidInputError(
+            "a table of a motion needs t, the state's columns, its actions and dt; "
+            f"missing: {', '.join(missing) or 'the names of the actions or dt'}"
+        )
+    states = RigidState(
+        table.block(("x", "y", "z")).float(),
+        table.block(("vx", "vy", "vz")).float(),
+        so3.matrix_from_quaternion(table.block(("qw", "qx", "qy", "qz"))).float(),
+        table.block(("wx", "wy", "wz")).float(),
+    )
+    return Motion(states, table.block(names)[:-1].float(), float(table.info["dt"]))
+
+
+def csv_text(table: Table) -> str:
+    """One header line, one line for each row; nine digits, which is every bit of a float32."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(table.columns)
+    for row in table.values.tolist():
+        writer.writerow(["" if math.isnan(value) else f"{value:.9g}" for value in row])
+    return stream.getvalue()
+
+
+def json_text(table: Table) -> str:
+    """One object: format, version, what is known about the table, frames, units, columns, rows."""
+    rows = [[None if math.isnan(value) else float(f"{value:.9g}") for value in row] for row in table.values.tolist()]
+    head = {"format": FORMAT, "version": VERSION, **table.info, "frames": FRAMES}
+    head |= {"units": {name: _unit(name) for name in table.columns}, "columns": list(table.columns)}
+    return json.dumps(head | {"rows": rows}, allow_nan=False) + "\n"
+
+
+def table_of_csv(text: str) -> Table:
+    """Read what `csv_text` wrote; a CSV says nothing but columns and numbers, so `info` stays empty."""
+    try:
+        header, *rows = csv.reader(io.StringIO(text))
+        return Table(tuple(header), _tensor([[float(cell) if cell else math.nan for cell in row] for row in rows]))
+    except ValueError as error:
+        raise InvalidInputError(f"this is not a CSV table of numbers under one header line: {error}") from error
+
+
+def table_of_json(text: str) -> Table:
+    """Read what `json_text` wrote. Raises InvalidInputError for any other text."""
+    try:
+        content = json.loads(text)
+        if content["format"] != FORMAT or content["version"] != VERSION:
+            raise ValueError(f"it says format {content['format']!r}, version {content['version']!r}")
+        rows = [[math.nan if value is None else float(value) for value in row] for row in content["rows"]]
+        derived = {"format", "version", "frames", "units", "columns", "rows"}
+        info = {name: value for name, value in content.items() if name not in derived}
+        return Table(tuple(content["columns"]), _tensor(rows), info)
+    except (ValueError, KeyError, TypeError) as error:
+        raise InvalidInputError(f"this is no {FORMAT} of version {VERSION}: {error}") from error
+
+
+def with_info(table: Table, **info: Any) -> Table:
+    """The same table that says more about itself."""
+    return replace(table, info=table.info | info)
+
+
+def _state_block(states: RigidState) -> Float[Tensor, "n 13"]:
+    quaternion = _continuous(so3.quaternion_from_matrix(states.rotation.detach().double()))
+    parts = [states.position.double(), states.velocity.double(), quaternion, states.body_rate.double()]
+    return torch.cat([part.detach().cpu() for part in parts], -1)
+
+
+def _continuous(quaternions: Float[Tensor, "n 4"]) -> Float[Tensor, "n 4"]:
+    """Choose between q and -q so that neighbours are close: readers interpolate between rows."""
+    along = (quaternions[1:] * quaternions[:-1]).sum(-1)
+    flips = torch.where(along < 0, -torch.ones_like(along), torch.ones_like(along))
+    return quaternions * torch.cat([torch.ones_like(flips[:1]), flips]).cumprod(0)[:, None]
+
+
+def _unit(column: str) -> str:
+    name = column.removeprefix("belief_").removeprefix("sd_")
+    return _UNITS.get(name) or _UNIT_OF_SUFFIX.get(name.rsplit("_", 1)[-1], "1")
+
+
+def _tensor(rows: list[list[float]]) -> Tensor:
+    table = torch.tensor(rows, dtype=torch.float64)
+    if table.dim() != 2:
+        raise ValueError("it has no rows")
+    return table

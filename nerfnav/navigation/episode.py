@@ -1,0 +1,195 @@
+"""An episode: a flight stacked over time, its numbers, and how it is stored.
+
+NEES, the normalised estimation error squared, is e' Sigma^-1 e with e = x (-) mu in the tangent of the mean. Its
+expectation is 12, the length of the tangent, when the covariance is honest; more when the filter is overconfident.
+(Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation", 2001, section 5.4.)
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.estimator.belief import Belief
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.robots.state import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
+
+_STATE = tuple(field.name for field in fields(RigidState))
+FORMAT, VERSION = "nerfnav episode", 1
+"""What episode.json says it is."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What happened at times 0, dt, ..., n dt."""
+
+    truth: RigidState
+    """Where the robot was; batch shape (n + 1,)."""
+    beliefs: Belief
+    """Where it believed to be; batch shape (n + 1,)."""
+    actions: Float[Tensor, "n a"]
+    """What it did in each step."""
+    plans: tuple[Motion, ...]
+    """What it intended at each of the n + 1 times; plans are of different lengths."""
+    touched: Bool[Tensor, " n+1"]
+    """Whether the body met the ground truth on the way to each time."""
+    filter_ms: Float[Tensor, " n+1"]
+    """Time that the filter took [ms]."""
+    replan_ms: Float[Tensor, " n+1"]
+    """Time that the planner took [ms]; the first is the first plan's."""
+    dt: float
+    """Length of a step [s]."""
+    outcome: EpisodeOutcome
+    """How it ended."""
+
+    @classmethod
+    def of(cls, steps: Sequence[NavigationStep]) -> "Episode":
+        """Stack the steps of a flight, all or the first ones (then the outcome is STOPPED)."""
+        if not steps:
+            raise InvalidInputError("an episode needs at least one navigation step")
+        actions = [step.action for step in steps if step.action is not None]
+        none = steps[0].plan.actions.new_zeros(0, steps[0].plan.actions.shape[-1])
+        return cls(
+            RigidState.stack([step.truth for step in steps]),
+            Belief.stack([step.belief for step in steps]),
+            torch.stack(actions) if actions else none,
+            tuple(step.plan for step in steps),
+            torch.tensor([step.touched for step in steps]),
+            torch.tensor([step.filter_ms for step in steps]),
+            torch.tensor([step.replan_ms for step in steps]),
+            steps[0].plan.dt,
+            steps[-1].outcome or EpisodeOutcome.STOPPED,
+        )
+
+    @property
+    def times(self) -> Float[Tensor, " times"]:
+        """[s]"""
+        return self.dt * torch.arange(len(self.touched))
+
+    @property
+    def goal(self) -> RigidState:
+        """Where the plans lead."""
+        return self.plans[0].states[-1]
+
+    def errors(self) -> Float[Tensor, "times 12"]:
+        """e = truth (-) mean at each time, in the tangent of the mean."""
+        return self.beliefs.mean.local(self.truth)
+
+    def nees(self) -> Float[Tensor, " times"]:
+        """Normalised estimation error squared at each time."""
+        errors = self.errors().double()
+        return (errors * torch.linalg.solve(self.beliefs.covariance.double(), errors)).sum(-1).float()
+
+    def metrics(self) -> dict[str, Any]:
+        """The numbers of the flight, as `nerfnav fly --json` prints them; plain numbers, None where there are none.
+
+        Errors and times are those of the n steps; the start, before any picture, is left out.
+        """
+        return {
+            "outcome": self.outcome.name.lower(),
+            "steps": len(self.actions),
+            "final_position_error_m": (self.truth.position[-1] - self.goal.position).norm().item(),
+            "mesh_collision_steps": int(self.touched.sum()),
+            "estimation": self._estimation(),
+            "timing_ms": self._timing_ms(),
+        }
+
+    def _estimation(self) -> dict[str, float | None]:
+        errors, nees = self.errors()[1:], self.nees()[1:]
+        parts = {"position_rmse_m": POSITION, "rotation_rmse_rad": ATTITUDE, "velocity_rmse": VELOCITY}
+        rmse = {name: errors[:, part].square().sum(-1).mean().sqrt() for name, part in parts.items()}
+        return {name: _number(value) for name, value in (rmse | {"nees_mean": nees.mean()}).items()}
+
+    def _timing_ms(self) -> dict[str, float | None]:
+        parts = {"replan": self.replan_ms, "filter": self.filter_ms, "step": self.replan_ms + self.filter_ms}
+        return {
+            f"{name}_p{percent}": _number(times[1:].quantile(percent / 100)) if len(times) > 1 else None
+            for name, times in parts.items()
+            for percent in (50, 95)
+        }
+
+    def save(self, folder: Path) -> tuple[Path, ...]:
+        """Write episode.npz and episode.json into a folder, which is made where it is missing; returns both."""
+        folder.mkdir(parents=True, exist_ok=True)
+        arrays = _arrays("truth", self.truth) | _arrays("belief", self.beliefs.mean)
+        arrays |= _arrays("plan", RigidState.cat([plan.states for plan in self.plans]))
+        arrays |= {
+            "belief.covariance": self.beliefs.covariance,
+            "plan.actions": torch.cat([plan.actions for plan in self.plans]),
+            "plan.steps": torch.tensor([len(plan.actions) for plan in self.plans]),
+            "actions": self.actions,
+            "touched": self.touched,
+            "filter_ms": self.filter_ms,
+            "replan_ms": self.replan_ms,
+        }
+        about = {"format": FORMAT, "version": VERSION, "dt": self.dt, **self.metrics()}
+        numbers, words = folder / "episode.npz", folder / "episode.json"
+        with _replacing(numbers) as beside, beside.open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **{name: value.numpy() for name, value in arrays.items()})
+        with _replacing(words) as beside:
+            beside.write_text(json.dumps(about, indent=2, allow_nan=False) + "\n")
+        return numbers, words
+
+    @classmethod
+    def load(cls, folder: Path) -> "Episode":
+        """Read what `save` wrote. Raises InvalidInputError for a folder that holds no readable episode."""
+        try:
+            about = json.loads((folder / "episode.json").read_text())
+            if (about["format"], about["version"]) != (FORMAT, VERSION):
+                raise ValueError(f"it says format {about['format']!r}, version {about['version']!r}")
+            with np.load(folder / "episode.npz", allow_pickle=False) as stored:
+                return _unpacked({name: torch.from_numpy(stored[name]) for name in stored.files}, about)
+        except FileNotFoundError as error:
+            raise InvalidInputError(f"there is no episode in {folder}: {error.filename} is missing") from error
+        except (ValueError, KeyError, TypeError, OSError, BadZipFile) as error:
+            raise InvalidInputError(f"{folder} holds no readable {FORMAT} of version {VERSION}: {error}") from error
+
+
+def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
+    lengths, dt = stored["plan.steps"].tolist(), float(about["dt"])
+    parts = [stored[f"plan.{name}"].split([n + 1 for n in lengths]) for name in _STATE]
+    states = [RigidState(*state) for state in zip(*parts, strict=True)]
+    actions = stored["plan.actions"].split(lengths)
+    return Episode(
+        _state("truth", stored),
+        Belief(_state("belief", stored), stored["belief.covariance"]),
+        stored["actions"],
+        tuple(Motion(*plan, dt) for plan in zip(states, actions, strict=True)),
+        stored["touched"],
+        stored["filter_ms"],
+        stored["replan_ms"],
+        dt,
+        EpisodeOutcome[about["outcome"].upper()],
+    )
+
+
+def _arrays(prefix: str, state: RigidState) -> dict[str, Tensor]:
+    return {f"{prefix}.{name}": getattr(state, name) for name in _STATE}
+
+
+def _state(prefix: str, stored: dict[str, Tensor]) -> RigidState:
+    return RigidState(*(stored[f"{prefix}.{name}"] for name in _STATE))
+
+
+def _number(value: Tensor) -> float | None:
+    return value.item() if value.isfinite() else None
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """A path to write to, which takes the place of `path` only once all is written."""
+    beside = path.with_name(f"{path.name}.part")
+    try:
+        yield beside
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

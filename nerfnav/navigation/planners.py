@@ -1,0 +1,58 @@
+"""What the loop asks of a planner, and the paper's planner in that shape."""
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from nerfnav.field.field import Field
+from nerfnav.planner.hot_start import hot_start
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.optimize import PlanConfig, plan, replan
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import PlanStep
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion, RigidState
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """Anything that finds a way and then keeps finding the rest of it."""
+
+    def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
+        """Plan from scratch over `steps` steps of `dt` [s]; the last step has the outcome."""
+        ...
+
+    def replan(
+        self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
+    ) -> Iterator[PlanStep]:
+        """Plan from `start` with the rest of `last`, of which `executed` steps are done, as hot start."""
+        ...
+
+
+@dataclass(frozen=True)
+class PaperPlanner:
+    """A* and Adam, then Adam again from the rest of the waypoints."""
+
+    field: Field
+    """Where."""
+    robot: Robot
+    """Who."""
+    first: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper)
+    """How the first plan is made."""
+    again: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper_replan)
+    """How the plan is redone at each time step."""
+    occupancy: OccupancyMap | None = None
+    """Saves making the map of the field again where the caller has it."""
+
+    def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
+        """See Planner."""
+        return plan(PlanProblem(self.field, self.robot, start, goal, steps, dt), self.first, self.occupancy)
+
+    def replan(
+        self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
+    ) -> Iterator[PlanStep]:
+        """See Planner."""
+        trajectory = hot_start(last, start, goal, self.robot, executed=executed, steps=steps)
+        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt)
+        return replan(problem, trajectory, self.again)

@@ -1,0 +1,210 @@
+"""Algorithm 1 of the paper: plan, then act, look, filter and plan again until the goal.
+
+    plan from the start (A*, Eq. 2)
+    repeat:  first action of the plan -> picture -> filter (Eqs. 3-8) -> plan from the posterior mean, hot-started
+"""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+from typing import TypeVar
+
+import torch
+
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.estimator import Estimator
+from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.predict import predict
+from nerfnav.estimator.steps import FilterOutcome
+from nerfnav.navigation.planners import Planner
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner.steps import PlanOutcome
+from nerfnav.robots.state import Motion, RigidState
+
+Step = TypeVar("Step", bound=LoopEvent)
+
+
+@dataclass(frozen=True)
+class NavigateConfig:
+    """How a flight is flown."""
+
+    plan: PlanConfig = field(default_factory=PlanConfig.paper)
+    """How the first plan is made (for the paper's planner)."""
+    replan: PlanConfig = field(default_factory=PlanConfig.paper_replan)
+    """How the plan is redone at each step (for the paper's planner)."""
+    filter: FilterConfig = field(default_factory=FilterConfig)
+    """How the state is estimated (for the paper's filter)."""
+    noise: StateNoise = field(default_factory=StateNoise)
+    """What disturbs the true robot at each step (paper: 2 cm, 0.02 rad, half on the rates)."""
+    initial: StateNoise = field(default_factory=StateNoise)
+    """Spread of the first belief around the truth, and its covariance (paper: covariance 0.1 I)."""
+    goal_tolerance_m: float = 0.08
+    """REACHED when the believed position is this near to the goal [m]."""
+    minimum_horizon: int = 8
+    """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
+    timeout_factor: float = 2.0
+    """TIMEOUT after this many times the planned steps."""
+    patience: int = 3
+    """DIVERGED after this many pictures in a row that disagree with the belief."""
+    open_loop: bool = False
+    """Fly the first plan blindly: no pictures, no replanning, beliefs moved by the dynamics alone."""
+
+    @classmethod
+    def paper(cls) -> "NavigateConfig":
+        """The paper's assumptions: covariance 0.1 I at the start and for the process noise."""
+        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1))
+
+
+@dataclass(frozen=True)
+class Mission:
+    """What is to be flown, from where the simulator stands."""
+
+    goal: RigidState
+    """Where the robot shall arrive."""
+    steps: int = 20
+    """Time steps of the first plan (paper: 20)."""
+    dt: float = 0.1
+    """Length of a time step [s] (paper: 0.1)."""
+    plan: Motion | None = None
+    """A first plan that is already made, from the start to the goal; None: plan now."""
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """Who flies."""
+
+    planner: Planner
+    """Finds the way."""
+    estimator: Estimator
+    """Says where the robot is."""
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """What does not change during a flight."""
+
+    mission: Mission
+    simulator: Simulator
+    pilot: Pilot
+    config: NavigateConfig
+    generator: torch.Generator
+
+
+def navigate(
+    mission: Mission,
+    simulator: Simulator,
+    pilot: Pilot,
+    config: NavigateConfig,
+    generator: torch.Generator,
+) -> Iterator[LoopEvent]:
+    """Fly from where the simulator stands to the goal (Algorithm 1).
+
+    Yields every iteration of planner and filter, and a NavigationStep for each time step, index 0 first; the last
+    one has the outcome. A robot that touches the ground truth flies on, so that the estimate can be studied, but its
+    outcome is COLLIDED whatever else happens. Raises what the planner raises for ends that cannot be planned
+    between.
+    """
+    flight = _Flight(mission, simulator, pilot, config, generator)
+    step = yield from _begin(flight)
+    yield step
+    touched, lost = False, 0
+    while step.outcome is None:
+        step = yield from (_drift(step, flight) if config.open_loop else _advance(step, flight))
+        touched |= step.touched
+        diverged = step.update is not None and step.update.outcome is FilterOutcome.DIVERGED
+        lost = lost + 1 if diverged else 0
+        outcome = EpisodeOutcome.DIVERGED if lost >= config.patience else _judge(step, flight)
+        if outcome is not None and touched:
+            outcome = EpisodeOutcome.COLLIDED
+        step = replace(step, outcome=outcome)
+        yield step
+
+
+def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
+    """Plan from the true start, which the user has chosen, then from where the robot believes to be."""
+    mission, start, config = flight.mission, flight.simulator.state, flight.config
+    mean = start.retract(config.initial.sample(flight.generator))
+    belief = Belief(mean, config.initial.covariance())
+    motion, spent_ms, outcome = mission.plan, 0.0, None
+    if motion is None:
+        planned, spent_ms = yield from _timed(
+            flight.pilot.planner.plan(start, mission.goal, mission.steps, mission.dt)
+        )
+        motion = planned.motion
+        if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
+            outcome = EpisodeOutcome.NO_PLAN
+    if outcome is None and not config.open_loop:
+        steps = motion.actions.shape[-2]
+        planned, again_ms = yield from _timed(
+            flight.pilot.planner.replan(motion, mean, mission.goal, steps, executed=0)
+        )
+        motion, spent_ms = planned.motion, spent_ms + again_ms
+    return NavigationStep(0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome)
+
+
+def _advance(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
+    """One turn of Algorithm 1."""
+    mission, simulator, index = flight.mission, flight.simulator, last.index + 1
+    action = last.plan.actions[0]
+    touched = simulator.act(action, mission.dt)
+    image = simulator.look()
+    update, filter_ms = yield from _timed(
+        flight.pilot.estimator.update(last.belief, image, action, mission.dt, flight.generator)
+    )
+    assert update.posterior is not None, "the last step of an estimator has the posterior"
+    horizon = max(mission.steps - index, flight.config.minimum_horizon)
+    planned, replan_ms = yield from _timed(
+        flight.pilot.planner.replan(last.plan, update.posterior.mean, mission.goal, horizon, executed=1)
+    )
+    return NavigationStep(
+        index, index * mission.dt, action, simulator.state, update.posterior, image, update, planned.motion,
+        touched, filter_ms, replan_ms,
+    )  # fmt: skip
+
+
+def _drift(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
+    """One time step without looking: the next planned action, and a belief that only spreads."""
+    yield from ()
+    simulator, dt, index = flight.simulator, flight.mission.dt, last.index + 1
+    action = last.plan.actions[0]
+    touched = simulator.act(action, dt)
+    belief = predict(last.belief, action, simulator.robot, dt, flight.config.filter.process_noise)
+    rest = Motion(last.plan.states[1:], last.plan.actions[1:], dt)
+    return NavigationStep(
+        index, index * dt, action, simulator.state, belief, None, None, rest, touched, 0.0, 0.0
+    )
+
+
+def _judge(step: NavigationStep, flight: _Flight) -> EpisodeOutcome | None:
+    """Whether the flight is over, collisions aside."""
+    mission, config = flight.mission, flight.config
+    if not _is_finite(step.plan):
+        return EpisodeOutcome.NO_PLAN
+    if config.open_loop and len(step.plan.actions):
+        return None
+    if (step.belief.mean.position - mission.goal.position).norm() < config.goal_tolerance_m:
+        return EpisodeOutcome.REACHED
+    late = step.index >= config.timeout_factor * mission.steps
+    return EpisodeOutcome.TIMEOUT if late or config.open_loop else None
+
+
+def _timed(steps: Iterator[Step]) -> Generator[Step, None, tuple[Step, float]]:
+    """Pass all steps on; returns the last one and the time that the work took [ms], the consumer's left out."""
+    spent, last = 0.0, None
+    while True:
+        began = perf_counter()
+        step = next(steps, None)
+        spent += perf_counter() - began
+        if step is None:
+            break
+        last = step
+        yield step
+    assert last is not None, "lasting work yields at least one step"
+    return last, 1e3 * spent
+
+
+def _is_finite(motion: Motion) -> bool:
+    return bool(motion.states.position.isfinite().all() and motion.actions.isfinite().all())

@@ -1,0 +1,54 @@
+"""The simulated robot: the true state, moved by the dynamics plus noise, and seen through a camera.
+
+The simulator knows neither field nor mesh: its camera and its sense of touch are callables, so that a mesh, a field
+or real hardware may stand behind them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import RigidState
+
+CameraFunction = Callable[[Pose], UInt8[Tensor, "height width 3"]]
+"""The picture that is taken at T_world_camera."""
+ContactFunction = Callable[[RigidState, RigidState], bool]
+"""Whether the body touches anything between two states."""
+
+
+@dataclass
+class Simulator:
+    """Where the robot truly is; `act` moves it."""
+
+    robot: Robot
+    """What moves."""
+    state: RigidState
+    """The truth, which estimator and planner never see."""
+    camera: CameraFunction
+    """Takes the pictures."""
+    generator: torch.Generator
+    """Decides the noise."""
+    mount: Pose = field(default_factory=lambda: FORWARD_MOUNT)
+    """T_body_camera."""
+    noise: StateNoise | None = field(default_factory=StateNoise)
+    """Disturbs the state after every step (paper: 2 cm, 0.02 rad, half on the rates); None: a perfect world."""
+    contact: ContactFunction | None = None
+    """Says whether the body touched anything on its way; None where there is no ground truth."""
+
+    def act(self, action: Float[Tensor, " a"], dt: float) -> bool:
+        """Apply an action for `dt` [s]; tells whether the body touched anything, and flies on even so."""
+        before = self.state
+        self.state = self.robot.step(before, action, dt)
+        if self.noise is not None:
+            self.state = self.state.retract(self.noise.sample(self.generator))
+        return self.contact is not None and self.contact(before, self.state)
+
+    def look(self) -> UInt8[Tensor, "height width 3"]:
+        """The picture that the robot's camera takes now."""
+        return self.camera(self.state.pose.compose(self.mount))

@@ -1,0 +1,24 @@
+"""A place of its own for tests: a field with one block in the middle, made without training."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from nerfnav.field.checkpoint import save_field
+from nerfnav.field.info import FieldInfo
+from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.geometry.box import Box
+
+
+@pytest.fixture(scope="session")
+def field_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A field of 2 m x 2 m x 1 m with a column of 0.4 m in its middle and colours that vary with the position."""
+    values = torch.full((41, 41, 21, 4), EMPTY_RAW)
+    values[16:25, 16:25, :, 0] = 1.0
+    x, y, z = torch.meshgrid(*(torch.linspace(0, 6, count) for count in values.shape[:3]), indexing="ij")
+    values[..., 1:] = 0.5 + 0.4 * torch.stack([x, y, z], -1).sin()
+    box = Box.of((-1, -1, 0), (1, 1, 1))
+    path = tmp_path_factory.mktemp("fields") / "column.npz"
+    save_field(VoxelField(box, values, torch.ones(3), FieldInfo(source="a test", psnr_db=30.0)), path)
+    return path

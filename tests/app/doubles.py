@@ -1,0 +1,116 @@
+"""Small stand-ins for what the app's tests need: a place of three balls, and jobs whose steps are made by hand."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+
+from app.events import JobFinished, Progress
+from app.messages import Answer, EndQuestion, EndReport, PlaceOpened, Question, View
+from app.place import Place
+from app.session import Job, JobKind, Session
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.steps import FilterStep
+from nerfnav.field.analytic import BallsField
+from nerfnav.field.info import FieldInfo
+from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.grid import node_positions, shape_for
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
+from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.state import Motion, RigidState
+
+
+def balls_place() -> Place:
+    """A place without ground truth: three balls in a box of 2 m."""
+    centers = torch.tensor([[0.0, 0.0, 0.3], [0.5, 0.4, 0.2], [-0.4, -0.5, 0.25]])
+    balls = BallsField(Box.of((-1, -1, 0), (1, 1, 0.8)), centers, torch.tensor([0.2, 0.15, 0.15]))
+    return Place("balls", voxels_of(balls, spacing=0.04), None, Quadrotor())
+
+
+def voxels_of(field: BallsField, spacing: float) -> VoxelField:
+    """The field on a grid of nodes about `spacing` [m] apart."""
+    points = node_positions(field.box, shape_for(field.box, spacing))
+    raw = torch.expm1((field.density(points) / DENSITY_SCALE).clamp_min(1e-9)).log().clamp_min(EMPTY_RAW)
+    values = torch.cat([raw[..., None], field.radiance(points, points).clamp(0, 1)], -1)
+    return VoxelField(field.box, values, field.background, FieldInfo(source="balls", noise_std=0.05))
+
+
+def straight_motion(ends: Any, steps: int = 8, dt: float = 0.1) -> Motion:
+    """A motion through evenly spaced level states, whose actions mean nothing."""
+    start, goal = ends.start.state(), ends.goal.state()
+    shares = torch.linspace(0, 1, steps + 1)[:, None]
+    rest = torch.zeros(steps + 1, 3)
+    states = RigidState(
+        start.position + shares * (goal.position - start.position), rest, start.rotation.expand(steps + 1, 3, 3), rest
+    )
+    return Motion(states, torch.zeros(steps, 4), dt)
+
+
+def plan_step(ends: Any, iteration: int, outcome: PlanOutcome | None = None) -> PlanStep:
+    """One iteration of a plan along the straight line."""
+    trajectory = Trajectory(torch.zeros(1), ends.start.state(), ends.goal.state(), 8, 0.1)
+    cost = PlanCost(collision=1 / (1 + iteration), control=2.0, limits=0.0)
+    return PlanStep(iteration, trajectory, straight_motion(ends), cost, outcome)
+
+
+def flight_step(ends: Any, index: int, outcome: EpisodeOutcome | None = None) -> NavigationStep:
+    """One time step of a flight along the straight line, the belief a centimetre beside the truth."""
+    motion = straight_motion(ends)
+    truth = motion.states[min(index, 8)]
+    covariance = torch.diag(torch.tensor([4e-4, 1e-4, 1e-4] + 9 * [1e-4]))
+    belief = Belief(truth.retract(torch.tensor([0.01] + 11 * [0.0])), covariance)
+    image = torch.full((20, 30, 3), 40 * index % 255, dtype=torch.uint8)
+    return NavigationStep(
+        index=index,
+        time=0.1 * index,
+        action=torch.zeros(4) if index else None,
+        truth=truth,
+        belief=belief,
+        image=image if index else None,
+        update=None,
+        plan=motion,
+        touched=False,
+        filter_ms=1.0,
+        replan_ms=2.0,
+        outcome=outcome,
+    )
+
+
+def filter_step(ends: Any, iteration: int) -> FilterStep:
+    """One iteration of a filter that believes to be at the start."""
+    pixels, residual = torch.zeros(4, 2, dtype=torch.int64), torch.zeros(4)
+    return FilterStep(iteration, ends.start.state(), 1.0, 0.1, pixels, residual)
+
+
+@dataclass
+class ScriptedWork:
+    """Work whose jobs yield what `scripts` has for their kind."""
+
+    scripts: dict[JobKind, list[Any]] = field(default_factory=dict)
+    asked: list[Question] = field(default_factory=list)
+    closed: list[int] = field(default_factory=list)
+
+    def begin(self, session: Session, job: Job) -> Iterator[Any]:
+        """Yield the script; an exception in it is raised."""
+        opening = [Progress("opening", 0.5), PlaceOpened(balls_place()), JobFinished("open")]
+        script = self.scripts.get(job.kind, opening if job.kind is JobKind.OPEN else [])
+        try:
+            for entry in script:
+                event = entry(job) if callable(entry) else entry
+                if isinstance(event, Exception):
+                    raise event
+                yield event
+        finally:
+            self.closed.append(job.id)
+
+    def answer(self, session: Session, question: Question) -> Answer:
+        """All ends are free, all views are grey."""
+        self.asked.append(question)
+        if isinstance(question, EndQuestion):
+            return EndReport(question, None)
+        return View(question, tuple(np.full((20, 20, 3), 90, np.uint8) for _ in question.states))

@@ -1,0 +1,79 @@
+"""Flying as a job: its events, its end, landing early."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from app.events import JobEvent, JobFinished, JobStarted
+from app.jobs.fly import FlyRequest, run
+from app.jobs.plan import PlanRequest
+from app.jobs.plan import run as plan_job
+from app.place import Place, open_place
+from nerfnav.errors import UnknownNameError
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.replan import NavigateConfig
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner.steps import PlanStep
+
+ROUTE = PlanRequest((-0.6, -0.6, 0.5), (0.6, -0.6, 0.5), config=PlanConfig(iterations=5))
+BLIND = FlyRequest(ROUTE, open_loop=True, config=NavigateConfig(replan=PlanConfig(iterations=2)))
+
+
+@pytest.fixture(scope="module")
+def place(field_file: Path) -> Place:
+    return open_place(str(field_file))
+
+
+def flown(events: Iterator[JobEvent]) -> tuple[list[NavigationStep], JobFinished]:
+    seen = list(events)
+    assert isinstance(seen[0], JobStarted)
+    assert isinstance(seen[-1], JobFinished)
+    return [event for event in seen if isinstance(event, NavigationStep)], seen[-1]
+
+
+def test_a_flight_tells_its_steps_and_then_its_numbers(place: Place) -> None:
+    steps, finished = flown(run(BLIND, place))
+    assert [step.index for step in steps] == list(range(21))
+    assert finished.summary["steps"] == 20
+    assert finished.summary["mesh_collision_steps"] is None, "nobody knows what is true here"
+
+
+def test_a_plan_that_is_already_made_is_flown(place: Place) -> None:
+    (*_, last), _ = [e for e in plan_job(ROUTE, place) if isinstance(e, PlanStep)], None
+    events = list(run(replace(BLIND, plan=last.motion), place))
+    steps = [event for event in events if isinstance(event, NavigationStep)]
+    assert not [event for event in events if isinstance(event, PlanStep)]
+    assert steps[1].action is not None
+    assert torch.equal(steps[1].action, last.motion.actions[0])
+
+
+def test_a_flight_that_is_asked_to_land_keeps_what_was_flown(place: Place, tmp_path: Path) -> None:
+    job = run(replace(BLIND, out=tmp_path / "run"), place)
+    event: JobEvent | None = next(job)
+    while not (isinstance(event, NavigationStep) and event.index == 4):
+        event = next(job)
+    event = job.send(True)
+    while not isinstance(event, JobFinished):
+        event = next(job)
+    assert event.summary["outcome"] == "stopped"
+    assert event.summary["steps"] == 4
+    assert Episode.load(tmp_path / "run").outcome is EpisodeOutcome.STOPPED
+    assert (tmp_path / "run" / "trajectory.csv").is_file()
+
+
+def test_a_cancelled_flight_writes_nothing(place: Place, tmp_path: Path) -> None:
+    job = run(replace(BLIND, out=tmp_path), place)
+    for event in job:
+        if isinstance(event, NavigationStep):
+            break
+    job.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_no_estimator_is_refused(place: Place) -> None:
+    with pytest.raises(UnknownNameError, match="no estimator named 'luck'; known are: paper"):
+        list(run(replace(BLIND, estimator="luck"), place))

@@ -1,0 +1,72 @@
+"""Planning as a job: its events, its end, its cancellation."""
+
+from pathlib import Path
+
+import pytest
+
+from app.events import JobFinished, JobStarted, Progress
+from app.jobs.plan import PlanRequest, run
+from app.place import Place, open_place
+from nerfnav.errors import InvalidInputError, OccupiedError, UnknownNameError
+from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner.steps import PlanStep
+
+QUICK = PlanConfig(iterations=7)
+
+
+@pytest.fixture(scope="module")
+def place(field_file: Path) -> Place:
+    return open_place(str(field_file))
+
+
+def request(**changes: object) -> PlanRequest:
+    return PlanRequest(**{"start": (-0.6, 0.0, 0.5), "goal": (0.6, 0.0, 0.5), "config": QUICK} | changes)
+
+
+def test_every_iteration_is_told_and_the_last_event_has_the_numbers(place: Place) -> None:
+    events = list(run(request(), place))
+    steps = [event for event in events if isinstance(event, PlanStep)]
+    assert isinstance(events[0], JobStarted)
+    assert [step.iteration for step in steps] == list(range(7))
+    assert isinstance(events[-1], JobFinished)
+    assert events[-1].summary["cost"]["total"] == steps[-1].cost.total
+    assert events[-1].files == ()
+
+
+def test_progress_only_grows(place: Place) -> None:
+    fractions = [event.fraction for event in run(request(), place) if isinstance(event, Progress)]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+
+
+def test_a_cancelled_plan_writes_nothing(place: Place, tmp_path: Path) -> None:
+    job = run(request(out=tmp_path), place)
+    assert isinstance(next(job), JobStarted)
+    next(job)
+    job.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_three_files_are_named_in_the_end(place: Place, tmp_path: Path) -> None:
+    *_, finished = run(request(out=tmp_path / "run"), place)
+    assert isinstance(finished, JobFinished)
+    assert {path.name for path in finished.files} == {"trajectory.csv", "trajectory.json", "plan.json"}
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {path.name for path in finished.files}
+
+
+def test_a_goal_in_the_column_is_refused_with_a_free_point(place: Place) -> None:
+    with pytest.raises(OccupiedError, match="nearest free point") as refusal:
+        list(run(request(goal=(0.0, 0.0, 0.5)), place))
+    assert refusal.value.nearest is not None
+    list(run(request(goal=refusal.value.nearest), place))
+
+
+def test_a_name_that_is_no_planner_is_refused(place: Place) -> None:
+    with pytest.raises(UnknownNameError, match="known are: paper"):
+        list(run(request(planner="luck"), place))
+
+
+@pytest.mark.parametrize("wrong", [{"dt": 0.0}, {"dt": float("nan")}, {"steps": 0}, {"config": PlanConfig(0)}])
+def test_numbers_that_make_no_plan_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(InvalidInputError, match="must be a number above 0"):
+        request(**wrong)

@@ -1,0 +1,114 @@
+"""Training as a job: its events, its end, stopping early."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from app.events import JobFinished, JobStarted, Progress
+from app.jobs.outputs import OutputError
+from app.jobs.train import StoppedError, TrainRequest, run
+from app.place import NoTrainedFieldError, field_file, open_place
+from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.field.checkpoint import load_field
+from nerfnav.field.train import TrainConfig, TrainStep
+from nerfnav.world.capture import CaptureConfig
+
+SMALL = {
+    "iterations": 40,
+    "images": 10,
+    "config": TrainConfig(voxel=0.06, report_every=10),
+    "capture": CaptureConfig(width=40, height=40, supersample=1),
+}
+
+
+def request(out: Path, **changes: object) -> TrainRequest:
+    return TrainRequest("blocks", out, **SMALL | changes)  # type: ignore[arg-type]
+
+
+def test_a_training_tells_its_pictures_and_steps_and_stores_a_field_that_knows_its_scene(tmp_path: Path) -> None:
+    out = tmp_path / "blocks.npz"
+    events = list(run(request(out, seed=5)))
+    assert isinstance(events[0], JobStarted)
+    labels = {event.label for event in events if isinstance(event, Progress)}
+    assert labels == {"photographing", "training"}
+    assert [event.iteration for event in events if isinstance(event, TrainStep)] == [10, 20, 30, 40]
+    finished = events[-1]
+    assert isinstance(finished, JobFinished)
+    field = load_field(out)
+    assert finished.summary["psnr_db"] == field.info.psnr_db
+    assert finished.summary["voxels"] == field.values[..., 0].numel()
+    assert (field.info.source, field.info.seed) == ("blocks", 5)
+    place = open_place(str(out))
+    assert place.scene is not None
+    assert place.scene.name == "blocks"
+
+
+def test_a_training_that_is_asked_to_stop_keeps_what_was_learned(tmp_path: Path) -> None:
+    job = run(request(tmp_path / "f.npz", iterations=100_000))
+    event = next(job)
+    while not isinstance(event, TrainStep):
+        event = next(job)
+    next(job)  # the progress beside it
+    event = job.send(True)
+    assert isinstance(event, TrainStep)
+    assert event.field is not None
+    *_, finished = job
+    assert isinstance(finished, JobFinished)
+    assert load_field(tmp_path / "f.npz").info.iterations < 100
+
+
+def test_stopping_before_anything_was_learned_says_so(tmp_path: Path) -> None:
+    job = run(request(tmp_path / "f.npz"))
+    next(job)
+    next(job)
+    with pytest.raises(StoppedError, match="nothing was learned yet"):
+        job.send(True)
+    assert not (tmp_path / "f.npz").exists()
+
+
+def test_a_cancelled_training_leaves_an_old_file_alone(tmp_path: Path) -> None:
+    out = tmp_path / "f.npz"
+    out.write_text("old")
+    job = run(request(out))
+    next(job)
+    next(job)
+    job.close()
+    assert out.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_the_same_seed_learns_the_same_field(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        list(run(request(tmp_path / name, seed=2)))
+    first, second = load_field(tmp_path / "a"), load_field(tmp_path / "b")
+    assert torch.equal(first.values, second.values)
+
+
+def test_what_a_scene_needs_grows_with_its_size() -> None:
+    asked = TrainRequest("blocks", Path("x"))
+    assert asked.train_config(1.0).iterations < asked.train_config(6.0).iterations
+    assert asked.capture_config(1.0).images < asked.capture_config(6.0).images
+    assert TrainRequest("blocks", Path("x"), iterations=7).train_config(6.0).iterations == 7
+
+
+def test_a_source_that_is_no_scene_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="known are: blocks, stonehenge"):
+        next(run(TrainRequest("atlantis", tmp_path / "f.npz")))
+    mesh = tmp_path / "mesh.glb"
+    mesh.touch()
+    with pytest.raises(InvalidInputError, match="bundled scenes only"):
+        next(run(TrainRequest(str(mesh), tmp_path / "f.npz")))
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_work(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="it is a folder"):
+        next(run(request(tmp_path)))
+
+
+def test_a_scene_without_a_trained_field_says_how_to_make_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenes.trained_path", lambda name: tmp_path / f"{name}.npz")
+    with pytest.raises(NoTrainedFieldError, match=r"run `nerfnav train blocks --out blocks\.npz`"):
+        field_file("blocks")

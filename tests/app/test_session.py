@@ -1,0 +1,238 @@
+"""The app's logic, without a browser and without threads."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import scenes
+from app import messages as m
+from app.ends import End, Ends, Which
+from app.events import JobFailed, JobFinished, Progress
+from app.reduce import reduce
+from app.session import CostHistory, JobKind, PlanRecord, Session
+from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.planner.steps import PlanCost, PlanOutcome
+from nerfnav.world.scene import Task
+from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
+
+
+def after(session: Session, *messages: m.Message) -> Session:
+    """The session after several messages."""
+    for message in messages:
+        session = reduce(session, message)
+    return session
+
+
+def reports(session: Session, *events: object) -> Session:
+    """The session after its running job has reported several events."""
+    for event in events:
+        assert session.job is not None
+        session = reduce(session, m.Reported(session.job.id, event))  # type: ignore[arg-type]
+    return session
+
+
+@pytest.fixture(scope="module")
+def opened() -> Session:
+    """A session whose place is open and idle."""
+    return reports(Session.opening("balls"), m.PlaceOpened(balls_place()), JobFinished("open"))
+
+
+def planned(session: Session) -> Session:
+    """The session after a whole plan between its ends."""
+    session = after(session, m.StartPlan())
+    steps = [plan_step(session.ends, 0), plan_step(session.ends, 1, PlanOutcome.CONVERGED)]
+    return reports(session, *steps, JobFinished("plan", {"wall_s": 1.5}))
+
+
+def test_a_session_begins_by_opening_its_place_and_refuses_commands_until_then() -> None:
+    session = Session.opening("balls")
+    assert session.job is not None and session.job.kind is JobKind.OPEN
+    assert after(session, m.StartPlan(), m.MoveEnd(Which.GOAL, End((1, 1, 1)))) == session
+
+
+def test_opening_shows_progress_then_the_place_with_ends_inside_its_box() -> None:
+    session = reports(Session.opening("balls"), Progress("shaping", 0.3))
+    assert session.job is not None and session.job.fraction == 0.3
+    session = reports(session, m.PlaceOpened(balls_place()), m.SurfaceShaped(b"glb"), JobFinished("open"))
+    assert session.place is not None and session.surface == b"glb" and session.job is None
+    for which in Which:
+        assert session.place.field.box.contains(session.ends.of(which).state().position)
+
+
+def test_a_moved_end_stays_inside_the_box_with_its_whole_body(opened: Session) -> None:
+    session = after(opened, m.MoveEnd(Which.GOAL, End((5.0, 0.2, -3.0), yaw=7.0)))
+    assert opened.place is not None
+    radius = opened.place.robot.body.radius
+    x, y, z = session.ends.goal.position
+    assert x == pytest.approx(1 - radius, abs=1e-4) and y == 0.2 and z == pytest.approx(radius, abs=1e-4)
+    assert session.ends.goal.yaw == pytest.approx(7.0 - 2 * math.pi)
+    assert session.ends.start == opened.ends.start
+
+
+@pytest.mark.parametrize("bad", [End((math.nan, 0, 0)), End((0, math.inf, 0)), End((0, 0, 0), math.nan)])
+def test_ends_that_are_not_finite_are_refused_with_a_notice(opened: Session, bad: End) -> None:
+    session = after(opened, m.MoveEnd(Which.START, bad))
+    assert session.ends == opened.ends
+    assert session.notices[-1].bad and "start needs finite numbers" in session.notices[-1].body
+
+
+def test_a_plan_grows_iteration_by_iteration_and_keeps_a_short_trail(opened: Session) -> None:
+    session = after(opened, m.StartPlan())
+    assert session.job is not None and session.job.kind is JobKind.PLAN and session.job.ends == session.ends
+    for iteration in range(300):
+        session = reports(session, plan_step(session.ends, iteration))
+    assert session.plan is not None and session.plan.latest is not None
+    assert session.plan.latest.iteration == 299
+    assert len(session.plan.trail) == PlanRecord.TRAIL
+    session = reports(
+        session, plan_step(session.ends, 300, PlanOutcome.CONVERGED), JobFinished("plan", {"wall_s": 2.0})
+    )
+    assert session.job is None and session.plan is not None
+    assert session.plan.outcome is PlanOutcome.CONVERGED and session.plan.summary == {"wall_s": 2.0}
+
+
+def test_cost_history_is_thinned_but_spans_all_iterations() -> None:
+    history = CostHistory()
+    for iteration in range(10_000):
+        history = history.appended(iteration, PlanCost(1.0 / (iteration + 1), 2.0, 0.0))
+    assert len(history.iterations) <= CostHistory.LIMIT
+    assert history.iterations[0] == 0 and history.iterations[-1] >= 9_900
+    assert set(np.diff(history.iterations)) == {history.stride}
+    assert history.costs[-1].collision == pytest.approx(1 / (history.iterations[-1] + 1))
+
+
+def test_moving_an_end_makes_the_plan_stale_and_unfit_to_be_flown(opened: Session) -> None:
+    session = planned(opened)
+    assert not session.plan_is_stale and session.fresh_plan is session.plan
+    moved = after(session, m.MoveEnd(Which.GOAL, End((0.7, -0.5, 0.3))))
+    assert moved.plan is session.plan and moved.plan_is_stale and moved.fresh_plan is None
+    flying = after(moved, m.StartFlight())
+    assert flying.plan is None and flying.job is not None and flying.job.first_plan is None
+
+
+def test_a_flight_begins_with_the_plan_at_hand_and_collects_its_time_steps(opened: Session) -> None:
+    session = after(planned(opened), m.StartFlight())
+    assert session.job is not None and session.job.first_plan is session.plan is not None
+    ends = session.ends
+    session = reports(session, flight_step(ends, 0), plan_step(ends, 3), flight_step(ends, 1))
+    assert session.flight is not None and [step.index for step in session.flight.steps] == [0, 1]
+    session = reports(session, flight_step(ends, 2, EpisodeOutcome.REACHED), JobFinished("fly", {"steps": 2}))
+    assert session.flight is not None and session.flight.outcome is EpisodeOutcome.REACHED
+    assert session.job is None and session.notices[-1].title == "Arrived" and not session.notices[-1].bad
+
+
+def test_planning_within_a_flight_is_shown_as_the_plan_before_the_first_step_only(opened: Session) -> None:
+    session = after(opened, m.StartFlight())
+    session = reports(session, plan_step(session.ends, 0), plan_step(session.ends, 1))
+    assert session.plan is not None and session.plan.latest is not None and session.plan.latest.iteration == 1
+    before = session.plan
+    session = reports(session, flight_step(session.ends, 0), plan_step(session.ends, 2))
+    assert session.plan is before and session.flight is not None and session.flight.plan is not None
+
+
+def test_pause_holds_step_grants_one_more_and_resume_lets_go(opened: Session) -> None:
+    session = after(opened, m.StartFlight())
+    session = reports(session, flight_step(session.ends, 0), flight_step(session.ends, 1))
+    paused = after(session, m.Pause())
+    assert paused.job is not None and paused.job.paused and paused.job.steps_granted == 2
+    stepped = after(paused, m.StepOnce())
+    assert stepped.job is not None and stepped.job.steps_granted == 3
+    resumed = after(stepped, m.Resume())
+    assert resumed.job is not None and not resumed.job.paused
+
+
+def test_cancel_keeps_what_was_computed_and_ignores_late_reports(opened: Session) -> None:
+    session = after(opened, m.StartPlan())
+    session = reports(session, plan_step(session.ends, 0))
+    assert session.job is not None
+    number, cancelled = session.job.id, after(session, m.Cancel())
+    assert cancelled.job is None and cancelled.plan is session.plan
+    assert after(cancelled, m.Reported(number, plan_step(session.ends, 1))) == cancelled
+    again = after(cancelled, m.StartPlan())
+    assert again.job is not None and again.job.id != number
+    assert after(again, m.Reported(number, JobFailed("plan", "late"))) == again
+
+
+def test_only_one_job_runs_at_a_time(opened: Session) -> None:
+    session = after(opened, m.StartPlan())
+    twice = after(session, m.StartFlight())
+    assert twice.job == session.job and "One thing at a time" in twice.notices[-1].body
+
+
+def test_a_failed_job_becomes_a_notice_and_the_app_goes_on(opened: Session) -> None:
+    session = reports(after(opened, m.StartPlan()), JobFailed("plan", "the goal is in a stone"))
+    assert session.job is None and session.notices[-1].bad
+    assert session.notices[-1].title == "Could not plan" and session.notices[-1].body == "the goal is in a stone"
+    assert after(session, m.StartPlan()).job is not None
+
+
+def test_a_plan_without_a_way_is_told_with_advice(opened: Session) -> None:
+    session = after(opened, m.StartPlan())
+    session = reports(session, plan_step(session.ends, 0, PlanOutcome.NO_PATH), JobFinished("plan"))
+    assert session.notices[-1].bad and "move one of them" in session.notices[-1].body
+    assert session.fresh_plan is None
+
+
+def test_reset_forgets_plan_and_flight_and_stops_the_job(opened: Session) -> None:
+    session = after(planned(opened), m.MoveEnd(Which.START, End((0.3, 0.7, 0.3))), m.StartFlight(), m.Reset())
+    assert session.plan is None and session.flight is None and session.job is None
+
+
+def test_the_page_asks_about_ends_and_views_until_it_is_answered(opened: Session) -> None:
+    questions = opened.questions
+    assert {type(question) for question in questions} == {m.EndQuestion, m.ViewQuestion}
+    session = opened
+    for question in questions:
+        answer = (
+            m.EndReport(question, None)
+            if isinstance(question, m.EndQuestion)
+            else m.View(question, (np.zeros((2, 2, 3)),))
+        )
+        session = after(session, answer)
+    assert session.questions == ()
+    moved = after(session, m.MoveEnd(Which.GOAL, End((0.6, -0.6, 0.4))))
+    assert {getattr(question, "which", "view") for question in moved.questions} == {Which.GOAL, "view"}
+
+
+def test_an_answer_about_an_end_that_has_moved_since_is_dropped(opened: Session) -> None:
+    late = m.EndReport(m.EndQuestion(Which.GOAL, End((9, 9, 9))), "in a stone")
+    assert after(opened, late) == opened
+
+
+def test_notices_are_numbered_and_only_the_last_few_are_kept(opened: Session) -> None:
+    session = after(opened, *(m.Tell("Title", str(number)) for number in range(12)))
+    assert [notice.body for notice in session.notices] == ["7", "8", "9", "10", "11"]
+    assert [notice.id for notice in session.notices] == [7, 8, 9, 10, 11]
+
+
+def test_an_unknown_message_is_a_programming_error(opened: Session) -> None:
+    with pytest.raises(TypeError, match="no message of type str"):
+        reduce(opened, "plan")  # type: ignore[arg-type]
+
+
+def test_a_task_of_the_scene_sets_both_ends_and_reset_brings_them_back() -> None:
+    bare = balls_place()
+    tasks = tuple(Task(name, (x, 0.0, 0.4), (-x, 0.0, 0.4)) for name, x in (("wide", 0.8), ("narrow", 0.6)))
+    scene = replace(scenes.load("blocks"), tasks=tasks)
+    session = reports(Session.opening("balls"), m.PlaceOpened(replace(bare, scene=scene)), JobFinished("open"))
+    assert session.task == "wide" and session.ends.start.position == (0.8, 0.0, 0.4)
+    session = after(session, m.ChooseTask("narrow"))
+    assert session.ends == Ends(End((0.6, 0.0, 0.4)), End((-0.6, 0.0, 0.4)))
+    assert after(session, m.ChooseTask("no such task")) == session
+    moved = after(session, m.MoveEnd(Which.GOAL, End((0.0, 0.7, 0.4))))
+    assert moved.task is None
+    back = after(moved, m.Reset())
+    assert back.ends == session.ends and back.task == "narrow"
+
+
+def test_iterations_within_a_time_step_move_guess_and_plan_until_the_step_is_done(opened: Session) -> None:
+    session = after(planned(opened), m.StartFlight())
+    session = reports(session, flight_step(session.ends, 0), filter_step(session.ends, 11))
+    assert session.flight is not None and session.flight.guess is not None
+    assert session.flight.doing == "filtering, iteration 12"
+    session = reports(session, plan_step(session.ends, 4))
+    assert session.flight is not None and session.flight.doing == "replanning, iteration 5"
+    session = reports(session, flight_step(session.ends, 1))
+    assert session.flight is not None and session.flight.guess is None and session.flight.doing == ""

@@ -1,0 +1,84 @@
+"""A real browser in front of a real server."""
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, sync_playwright
+
+from app.server import App
+from app.worker import Work
+from tests.browser.tab import Tab
+
+_CHROMIUM = Path("/usr/bin/chromium")
+_ARGUMENTS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-background-networking",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--disable-renderer-backgrounding",
+]
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Chromium without a window; where CI is set it must be there, elsewhere its tests are skipped without it."""
+    if not _CHROMIUM.exists():
+        if os.environ.get("CI"):
+            pytest.fail(f"{_CHROMIUM} is missing, and in CI the browser tests must run")
+        pytest.skip(f"{_CHROMIUM} is missing")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(_CHROMIUM), headless=True, args=_ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    """A profile of its own, with small pages that software can draw quickly."""
+    context = browser.new_context(viewport={"width": 1000, "height": 640}, accept_downloads=True)
+    yield context
+    context.close()
+
+
+def free_port() -> int:
+    """A port that nobody listens at now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[..., App]]:
+    """Starts apps on free ports, and stops them."""
+    apps: list[App] = []
+
+    def start(work: Work, token: str | None = None) -> App:
+        app = App("balls", port=free_port(), token=token, work=work)
+        apps.append(app)
+        app.start()
+        return app
+
+    yield start
+    for app in apps:
+        app.stop()
+
+
+@pytest.fixture
+def open_tab(context: BrowserContext) -> Callable[[App], Tab]:
+    """Opens an app in a new tab, and waits until its place can be used."""
+
+    def open_it(app: App) -> Tab:
+        tab = Tab(context.new_page(), app)
+        tab.load()
+        return tab
+
+    return open_it

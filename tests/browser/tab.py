@@ -1,0 +1,110 @@
+"""What a person does with the page, and what the page's own state says."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Page
+
+from app.ends import Which
+from app.server import App
+
+# where a world point is on the screen [pixels], by the page's own camera
+_TO_SCREEN = """
+([x, y, z]) => {
+  const mutable = window.__viserMutable, camera = mutable.camera;
+  const root = mutable.nodeRefFromName[''];
+  const point = camera.position.clone().set(x, y, z);
+  root.updateWorldMatrix(true, false);
+  root.localToWorld(point);
+  point.project(camera);
+  const box = mutable.canvas.getBoundingClientRect();
+  return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height];
+}
+"""
+_POSITION = "name => Array.from(window.__viserMutable.nodePoseData[name].position)"
+_PROPERTY = """
+([name, property]) => {
+  const node = window.__viserSceneTree.getState()[name];
+  if (!node || !node.message || !node.message.props) return null;
+  const value = node.message.props[property];
+  return ArrayBuffer.isView(value) ? Array.from(value) : value;
+}
+"""
+_VISIBLE = """
+name => {
+  const node = window.__viserSceneTree.getState()[name];
+  return !!node && (node.visibility ?? true);
+}
+"""
+
+
+class Tab:
+    """One open page of an app."""
+
+    def __init__(self, page: Page, app: App) -> None:
+        self.page, self.app = page, app
+        page.set_default_timeout(20_000)
+
+    def load(self) -> None:
+        """Load the page, and wait until its place can be used."""
+        separator = "&" if "?" in self.app.url else "?"
+        self.page.goto(f"{self.app.url}{separator}fixedDpr=0.5")
+        # the browser's complaint about drawing without a graphics card would cover the scene
+        self.page.add_style_tag(content=".mantine-Notification-root:has-text('WebGL') { display: none }")
+        self.page.wait_for_function("window.__viserSceneTree && window.__viserMutable && window.__viserMutable.canvas")
+        self.until(lambda: self.app.session.job is None, "the place was not opened")
+        self.until(lambda: self.has_node("/start") and self.has_node("/goal"), "the ends were not shown")
+
+    def until(self, condition: Callable[[], Any], complaint: str, timeout_s: float = 30.0) -> None:
+        """Wait until `condition` holds, letting the page live meanwhile."""
+        end = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end, complaint
+            self.page.wait_for_timeout(50)
+
+    def has_node(self, name: str) -> bool:
+        """Whether the page holds a scene node of that name."""
+        return self.page.evaluate("name => name in window.__viserSceneTree.getState()", name)
+
+    def is_visible(self, name: str) -> bool:
+        """Whether the page shows a scene node."""
+        return self.page.evaluate(_VISIBLE, name)
+
+    def property(self, name: str, property: str) -> Any:
+        """A property of a scene node as the page holds it; arrays come as flat lists."""
+        return self.page.evaluate(_PROPERTY, [name, property])
+
+    def line(self, name: str) -> np.ndarray:
+        """The points (n, 3) of a line as the page holds them."""
+        points = np.array(self.property(name, "points"), dtype=np.float64).reshape(-1, 2, 3)
+        return np.concatenate([points[:, 0], points[-1:, 1]])
+
+    def position(self, which: Which) -> np.ndarray:
+        """Where the page has the start or the goal [m]."""
+        return np.array(self.page.evaluate(_POSITION, f"/{which.value}"))
+
+    def press(self, name: str) -> None:
+        """Click a button."""
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def drag_along_x(self, which: Which, distance: float, gizmo: float) -> None:
+        """Drag the red arrow of an end's gizmo of size `gizmo` [m] by `distance` [m] along x."""
+        grip = self.position(which) + np.array([0.8 * gizmo, 0, 0])
+        aim = grip + np.array([distance, 0, 0])
+        (x0, y0), (x1, y1) = (self.page.evaluate(_TO_SCREEN, list(p)) for p in (grip, aim))
+        mouse = self.page.mouse
+        mouse.move(x0, y0)
+        self.page.wait_for_timeout(200)
+        mouse.down()
+        for share in np.linspace(0, 1, 11)[1:]:
+            mouse.move(x0 + share * (x1 - x0), y0 + share * (y1 - y0))
+            self.page.wait_for_timeout(30)
+        self.page.wait_for_timeout(150)
+        mouse.up()
+        self.page.wait_for_timeout(150)
+
+    def says(self, text: str) -> bool:
+        """Whether the page shows a text somewhere."""
+        return self.page.get_by_text(text).first.is_visible()

@@ -1,0 +1,76 @@
+"""The whole way in the browser, with the real planner and the real filter: drag, plan, fly, arrive, take away."""
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from app.ends import Which
+from app.jobs import scene
+from app.layers.ends import GIZMO
+from app.server import App
+from app.work import NavigationWork
+from nerfnav.estimator.descent import DescentConfig
+from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.pixels import PixelConfig
+from nerfnav.navigation.replan import NavigateConfig
+from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.planner.optimize import PlanConfig
+from tests.app.doubles import balls_place
+from tests.browser.tab import Tab
+
+_CALM = StateNoise(0.002, 0.002, 0.002, 0.002)  # so that a filter of few iterations keeps up
+
+
+def small_work() -> NavigationWork:
+    """Real jobs among three balls, with few iterations."""
+    pose_filter = FilterConfig(PixelConfig(count=64), DescentConfig(iterations=15), process_noise=_CALM)
+    return NavigationWork(
+        open=partial(scene.run, opener=lambda _: balls_place()),
+        plan=PlanConfig(iterations=40),
+        navigate=NavigateConfig(replan=PlanConfig(iterations=5), filter=pose_filter, noise=_CALM, initial=_CALM),
+    )
+
+
+def downloaded(tab: Tab, button: str) -> str:
+    """The text of the file that a button gives."""
+    with tab.page.expect_download() as download:
+        tab.press(button)
+    return Path(download.value.path()).read_text()
+
+
+def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
+    serve: Callable[..., App], open_tab: Callable[[App], Tab]
+) -> None:
+    app = serve(small_work())
+    tab = open_tab(app)
+    assert tab.has_node("/field"), "the field has no surface"
+    tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    goal = np.array(app.session.ends.goal.position)
+
+    tab.press("Plan")
+    tab.until(lambda: tab.is_visible("/plan/line"), "no iteration is shown")
+    tab.until(lambda: app.session.job is None, "the plan did not end", timeout_s=60)
+    assert app.session.plan is not None and app.session.plan.latest is not None
+    planned = app.session.plan.latest.motion.states.position.numpy()
+    tab.until(lambda: np.allclose(tab.line("/plan/line"), planned, atol=1e-5), "the page shows another plan")
+    np.testing.assert_allclose(tab.line("/plan/line")[-1], goal, atol=1e-4)
+
+    tab.press("Fly")
+    tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", 120)
+    flight = app.session.flight
+    assert flight is not None and flight.outcome is EpisodeOutcome.REACHED
+    tab.until(lambda: tab.says("The robot is at the goal."), "the page does not say that the robot arrived")
+    assert len(tab.line("/flight/truth")) == len(flight.steps)
+    assert np.linalg.norm(tab.line("/flight/truth")[-1] - goal) < 0.3
+
+    rows = list(csv.DictReader(io.StringIO(downloaded(tab, "CSV"))))
+    assert len(rows) == len(flight.steps)
+    truth = np.array([[float(row[name]) for name in "xyz"] for row in rows])
+    np.testing.assert_allclose(truth, tab.line("/flight/truth"), atol=1e-5)
+    assert json.loads(downloaded(tab, "JSON"))["format"].startswith("nerfnav")

@@ -1,0 +1,175 @@
+"""The page as a user has it: what is shown, what can be dragged and pressed, what survives."""
+
+import math
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from playwright.sync_api import BrowserContext
+
+from app.ends import Which
+from app.events import JobFinished, Progress
+from app.layers.ends import GIZMO
+from app.server import App
+from app.session import JobKind
+from nerfnav.errors import NerfnavError
+from nerfnav.planner.steps import PlanOutcome
+from tests.app.doubles import ScriptedWork, flight_step, plan_step
+from tests.browser.tab import Tab
+
+Serve = Callable[..., App]
+OpenTab = Callable[[App], Tab]
+
+
+def endless(job: object) -> Progress:
+    """A step of a job that never gets anywhere."""
+    time.sleep(0.02)
+    return Progress("optimising", 0.5)
+
+
+def test_the_page_shows_handles_and_panel_under_its_own_name(serve: Serve, open_tab: OpenTab) -> None:
+    tab = open_tab(serve(ScriptedWork()))
+    assert tab.page.title() == "nerfnav"
+    assert tab.says("balls") and tab.says("Start and goal")
+    for name in ("Plan", "Fly", "Reset"):
+        assert tab.page.get_by_role("button", name=name, exact=True).is_enabled()
+    for which in Which:
+        np.testing.assert_allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-5)
+
+
+def test_dragging_an_arrow_moves_the_end_in_every_tab_and_stays_after_a_reload(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(ScriptedWork())
+    first, second = open_tab(app), open_tab(app)
+    before = np.array(app.session.ends.goal.position)
+    first.page.bring_to_front()
+    first.drag_along_x(Which.GOAL, -0.3, GIZMO)
+    moved = np.array(app.session.ends.goal.position)
+    np.testing.assert_allclose(moved - before, [-0.3, 0, 0], atol=0.05)
+    for tab in (first, second):
+        tab.page.bring_to_front()
+        tab.until(lambda tab=tab: np.allclose(tab.position(Which.GOAL), moved, atol=1e-3), "a tab lags behind")
+    first.load()
+    np.testing.assert_allclose(first.position(Which.GOAL), moved, atol=1e-3)
+
+
+def test_an_end_dragged_out_of_the_box_comes_back_to_its_border(serve: Serve, open_tab: OpenTab) -> None:
+    tab = open_tab(serve(ScriptedWork()))
+    tab.drag_along_x(Which.START, -0.6, GIZMO)
+    place = tab.app.session.place
+    assert place is not None
+    border = -1 + place.robot.body.radius
+    tab.until(lambda: math.isclose(tab.position(Which.START)[0], border, abs_tol=1e-3), "the gizmo stayed outside")
+    assert tab.app.session.ends.start.position[0] == pytest.approx(border, abs=1e-4)
+
+
+def test_typed_numbers_move_the_gizmo(serve: Serve, open_tab: OpenTab) -> None:
+    tab = open_tab(serve(ScriptedWork()))
+    box = tab.page.locator("div:has(> div > p label:text-is('Goal [m]'))").last.locator("input").nth(2)
+    box.fill("0.5")
+    box.press("Enter")
+    tab.until(lambda: math.isclose(tab.position(Which.GOAL)[2], 0.5, abs_tol=1e-4), "the gizmo did not follow")
+
+
+def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: OpenTab) -> None:
+    steps = [lambda job, k=k: plan_step(job.ends, k) for k in range(20)]
+    last = [lambda job: plan_step(job.ends, 20, PlanOutcome.CONVERGED), JobFinished("plan", {"wall_s": 0.1})]
+    app = serve(ScriptedWork({JobKind.PLAN: [*steps, *last]}))
+    first, second = open_tab(app), open_tab(app)
+    first.page.bring_to_front()
+    first.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    first.press("Plan")
+    first.until(lambda: app.session.plan is not None and app.session.job is None, "the plan did not end")
+    for tab in (first, second):
+        tab.page.bring_to_front()
+        tab.until(lambda tab=tab: tab.is_visible("/plan/line"), "no plan is shown")
+        np.testing.assert_allclose(tab.line("/plan/line")[-1], app.session.ends.goal.position, atol=1e-4)
+    first.until(lambda: first.says("The cost has settled."), "the page does not say how it ended")
+
+
+def test_a_plan_turns_grey_when_an_end_moves(serve: Serve, open_tab: OpenTab) -> None:
+    done = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    tab = open_tab(serve(ScriptedWork({JobKind.PLAN: done})))
+    tab.press("Plan")
+    tab.until(lambda: tab.is_visible("/plan/line"), "no plan is shown")
+    fresh = tab.property("/plan/line", "colors")
+    tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    tab.until(lambda: tab.property("/plan/line", "colors") != fresh, "a stale plan looks fresh")
+    tab.until(lambda: tab.says("this plan leads to the earlier ones"), "the page does not say that it is stale")
+
+
+def test_cancel_stops_a_plan_and_the_next_one_can_begin(serve: Serve, open_tab: OpenTab) -> None:
+    tab = open_tab(serve(ScriptedWork({JobKind.PLAN: [lambda job: plan_step(job.ends, 0), *[endless] * 5000]})))
+    tab.press("Plan")
+    tab.until(lambda: tab.says("Optimising 50 %"), "no progress is shown")
+    tab.press("Cancel")
+    tab.until(lambda: tab.app.session.job is None, "the plan went on")
+    tab.until(lambda: tab.says("Stopped before it had settled."), "the page does not say that it stopped")
+    assert tab.is_visible("/plan/line")
+    tab.press("Plan")
+    tab.until(lambda: tab.app.session.job is not None, "no second plan began")
+
+
+def test_a_failed_job_is_told_in_every_tab_and_the_app_goes_on(serve: Serve, open_tab: OpenTab) -> None:
+    work = ScriptedWork({JobKind.PLAN: [NerfnavError("the goal is inside a stone")]})
+    app = serve(work)
+    tab = open_tab(app)
+    tab.press("Plan")
+    popup = tab.page.locator(".mantine-Notification-root", has_text="the goal is inside a stone")
+    popup.wait_for()
+    work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    tab.press("Plan")
+    tab.until(lambda: tab.is_visible("/plan/line"), "the app did not go on")
+
+
+def test_a_flight_can_be_paused_stepped_and_stopped(serve: Serve, open_tab: OpenTab) -> None:
+    def slowly(index: int) -> Callable[[object], object]:
+        def step(job: object) -> object:
+            endless(job)
+            return flight_step(job.ends, index)  # type: ignore[attr-defined]
+
+        return step
+
+    tab = open_tab(serve(ScriptedWork({JobKind.FLY: [slowly(k) for k in range(2000)]})))
+    app = tab.app
+    tab.press("Fly")
+    tab.until(lambda: app.session.steps_reported > 3, "the flight did not begin")
+    tab.press("Pause")
+    tab.until(lambda: tab.says("Paused after time step"), "the flight was not paused")
+    tab.page.wait_for_timeout(300)
+    held = app.session.steps_reported
+    tab.press("Step")
+    tab.until(lambda: app.session.steps_reported == held + 1, "no step was taken")
+    tab.page.wait_for_timeout(300)
+    assert app.session.steps_reported == held + 1
+    tab.until(lambda: len(tab.line("/flight/truth")) == held + 1, "the path does not show the step")
+    centers = np.array(tab.property("/flight/covariance", "batched_positions")).reshape(-1, 3)
+    assert len(centers) == held + 1
+    half = np.array(tab.property("/flight/covariance", "batched_scales")).reshape(-1, 3)
+    np.testing.assert_allclose(half.max(-1), 2.7955 * 0.02, rtol=1e-3)
+    tab.press("Resume")
+    tab.until(lambda: app.session.steps_reported > held + 3, "the flight did not go on")
+    tab.press("Stop")
+    tab.until(lambda: app.session.job is None, "the flight was not stopped")
+    tab.until(lambda: tab.says("Stopped on the way."), "the page does not say that it stopped")
+
+
+def test_without_the_token_there_is_no_page(serve: Serve, context: BrowserContext) -> None:
+    app = serve(ScriptedWork(), token="secret-1")
+    bare = app.url.split("?")[0]
+    for url in (bare, f"{bare}?token=wrong"):
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(url)
+    tab = Tab(context.new_page(), app)
+    tab.load()
+    assert tab.says("balls")
+
+
+@pytest.mark.parametrize("headers", [{"Host": "evil.example"}, {"Origin": "http://evil.example"}])
+def test_other_sites_are_refused(serve: Serve, headers: dict[str, str]) -> None:
+    app = serve(ScriptedWork())
+    assert urllib.request.urlopen(app.url).status == 200
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(urllib.request.Request(app.url, headers=headers))

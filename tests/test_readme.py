@@ -1,0 +1,58 @@
+"""README's commands and script run as written."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.cli import parse
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def commands() -> list[list[str]]:
+    """The words after `nerfnav` of every command in README."""
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    parts = [shlex.split(part, comments=True) for line in lines for part in line.split("&&")]
+    return [words[1:] for words in parts if words and Path(words[0]).name == "nerfnav"]
+
+
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
+def test_every_command_is_understood(words: list[str]) -> None:
+    command, arguments = parse(words)
+    assert isinstance(arguments, command.Arguments)
+
+
+def test_there_are_commands_for_every_part() -> None:
+    assert {words[0] for words in commands() if words and not words[0].startswith("-")} == {
+        "scenes", "plan", "fly", "export", "train", "info", "serve", "doctor",
+    }  # fmt: skip
+
+
+def test_the_script_prints_a_plan() -> None:
+    (script,) = blocks("python")
+    assert len([line for line in script.splitlines() if line]) <= 12
+    ran = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert ran.returncode == 0, ran.stderr
+    assert "PlanOutcome.CONVERGED" in ran.stdout
+    assert "overlap with the true stones: 0.0 m^3" in ran.stdout
+
+
+def test_every_folder_of_the_tree_exists() -> None:
+    tree = re.findall(r"^ {4,6}(\w+)/ ", README, re.MULTILINE)
+    assert len(tree) >= 13
+    for name in tree:
+        assert (ROOT / name).is_dir() or (ROOT / "nerfnav" / name).is_dir(), name
+
+
+def test_every_file_that_is_named_exists() -> None:
+    for name in re.findall(r"\b((?:static|tests|nerfnav|scenes)/[\w/]+\.\w+)", README):
+        assert (ROOT / name).is_file(), name

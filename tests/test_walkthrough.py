@@ -1,0 +1,79 @@
+"""The whole of nerfnav in one reading, on `blocks`, the smallest scene: from photographs to an exported flight."""
+
+from pathlib import Path
+
+import torch
+
+import scenes
+from nerfnav import robots
+from nerfnav.estimator.descent import DescentConfig
+from nerfnav.estimator.filter import FilterConfig, PoseFilter
+from nerfnav.export.tables import csv_text, episode_table, table_of_csv
+from nerfnav.field.checkpoint import load_field, save_field
+from nerfnav.field.train import TrainConfig, train
+from nerfnav.geometry.camera import Camera
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.planners import PaperPlanner
+from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.steps import NavigationStep
+from nerfnav.planner.optimize import PlanConfig, PlanProblem, plan
+from nerfnav.world.capture import CaptureConfig, capture, split
+from nerfnav.world.contact import contact_check, judge
+from nerfnav.world.raycast import MeshRenderer
+
+
+def test_from_photographs_to_a_flight(tmp_path: Path) -> None:
+    generator = torch.Generator().manual_seed(0)
+
+    # A scene is captured into images: a few are held out, to judge by.
+    scene = scenes.load("blocks")
+    *_, last_picture = capture(scene, CaptureConfig(images=60, width=100, height=100), generator)
+    assert last_picture.captured is not None
+    photographs, held_out = split(last_picture.captured)
+
+    # Images train a field, which says how good it is, and is stored and read again.
+    config = TrainConfig(voxel=0.02, iterations=200)
+    *_, trained = train(photographs, held_out, scene.box, torch.tensor(scene.sky), config, generator)
+    assert trained.field is not None
+    assert trained.psnr_db > 20
+    save_field(trained.field, tmp_path / "blocks.npz")
+    field = load_field(tmp_path / "blocks.npz")
+
+    # The planner bends a trajectory through the field; the mesh, which it never saw, is the judge.
+    robot, task = robots.load("quadrotor"), scene.tasks[0]
+    quick = PlanConfig(iterations=150)
+    *_, planned = plan(PlanProblem(field, robot, task.start_state, task.goal_state), quick)
+    assert torch.equal(planned.motion.states.position[-1], task.goal_state.position)
+    assert judge(scene, robot.body, planned.motion.states).max_overlap_m3 == 0
+
+    # The simulator moves the truth; the robot sees nothing but its camera's pictures of the mesh.
+    camera = Camera.from_fov(100, 100, 90)
+    renderer = MeshRenderer(scene, supersample=2)
+    simulator = Simulator(
+        robot,
+        task.start_state,
+        camera=lambda pose: renderer.render(camera, pose).image,
+        generator=generator,
+        contact=contact_check(scene, robot.body),
+    )
+
+    # The filter turns each picture into a belief; the plan is made anew from it: five steps of the paper's loop.
+    filtering = FilterConfig(descent=DescentConfig(iterations=60)).for_field(field.info.noise_std)
+    settings = NavigateConfig(filter=filtering)
+    pilot = Pilot(
+        PaperPlanner(field, robot, again=PlanConfig(iterations=20)),
+        PoseFilter(field, robot, camera, config=filtering),
+    )
+    flown: list[NavigationStep] = []
+    for event in navigate(Mission(task.goal_state, plan=planned.motion), simulator, pilot, settings, generator):
+        if isinstance(event, NavigationStep):
+            flown.append(event)
+        if len(flown) == 6:
+            break
+
+    # The steps join into an episode: the robot knew where it was, and the flight is taken away as a table.
+    episode = Episode.of(flown)
+    assert episode.metrics()["estimation"]["position_rmse_m"] < 0.05
+    table = table_of_csv(csv_text(episode_table(episode, robot.action_names)))
+    assert torch.allclose(table.block(("x", "y", "z")).float(), episode.truth.position)
