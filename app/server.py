@@ -30,12 +30,12 @@ from app.panels.status import StatusPanel
 from app.reduce import reduce
 from app.session import Session
 from app.theme import dress
+from app.threads import TORCH_THREADS
 from app.work import NavigationWork
 from app.worker import Work, Worker
 from nerfnav.errors import NerfnavError
 
 _log = logging.getLogger(__name__)
-_TORCH_THREADS = 1  # planner and filter are many small operations: more threads are no faster, and burn the cores
 _FRAME_S = 1 / 20  # the page changes at most this often; what happens in between is merged
 
 
@@ -79,7 +79,7 @@ class App:
         self._host, self._port, self._token = host, port, token
         self._session = Session.opening(what)
         self._inbox: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self._worker = Worker(work or NavigationWork(), self.post, _TORCH_THREADS)
+        self._worker = Worker(work or NavigationWork(), self.post, TORCH_THREADS)
         self._loop = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
         self._server: viser.ViserServer | None = None
         self._parts: tuple[Shows, ...] = ()

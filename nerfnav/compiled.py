@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import torch
 
 _PACKAGE = Path(__file__).parent
 
@@ -69,11 +70,16 @@ def default_threads() -> int:
 
 @contextmanager
 def threads(count: int) -> Iterator[int]:
-    """Let kernels inside the block use at most `count` threads; yields how many they really use."""
+    """Let kernels inside the block use at most `count` threads; yields how many they really use.
+
+    Both numba and torch run on OpenMP, and a parallel kernel leaves torch with all cores, on which its small tensors
+    are ten times slower beside another busy process: torch gets back the number that it had.
+    """
     used = max(1, min(count, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
-    before = numba.get_num_threads()
+    before, torch_before = numba.get_num_threads(), torch.get_num_threads()
     numba.set_num_threads(used)
     try:
         yield used
     finally:
         numba.set_num_threads(before)
+        torch.set_num_threads(torch_before)

@@ -17,7 +17,8 @@ from nerfnav.navigation.planners import PaperPlanner
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
-from nerfnav.planner.optimize import PlanConfig, PlanProblem, plan
+from nerfnav.planner.optimize import PlanConfig, plan
+from nerfnav.planner.problem import PlanProblem
 from nerfnav.world.capture import CaptureConfig, capture, split
 from nerfnav.world.contact import contact_check, judge
 from nerfnav.world.raycast import MeshRenderer

@@ -8,6 +8,7 @@ from functools import singledispatch
 from types import FrameType
 from typing import Any
 
+import torch
 from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
@@ -15,6 +16,7 @@ from rich.table import Table
 
 from app.events import JobEvents, JobFinished, Progress
 from app.jobs.outputs import json_line
+from app.threads import TORCH_THREADS
 from nerfnav.field.train import TrainStep
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.planner.steps import PlanStep
@@ -27,6 +29,7 @@ def follow(job: JobEvents, can_stop_early: bool = False) -> JobFinished:
 
     With `can_stop_early` the first Ctrl-C asks the job to end and keep what it has; a second one ends it at once.
     """
+    torch.set_num_threads(TORCH_THREADS)
     finished: JobFinished | None = None
     with _bar() as (bars, task), _stop_on_interrupt(can_stop_early) as stop:
         event = next(job, None)

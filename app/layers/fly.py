@@ -22,10 +22,11 @@ class FlyLayer:
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._truth = Line(server, "/flight/truth", TRUTH, 0.016)
-        self._belief = Line(server, "/flight/belief", BELIEF, 0.008)
+        self._belief = Line(server, "/flight/belief", BELIEF, 0.004)
         self._plan = Line(server, "/flight/plan", PLAN, 0.013)
         ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
-        self._covariance = Bodies(server, "/flight/covariance", ball, BELIEF, opacity=0.5)
+        self._covariance = Bodies(server, "/flight/covariance", ball, BELIEF, opacity=0.3)
+        self._means = Bodies(server, "/flight/means", ball, BELIEF, opacity=None)
         self._hits = Bodies(server, "/flight/hits", ball, HIT, opacity=0.9)
         self._robot: Bodies | None = None
         self._ghost: Bodies | None = None
@@ -49,7 +50,9 @@ class FlyLayer:
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
             self._covariance.show(*ellipsoids([step.belief for step in steps]))
-            self._hits.show(*_balls([step.truth for step in steps if step.touched], radius=0.02))
+            # dots, for a good estimate's line lies within the line of the truth
+            self._means.show(*_balls([step.belief.mean for step in steps], radius=0.014))
+            self._hits.show(*_balls([step.truth for step in steps if step.touched], radius=0.025))
             self._robot.show(*_placed(steps[-1].truth if steps else None))
             guess = flight.guess if flight is not None else None
             self._ghost.show(*_placed(guess or (steps[-1].belief.mean if steps else None)))

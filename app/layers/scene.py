@@ -29,8 +29,8 @@ def frame(server: viser.ViserServer, box: Box) -> None:
     """Let everyone look at the box from above one corner."""
     center, size = box.center.numpy().astype(float), box.size.numpy().astype(float)
     reach = float(np.hypot(size[0], size[1]))
-    eye = center + reach * np.array([-0.36, -0.68, 0.66])
-    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, 0.7 * size[2]])
+    eye = center + reach * np.array([-0.31, -0.60, 0.57])
+    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, 0.6 * size[2]])
     server.initial_camera.position = eye
     server.initial_camera.look_at = target
     server.initial_camera.fov = float(np.deg2rad(45))

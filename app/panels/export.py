@@ -4,12 +4,12 @@ from collections.abc import Callable
 from typing import Any
 
 import viser
-from nerfnav.navigation.episode import Episode
 
 from app.messages import Command, Reset, Tell
 from app.session import Session
 from app.widgets import note
 from nerfnav.export.tables import Table, csv_text, episode_table, json_text, motion_table
+from nerfnav.navigation.episode import Episode
 
 _TEXTS: dict[str, Callable[[Table], str]] = {"CSV": csv_text, "JSON": json_text}
 

@@ -13,7 +13,6 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import hessian
 from nerfnav.estimator.photometric import ColorNoise, Observation, inliers, photometric_cost
-from nerfnav.field.field import RaySamples
 from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT, RigidState
 
 _POSE = [*range(TANGENT)[POSITION], *range(TANGENT)[ATTITUDE]]
@@ -64,9 +63,9 @@ class PoseCost:
         information = torch.cholesky_inverse(root).to(prediction.covariance)
         return cls(observation, prediction, information, noise)
 
-    def terms(self, state: RigidState, samples: RaySamples) -> CostTerms:
+    def terms(self, state: RigidState) -> CostTerms:
         """J at a state, differentiable; which pixels are believed is decided afresh, outside the gradient."""
-        residual = self.observation.residual(state, samples)
+        residual = self.observation.residual(state)
         believed = inliers(residual, self.noise)
         photometric = photometric_cost(residual, believed, self.noise)
         return CostTerms(photometric, self.process(state), residual, believed)
@@ -81,14 +80,13 @@ class PoseCost:
 
         The photometric term depends on six of the twelve numbers only, which spares half of the work.
         """
-        observation = self.observation
-        samples = observation.samples(state)
+        samples = self.observation.samples(state)
         with torch.no_grad():
-            believed = self.terms(state, samples).believed
+            believed = self.terms(state).believed
         place = torch.eye(TANGENT, dtype=state.position.dtype)[_POSE]
 
         def photometric(pose_tangent: Float[Tensor, "6"]) -> Float[Tensor, ""]:
-            residual = observation.residual(state.retract(pose_tangent @ place), samples)
+            residual = self.observation.residual(state.retract(pose_tangent @ place), samples)
             return photometric_cost(residual, believed, self.noise)
 
         zero = torch.zeros(TANGENT, dtype=state.position.dtype)

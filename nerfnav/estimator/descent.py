@@ -58,7 +58,7 @@ def descend(
     state, rates = start, config.rates()
     before = deque([start], maxlen=config.stop_window + 1)
     for _ in range(config.iterations):
-        terms = cost.terms(state.retract(rates * scaled), cost.observation.samples(state))
+        terms = cost.terms(state.retract(rates * scaled))
         yield state, terms
         optimizer.zero_grad()
         terms.total.backward()
@@ -70,7 +70,7 @@ def descend(
         if config.stop_change is not None and _has_settled(before, config.stop_change):
             break
     with torch.no_grad():
-        yield state, cost.terms(state, cost.observation.samples(state))
+        yield state, cost.terms(state)
 
 
 def _has_settled(states: deque[RigidState], change: float) -> bool:

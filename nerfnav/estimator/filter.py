@@ -28,7 +28,7 @@ from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.field.field import Field
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.state import TANGENT, RigidState
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,20 @@ class FilterConfig:
     """S, the measurement noise; its `std` should be the field's own, see `for_field`."""
     innovation_gate: float = 80.0
     """DIVERGED when the process term ends above this (chi-squared of 12 numbers: above 39 once in 10,000)."""
-    residual_gate: float = 4.0
+    residual_gate: float = 2.0
     """DIVERGED when the median difference ends above this many standard deviations of the noise."""
+    retries: int = 2
+    """Where most pixels disagree in the end, descend again this often (paper: 0): details in a picture are finer
+    than a kick of 5 cm, so some descents end in a false minimum, which shows in the residual."""
+    candidates: int = 64
+    """Random states of the prediction, of which a further descent starts at the best."""
     least_contrast: int = 4
     """A picture whose colours differ by less than this says nothing [levels of 255]."""
 
     @classmethod
     def paper(cls) -> "FilterConfig":
         """The paper's numbers: 300 steps without early stop, 256 pixels, Q = 0.1 I."""
-        return cls(descent=DescentConfig(stop_change=None), process_noise=StateNoise.isotropic(0.1))
+        return cls(process_noise=StateNoise.isotropic(0.1), retries=0)
 
     def for_field(self, noise_std: float | None) -> "FilterConfig":
         """The same with the noise that was measured for a field (`field.info.noise_std`); None changes nothing."""
@@ -98,41 +103,64 @@ class PoseFilter:
         prediction = predict(belief, action, self.robot, dt, self.config.process_noise)
         choice = choose_pixels(image, self.config.pixels, generator)
         observation = Observation.of(image, choice.pixels, (self.field, self.camera, self.mount))
-        config = self.config
-        cost = PoseCost.of(observation, prediction, config.color_noise)
-        says_something = contrast(image) >= config.least_contrast
-        return self._correct(cost, choice.source, says_something)
+        cost = PoseCost.of(observation, prediction, self.config.color_noise)
+        if contrast(image) < self.config.least_contrast:
+            return iter([self._without_picture(cost, choice.source)])
+        return self._correct(cost, choice.source, generator)
 
-    def _correct(self, cost: PoseCost, source: PixelSource, says_something: bool) -> Iterator[FilterStep]:
-        """Go down the cost; the last step repeats the last iteration, with the posterior."""
-        prediction = cost.prediction
-        states = descend(cost, prediction.mean, self.config.descent, self.retraction)
-        step = _record(0, *next(states), cost, source)
-        if not (says_something and math.isfinite(step.photometric)):
-            yield replace(step, posterior=prediction, outcome=FilterOutcome.PREDICTED_ONLY)
-            return
-        yield step
-        for iteration, (state, terms) in enumerate(states, 1):
-            step = _record(iteration, state, terms, cost, source)
-            if not math.isfinite(step.photometric):
-                yield replace(step, posterior=prediction, outcome=FilterOutcome.DIVERGED)
+    def _correct(
+        self, cost: PoseCost, source: PixelSource, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        """Go down the cost, again from elsewhere where that ends in a false minimum.
+
+        The last step repeats the last iteration, with the posterior.
+        """
+        start, iteration, step = cost.prediction.mean, 0, None
+        for attempt in range(self.config.retries + 1):
+            start = start if attempt == 0 else self._likeliest(cost, generator)
+            for state, terms in descend(cost, start, self.config.descent, self.retraction):
+                step = _record(iteration, state, terms, cost, source)
+                if not math.isfinite(step.photometric):
+                    nothing = FilterOutcome.PREDICTED_ONLY if iteration == 0 else FilterOutcome.DIVERGED
+                    yield replace(step, posterior=cost.prediction, outcome=nothing)
+                    return
+                yield step
+                iteration += 1
+            assert step is not None, "a descent yields at least its start"
+            if attempt == self.config.retries or not self._disagrees(step):
+                yield self._conclude(step, cost)
                 return
-            yield step
-        yield self._conclude(step, cost)
 
     def _conclude(self, step: FilterStep, cost: PoseCost) -> FilterStep:
         """The posterior at the minimum, or the prediction where the minimum is not to be believed."""
-        curved = cost.hessian(step.mean)
-        covariance, curvature = posterior_covariance(curved, cost.prediction.covariance)
-        surprise = step.residual.median().item() / self.config.color_noise.std
-        if (
-            step.process > self.config.innovation_gate
-            or surprise > self.config.residual_gate
-            or not covariance.isfinite().all()
-        ):
+        if step.process > self.config.innovation_gate or self._disagrees(step):
             return replace(step, posterior=cost.prediction, outcome=FilterOutcome.DIVERGED)
+        curved = cost.hessian(step.mean)
+        if not curved.isfinite().all():
+            return replace(step, posterior=cost.prediction, outcome=FilterOutcome.DIVERGED)
+        covariance, curvature = posterior_covariance(curved, cost.prediction.covariance)
         posterior = Belief(step.mean, covariance)
         return replace(step, posterior=posterior, outcome=FilterOutcome.UPDATED, curvature=curvature)
+
+    def _disagrees(self, step: FilterStep) -> bool:
+        """Whether most pixels differ by more than noise explains."""
+        return step.residual.median().item() > self.config.residual_gate * self.config.color_noise.std
+
+    @torch.no_grad()
+    def _likeliest(self, cost: PoseCost, generator: torch.Generator) -> RigidState:
+        """Of random states of the prediction, the one from which the field looks most like the picture."""
+        prediction = cost.prediction
+        root = torch.linalg.cholesky(prediction.covariance)
+        draws = torch.randn(self.config.candidates, TANGENT, generator=generator) @ root.T
+        states = [prediction.mean.retract(draw) for draw in draws]
+        return min(states, key=lambda state: difference(cost.observation.residual(state)).mean().item())
+
+    @torch.no_grad()
+    def _without_picture(self, cost: PoseCost, source: PixelSource) -> FilterStep:
+        """The prediction as posterior."""
+        prediction = cost.prediction
+        step = _record(0, prediction.mean, cost.terms(prediction.mean), cost, source)
+        return replace(step, posterior=prediction, outcome=FilterOutcome.PREDICTED_ONLY)
 
 
 def check_image(image: Tensor, camera: Camera) -> None:
@@ -141,7 +169,7 @@ def check_image(image: Tensor, camera: Camera) -> None:
     if image.dtype != torch.uint8 or tuple(image.shape) != wanted:
         raise InvalidInputError(
             f"this camera takes uint8 pictures of {wanted[0]} x {wanted[1]} x 3 (height x width x RGB), not "
-            f" {str(image.dtype).removeprefix('torch.')} of {' x '.join(map(str, image.shape))}"
+            f"{str(image.dtype).removeprefix('torch.')} of {' x '.join(map(str, image.shape))}"
         )
 
 

@@ -1,4 +1,4 @@
-"""What the loop asks of a planner, and the paper's planner in that shape."""
+"""What the loop asks of a planner, and the paper's planner and the fast one in that shape."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from nerfnav.field.field import Field
+from nerfnav.planner.fast import FastPlanConfig, plan_fast, replan_fast
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.optimize import PlanConfig, plan, replan
@@ -56,3 +57,31 @@ class PaperPlanner:
         trajectory = hot_start(last, start, goal, self.robot, executed=executed, steps=steps)
         problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt)
         return replan(problem, trajectory, self.again)
+
+
+@dataclass(frozen=True)
+class FastPlanner:
+    """A* and quasi-Newton on compiled kernels, then quasi-Newton again from the rest of the waypoints."""
+
+    field: Field
+    """Where."""
+    robot: Robot
+    """Who."""
+    first: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
+    """How the first plan is made."""
+    again: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
+    """How the plan is redone at each time step."""
+    occupancy: OccupancyMap | None = None
+    """Saves making the map of the field again where the caller has it."""
+
+    def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
+        """See Planner."""
+        return plan_fast(PlanProblem(self.field, self.robot, start, goal, steps, dt), self.first, self.occupancy)
+
+    def replan(
+        self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
+    ) -> Iterator[PlanStep]:
+        """See Planner."""
+        trajectory = hot_start(last, start, goal, self.robot, executed=executed, steps=steps)
+        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt)
+        return replan_fast(problem, trajectory, self.again)

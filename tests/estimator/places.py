@@ -1,0 +1,58 @@
+"""A tiny place to estimate in: soft balls all around, a small wide camera, a quadrotor that hovers."""
+
+import torch
+from torch import Tensor
+
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.cost import PoseCost
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.photometric import ColorNoise, Observation
+from nerfnav.field.analytic import BallsField
+from nerfnav.field.field import Field
+from nerfnav.field.render import render_image
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.state import RigidState
+
+ROBOT = Quadrotor()
+HOVER = torch.tensor([ROBOT.weight, 0.0, 0.0, 0.0])
+CAMERA = Camera.from_fov(24, 20, 90)
+BOX = Box.of((-1.0, -1.0, -0.2), (1.0, 1.0, 0.8))
+HERE = RigidState.at_rest((-0.3, 0.0, 0.25))
+COLOR_STD = 0.02
+
+
+def balls() -> BallsField:
+    """Balls near and far, left and right, high and low, so that every pose number shows."""
+    centers = torch.tensor([
+        [0.1, 0.25, 0.35], [0.5, -0.1, 0.2], [0.2, -0.35, 0.1], [0.0, 0.1, -0.05],
+        [0.7, 0.4, 0.4], [0.05, -0.2, 0.55], [0.8, -0.6, 0.3],
+    ])  # fmt: skip
+    radii = torch.tensor([0.12, 0.15, 0.12, 0.12, 0.3, 0.1, 0.25])
+    return BallsField(BOX, centers, radii, softness=0.02, step=0.03)
+
+
+def draws(seed: int) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def picture(field: Field, state: RigidState, noise: torch.Generator | None = None) -> Tensor:
+    """What the robot's camera sees of the field, with noise of COLOR_STD where there is a generator."""
+    color = render_image(field, CAMERA, state.pose.compose(FORWARD_MOUNT)).color
+    if noise is not None:
+        color = color + COLOR_STD * torch.randn(color.shape, generator=noise)
+    return (255 * color.clamp(0, 1)).round().to(torch.uint8)
+
+
+def cost_at(truth: RigidState, prediction: Belief, colors: ColorNoise | None = None) -> PoseCost:
+    """J for the picture taken at `truth`, over all pixels."""
+    field = balls()
+    observation = Observation.of(picture(field, truth), CAMERA.pixels(), (field, CAMERA, FORWARD_MOUNT))
+    return PoseCost.of(observation, prediction, ColorNoise(std=COLOR_STD, alike=1.0) if colors is None else colors)
+
+
+def near(state: RigidState, seed: int, noise: StateNoise | None = None) -> Belief:
+    """A belief whose mean is off as its covariance says."""
+    noise = StateNoise(0.01, 0.01, 0.01, 0.01) if noise is None else noise
+    return Belief(state.retract(noise.sample(draws(seed))), noise.covariance())

@@ -1,0 +1,89 @@
+"""Stand-ins for planner and estimator that take microseconds, so that the loop itself is tested."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.predict import predict
+from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.navigation.replan import Mission
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.planner.hot_start import hot_start
+from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
+from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.state import Motion, RigidState
+
+ROBOT = Quadrotor()
+START, GOAL = RigidState.at_rest((-0.4, 0.0, 0.3)), RigidState.at_rest((0.4, 0.1, 0.3))
+MISSION = Mission(GOAL, steps=12)
+CALM = StateNoise(0.002, 0.001, 0.002, 0.001)
+COST = PlanCost(0.0, 1.0, 0.0)
+
+
+def draws(seed: int) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def grey(pose: object) -> Tensor:
+    return torch.full((4, 6, 3), 100, dtype=torch.uint8)
+
+
+def simulator(**parts: object) -> Simulator:
+    """A robot at START that sees grey in a calm world, unless told otherwise."""
+    defaults: dict[str, object] = {"camera": grey, "generator": draws(0), "noise": CALM}
+    return Simulator(ROBOT, START, **(defaults | parts))  # type: ignore[arg-type]
+
+
+@dataclass
+class StraightPlanner:
+    """Straight lines; remembers what it was asked."""
+
+    outcome: PlanOutcome = PlanOutcome.CONVERGED
+    broken: bool = False
+    starts: list[RigidState] = field(default_factory=list)
+    horizons: list[int] = field(default_factory=list)
+
+    def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
+        share = torch.linspace(0, 1, steps + 1)[:, None]
+        share = share**3 * (10 - 15 * share + 6 * share.square())
+        positions = start.position + share * (goal.position - start.position)
+        free = ROBOT.encode(torch.cat([positions, torch.zeros(steps + 1, 1)], -1), start, goal, dt)
+        yield from self._steps(Trajectory(free, start, goal, steps, dt), self.outcome)
+
+    def replan(
+        self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
+    ) -> Iterator[PlanStep]:
+        self.starts.append(start)
+        self.horizons.append(steps)
+        rest = hot_start(last, start, goal, ROBOT, executed=executed, steps=steps)
+        yield from self._steps(rest, PlanOutcome.CONVERGED)
+
+    def _steps(self, trajectory: Trajectory, outcome: PlanOutcome) -> Iterator[PlanStep]:
+        motion = trajectory.motion(ROBOT)
+        if self.broken:
+            motion = motion.map(lambda tensor: tensor * torch.nan)
+        yield PlanStep(0, trajectory, motion, COST)
+        yield PlanStep(1, trajectory, motion, COST, outcome)
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """An estimator that knows the truth, or pretends to be lost."""
+
+    simulator: Simulator
+    outcome: FilterOutcome = FilterOutcome.UPDATED
+
+    def update(
+        self, belief: Belief, image: Tensor, action: Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        prediction = predict(belief, action, ROBOT, dt, CALM)
+        seen = Belief(self.simulator.state, prediction.covariance)
+        step = FilterStep(
+            0, seen.mean, 1.0, 1.0, torch.zeros(1, 2, dtype=torch.long), torch.zeros(1), seen, self.outcome
+        )
+        yield step

@@ -1,0 +1,135 @@
+"""Episodes: stacking, numbers, storage."""
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.replan import NavigateConfig, Pilot, navigate
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.robots.state import RigidState
+from tests.navigation.doubles import CALM, MISSION, Oracle, StraightPlanner, draws, simulator
+
+
+@pytest.fixture(scope="module")
+def flight() -> list[NavigationStep]:
+    world = simulator(contact=lambda before, after: bool(before.position[0] < 0 <= after.position[0]))
+    events = navigate(MISSION, world, Pilot(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM), draws(1))
+    return [event for event in events if isinstance(event, NavigationStep)]
+
+
+def shifted(steps: list[NavigationStep], tangent: torch.Tensor, variance: float) -> list[NavigationStep]:
+    """The same flight with beliefs that are off by a given tangent."""
+    covariance = variance * torch.eye(12)
+    return [
+        replace(step, belief=replace(step.belief, mean=step.truth.retract(-tangent), covariance=covariance))
+        for step in steps
+    ]
+
+
+def test_an_episode_stacks_a_flight_over_time(flight: list[NavigationStep]):
+    episode = Episode.of(flight)
+    count = len(flight)
+    assert episode.truth.position.shape == (count, 3)
+    assert episode.beliefs.covariance.shape == (count, 12, 12)
+    assert episode.actions.shape == (count - 1, 4)
+    assert len(episode.plans) == count
+    assert episode.times[-1] == pytest.approx(0.1 * (count - 1))
+    assert episode.outcome is EpisodeOutcome.COLLIDED
+    torch.testing.assert_close(episode.goal.position, MISSION.goal.position)
+
+
+def test_a_flight_that_was_stopped_has_that_outcome(flight: list[NavigationStep]):
+    assert Episode.of(flight[:3]).outcome is EpisodeOutcome.STOPPED
+
+
+def test_an_episode_of_nothing_is_refused():
+    with pytest.raises(InvalidInputError, match="at least one"):
+        Episode.of([])
+
+
+def test_the_errors_are_root_mean_squares_of_what_the_beliefs_are_off(flight: list[NavigationStep]):
+    tangent = torch.zeros(12)
+    tangent[:3] = torch.tensor([0.03, 0.0, 0.04])
+    tangent[3], tangent[6] = 0.2, 0.1
+    numbers = Episode.of(shifted(flight, tangent, 0.01)).metrics()["estimation"]
+    assert numbers["position_rmse_m"] == pytest.approx(0.05, rel=1e-4)
+    assert numbers["velocity_rmse"] == pytest.approx(0.2, rel=1e-4)
+    assert numbers["rotation_rmse_rad"] == pytest.approx(0.1, rel=1e-4)
+    assert numbers["nees_mean"] == pytest.approx((0.05**2 + 0.2**2 + 0.1**2) / 0.01, rel=1e-3)
+
+
+def test_the_start_before_any_picture_does_not_count(flight: list[NavigationStep]):
+    far = replace(flight[0].belief, mean=RigidState.at_rest((9.0, 9.0, 9.0)))
+    steps = [replace(flight[0], belief=far), *shifted(flight[1:], torch.zeros(12), 0.01)]
+    assert Episode.of(steps).metrics()["estimation"]["position_rmse_m"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_numbers_of_a_flight_are_those_that_fly_promises(flight: list[NavigationStep]):
+    steps = [replace(step, filter_ms=2.0, replan_ms=float(step.index)) for step in flight]
+    numbers = Episode.of(steps).metrics()
+    assert numbers["outcome"] == "collided"
+    assert numbers["steps"] == len(flight) - 1
+    assert numbers["mesh_collision_steps"] == 1
+    assert numbers["final_position_error_m"] < 0.1
+    timing = numbers["timing_ms"]
+    assert timing["filter_p50"] == timing["filter_p95"] == 2.0
+    assert timing["replan_p50"] == pytest.approx(len(flight) / 2)
+    assert timing["step_p50"] == pytest.approx(len(flight) / 2 + 2)
+    json.dumps(numbers, allow_nan=False)
+
+
+def test_a_flight_of_no_steps_has_no_errors(flight: list[NavigationStep]):
+    numbers = Episode.of(flight[:1]).metrics()
+    assert numbers["steps"] == 0
+    assert set(numbers["estimation"].values()) == {None}
+    assert set(numbers["timing_ms"].values()) == {None}
+
+
+def test_an_episode_comes_back_as_it_was_saved(flight: list[NavigationStep], tmp_path: Path):
+    episode = Episode.of(flight)
+    files = episode.save(tmp_path / "runs" / "first")
+    again = Episode.load(tmp_path / "runs" / "first")
+    assert sorted(path.name for path in files) == sorted(path.name for path in files[0].parent.iterdir())
+    for part in fields(RigidState):
+        assert torch.equal(getattr(again.truth, part.name), getattr(episode.truth, part.name))
+        assert torch.equal(getattr(again.beliefs.mean, part.name), getattr(episode.beliefs.mean, part.name))
+    assert torch.equal(again.beliefs.covariance, episode.beliefs.covariance)
+    assert torch.equal(again.actions, episode.actions) and torch.equal(again.touched, episode.touched)
+    assert again.outcome is episode.outcome and again.dt == episode.dt
+    for plan, other in zip(again.plans, episode.plans, strict=True):
+        assert torch.equal(plan.states.position, other.states.position)
+        assert torch.equal(plan.actions, other.actions)
+    assert again.metrics() == episode.metrics()
+
+
+def test_saving_again_replaces_the_earlier_episode(flight: list[NavigationStep], tmp_path: Path):
+    Episode.of(flight).save(tmp_path)
+    Episode.of(flight[:2]).save(tmp_path)
+    assert len(Episode.load(tmp_path).plans) == 2
+
+
+def test_a_folder_without_an_episode_is_refused(tmp_path: Path):
+    with pytest.raises(InvalidInputError, match=r"episode\.json is missing"):
+        Episode.load(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["episode.json", "episode.npz"])
+def test_a_truncated_episode_is_refused(flight: list[NavigationStep], tmp_path: Path, name: str):
+    Episode.of(flight).save(tmp_path)
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InvalidInputError, match="no readable nerfnav episode"):
+        Episode.load(tmp_path)
+
+
+def test_another_version_is_refused(flight: list[NavigationStep], tmp_path: Path):
+    Episode.of(flight).save(tmp_path)
+    text = (tmp_path / "episode.json").read_text().replace('"version": 1', '"version": 9')
+    (tmp_path / "episode.json").write_text(text)
+    with pytest.raises(InvalidInputError, match="version 9"):
+        Episode.load(tmp_path)

@@ -1,0 +1,184 @@
+"""Algorithm 1, with stand-ins for planner and estimator."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+import torch
+
+from nerfnav.errors import OccupiedError
+from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.robots.state import RigidState
+from tests.navigation.doubles import CALM, GOAL, MISSION, ROBOT, START, Oracle, StraightPlanner, draws, simulator
+
+CONFIG = NavigateConfig(initial=CALM, noise=CALM)
+
+
+def fly(
+    planner: StraightPlanner | None = None,
+    world: Simulator | None = None,
+    config: NavigateConfig = CONFIG,
+    mission: Mission = MISSION,
+    lost: FilterOutcome = FilterOutcome.UPDATED,
+) -> list[LoopEvent]:
+    world = simulator() if world is None else world
+    pilot = Pilot(StraightPlanner() if planner is None else planner, Oracle(world, lost))
+    return list(navigate(mission, world, pilot, config, draws(1)))
+
+
+def steps_of(events: list[LoopEvent]) -> list[NavigationStep]:
+    return [event for event in events if isinstance(event, NavigationStep)]
+
+
+def test_the_robot_reaches_the_goal():
+    last = steps_of(fly())[-1]
+    assert last.outcome is EpisodeOutcome.REACHED
+    assert (last.truth.position - GOAL.position).norm() < CONFIG.goal_tolerance_m + 0.01
+
+
+def test_each_time_step_is_filter_then_plan_then_its_record():
+    kinds = [type(event) for event in fly()]
+    first = kinds.index(NavigationStep)
+    assert kinds[:first] == [PlanStep] * 4
+    assert kinds[first + 1 : first + 5] == [FilterStep, PlanStep, PlanStep, NavigationStep]
+    assert kinds[-1] is NavigationStep
+
+
+def test_steps_are_numbered_from_the_start_and_only_the_last_has_an_outcome():
+    steps = steps_of(fly())
+    assert [step.index for step in steps] == list(range(len(steps)))
+    assert [step.time for step in steps] == pytest.approx([0.1 * step.index for step in steps])
+    assert all(step.outcome is None for step in steps[:-1])
+    assert steps[0].action is None and steps[0].image is None and steps[0].update is None
+    assert all(step.image is not None and step.update is not None for step in steps[1:])
+
+
+def test_the_first_belief_is_off_by_what_its_covariance_says():
+    errors = []
+    for seed in range(200):
+        world = simulator()
+        pilot = Pilot(StraightPlanner(), Oracle(world))
+        flight = navigate(MISSION, world, pilot, replace(CONFIG, open_loop=True), draws(seed))
+        first = next(event for event in flight if isinstance(event, NavigationStep))
+        errors.append(first.belief.mean.local(first.truth))
+        torch.testing.assert_close(first.belief.covariance, CALM.covariance())
+    torch.testing.assert_close(torch.stack(errors).std(0), CALM.std(), rtol=0.25, atol=0)
+
+
+def test_every_plan_starts_at_the_believed_state_and_its_first_action_is_flown():
+    steps = steps_of(fly())
+    for step in steps:
+        torch.testing.assert_close(step.plan.states.position[0], step.belief.mean.position)
+    for before, after in pairwise(steps):
+        assert after.action is not None
+        assert torch.equal(after.action, before.plan.actions[0])
+
+
+def test_the_horizon_shrinks_but_never_below_the_minimum():
+    planner = StraightPlanner()
+    fly(planner)
+    assert planner.horizons[:6] == [12, 11, 10, 9, 8, 8]
+    assert min(planner.horizons) == CONFIG.minimum_horizon
+
+
+def test_a_given_first_plan_is_not_planned_again():
+    *_, planned = StraightPlanner().plan(START, GOAL, 12, 0.1)
+    events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), mission=Mission(GOAL, 12, 0.1, planned.motion))
+    assert [type(event) for event in events[:3]] == [PlanStep, PlanStep, NavigationStep]
+    assert steps_of(events)[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_no_way_to_the_goal_ends_the_flight_before_it_begins():
+    (only,) = steps_of(fly(StraightPlanner(outcome=PlanOutcome.NO_PATH)))
+    assert only.outcome is EpisodeOutcome.NO_PLAN
+
+
+def test_a_plan_of_nan_is_not_flown():
+    (only,) = steps_of(fly(StraightPlanner(broken=True)))
+    assert only.outcome is EpisodeOutcome.NO_PLAN
+
+
+def test_a_flight_that_gets_nowhere_times_out():
+    config = replace(CONFIG, goal_tolerance_m=0.0)
+    steps = steps_of(fly(config=config))
+    assert steps[-1].outcome is EpisodeOutcome.TIMEOUT
+    assert steps[-1].index == 2 * MISSION.steps
+
+
+def test_pictures_that_disagree_again_and_again_end_the_flight():
+    steps = steps_of(fly(lost=FilterOutcome.DIVERGED))
+    assert steps[-1].outcome is EpisodeOutcome.DIVERGED
+    assert steps[-1].index == CONFIG.patience
+
+
+def test_pictures_that_say_nothing_do_not_end_the_flight():
+    assert steps_of(fly(lost=FilterOutcome.PREDICTED_ONLY))[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_a_robot_that_touches_flies_on_and_has_collided_in_the_end():
+    def contact(before: RigidState, after: RigidState) -> bool:
+        return bool(before.position[0] < 0 <= after.position[0])
+
+    steps = steps_of(fly(world=simulator(contact=contact)))
+    assert sum(step.touched for step in steps) == 1 and not steps[-1].touched
+    assert steps[-1].outcome is EpisodeOutcome.COLLIDED
+    assert (steps[-1].truth.position - GOAL.position).norm() < 0.1
+
+
+def test_open_loop_flies_the_first_plan_without_looking():
+    def blind(pose: object) -> torch.Tensor:
+        raise AssertionError("nobody looks in open loop")
+
+    steps = steps_of(fly(world=simulator(camera=blind), config=replace(CONFIG, open_loop=True)))
+    assert len(steps) == MISSION.steps + 1
+    assert all(step.update is None and step.image is None for step in steps)
+    flown = torch.stack([step.action for step in steps[1:] if step.action is not None])
+    assert torch.equal(flown, steps[0].plan.actions)
+    traces = [step.belief.covariance.trace().item() for step in steps]
+    assert traces == sorted(traces)
+
+
+def test_without_noise_open_loop_meets_the_goal_exactly():
+    steps = steps_of(fly(world=simulator(noise=None), config=replace(CONFIG, open_loop=True)))
+    torch.testing.assert_close(steps[-1].truth.position, GOAL.position, atol=1e-4, rtol=0)
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_what_the_planner_refuses_is_refused_here():
+    class Refusing(StraightPlanner):
+        def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
+            raise OccupiedError("the goal is in occupied space", None)
+
+    with pytest.raises(OccupiedError, match="occupied"):
+        fly(Refusing())
+
+
+def test_the_same_seeds_give_the_same_flight():
+    first, second = (steps_of(fly())[-1] for _ in range(2))
+    assert torch.equal(first.truth.position, second.truth.position)
+
+
+def test_the_consumers_time_is_not_counted():
+    world = simulator()
+    total = 0.0
+    for event in navigate(MISSION, world, Pilot(StraightPlanner(), Oracle(world)), CONFIG, draws(1)):
+        if isinstance(event, NavigationStep):
+            total += event.filter_ms
+        elif isinstance(event, FilterStep):
+            time.sleep(0.5)
+            if event.posterior is not None and event.posterior.mean.position[0] > 0:
+                break
+    assert 0 < total < 500
+
+
+def test_the_paper_preset_assumes_a_tenth_of_the_identity():
+    paper = NavigateConfig.paper()
+    torch.testing.assert_close(paper.filter.process_noise.covariance(), 0.1 * torch.eye(12))
+    assert paper.plan.iterations == 2500 and paper.replan.iterations == 250
+    assert ROBOT.minimum_steps <= paper.minimum_horizon

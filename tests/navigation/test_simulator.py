@@ -1,0 +1,65 @@
+"""The simulated robot."""
+
+import torch
+
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.geometry.camera import R_BODY_CAMERA, Pose
+from nerfnav.robots.state import RigidState
+from tests.navigation.doubles import ROBOT, START, draws, grey, simulator
+
+HOVER = torch.tensor([ROBOT.weight, 0.0, 0.0, 0.0])
+
+
+def test_without_noise_the_truth_follows_the_dynamics():
+    world = simulator(noise=None)
+    action = HOVER + torch.tensor([0.5, 1e-3, 0.0, 0.0])
+    world.act(action, 0.1)
+    torch.testing.assert_close(world.state.velocity, ROBOT.step(START, action, 0.1).velocity)
+
+
+def test_the_noise_disturbs_the_truth_as_much_as_it_says():
+    noise, errors = StateNoise(), []
+    for seed in range(400):
+        world = simulator(noise=noise, generator=draws(seed))
+        world.act(HOVER, 0.1)
+        errors.append(ROBOT.step(START, HOVER, 0.1).local(world.state))
+    torch.testing.assert_close(torch.stack(errors).std(0), noise.std(), rtol=0.15, atol=0)
+
+
+def test_the_same_seed_gives_the_same_world():
+    first, second = simulator(generator=draws(4)), simulator(generator=draws(4))
+    for _ in range(3):
+        first.act(HOVER, 0.1)
+        second.act(HOVER, 0.1)
+    assert torch.equal(first.state.position, second.state.position)
+
+
+def test_the_camera_is_asked_for_the_picture_at_its_mount():
+    asked: list[Pose] = []
+
+    def camera(pose: Pose) -> torch.Tensor:
+        asked.append(pose)
+        return grey(pose)
+
+    mount = Pose(R_BODY_CAMERA, torch.tensor([0.1, 0.0, 0.02]))
+    state = RigidState.at_rest((1.0, 2.0, 3.0), torch.pi / 2)
+    world = simulator(camera=camera, mount=mount)
+    world.state = state
+    assert world.look().shape == (4, 6, 3)
+    torch.testing.assert_close(asked[0].position, torch.tensor([1.0, 2.1, 3.02]))
+    looking = asked[0].rotation @ torch.tensor([0.0, 0.0, -1.0])
+    torch.testing.assert_close(looking, torch.tensor([0.0, 1.0, 0.0]), atol=1e-6, rtol=0)
+
+
+def test_touching_is_told_and_the_robot_flies_on():
+    def contact(before: RigidState, after: RigidState) -> bool:
+        return bool(after.velocity[2] > before.velocity[2])
+
+    world = simulator(noise=None, contact=contact)
+    assert world.act(1.2 * HOVER, 0.1)
+    assert not world.act(0.8 * HOVER, 0.1)
+    assert world.state.position[2] > START.position[2]
+
+
+def test_nothing_is_touched_without_ground_truth():
+    assert not simulator().act(HOVER, 0.1)
