@@ -5,10 +5,14 @@ from typing import TypeVar
 
 from nerfnav.errors import UnknownNameError
 from nerfnav.estimator.filter import PoseFilter
-from nerfnav.navigation.planners import PaperPlanner
+from nerfnav.navigation.planners import FastPlanner, PaperPlanner
+from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.optimize import PlanConfig
 
-PLANNERS = {"paper": PaperPlanner}
+PLANNERS = {"paper": PaperPlanner, "fast": FastPlanner}
 """Name to what makes a planner for a field and a robot."""
+PLAN_CONFIGS = {"paper": PlanConfig.paper, "fast": FastPlanConfig}
+"""Name of a planner to what makes its settings."""
 ESTIMATORS = {"paper": PoseFilter}
 """Name to what makes an estimator for a field, a robot and a camera."""
 

@@ -47,14 +47,17 @@ class Shows(Protocol):
         ...
 
 
-def serve(what: str, host: str, port: int, token: str | None, open_browser: bool) -> None:
-    """Serve `what` (scene name or field file) until interrupted.
+def serve(
+    what: str, host: str, port: int, token: str | None, open_browser: bool, announce: Callable[[str], None]
+) -> None:
+    """Serve `what` (scene name or field file) until interrupted; `announce` is told the address once it answers.
 
     Raises NerfnavError when the address cannot be listened at, a token is missing, or `what` cannot be opened.
     """
     app = App(what, host, port, token)
     app.start()
     try:
+        announce(app.url)
         if open_browser:
             webbrowser.open(app.url)
         app.wait()

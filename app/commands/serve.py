@@ -32,14 +32,18 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> None:
-    """Check what can be checked at once, tell the address, serve."""
+    """Check what can be checked at once, serve, tell the address."""
     load_field(field_file(arguments.place))  # the app would open it later, on a page that nobody may look at
     check_address(arguments.host, arguments.port)
-    url = f"http://{arguments.host}:{arguments.port}/"
-    if arguments.json:
-        show("serve", {"url": url, "place": arguments.place}, as_json=True)
-    else:
-        sys.stdout.write(f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)\n")
-    sys.stdout.flush()
-    with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout has said what it had to say
-        serve(arguments.place, arguments.host, arguments.port, arguments.token, arguments.open)
+    stdout = sys.stdout
+
+    def announce(url: str) -> None:
+        with contextlib.redirect_stdout(stdout):
+            if arguments.json:
+                show("serve", {"url": url, "place": arguments.place}, as_json=True)
+            else:
+                stdout.write(f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)\n")
+            stdout.flush()
+
+    with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout is for the address alone
+        serve(arguments.place, arguments.host, arguments.port, arguments.token, arguments.open, announce)

@@ -82,7 +82,7 @@ class Route:
             steps=self.steps,
             dt=self.dt,
             planner=self.planner,
-            config=config,
+            config=None if config == PlanConfig.paper() else config,
         )
 
     def _ends(self, place: Place) -> tuple[End, End]:

@@ -22,6 +22,7 @@ from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
 from nerfnav.navigation.simulator import CameraFunction, Simulator
 from nerfnav.navigation.steps import LoopEvent, NavigationStep
+from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import Motion
 from nerfnav.world.contact import contact_check
@@ -46,7 +47,7 @@ class FlyRequest:
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
     config: NavigateConfig = field(default_factory=NavigateConfig)
-    """How the flight is flown; its `plan` gives way to the route's `config`."""
+    """How the flight is flown; its `plan` gives way to the settings of the route."""
     out: Path | None = None
     """Folder for the episode and trajectory.csv, trajectory.json; None writes nothing."""
 
@@ -67,7 +68,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
             flown.append(event)
             stop = (yield Progress("flying", min(1.0, event.index / request.route.steps))) or stop
         elif isinstance(event, PlanStep) and not flown:
-            fraction = min(1.0, (event.iteration + 1) / request.route.config.iterations)
+            fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
             stop = (yield Progress("optimising the first plan", fraction)) or stop
         if stop and flown:
             break
@@ -96,11 +97,13 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     route, field_ = request.route, place.field
     planner = named("planner", route.planner, PLANNERS)
     estimator = named("estimator", request.estimator, ESTIMATORS)
-    config = replace(request.config, plan=route.config, open_loop=request.open_loop or request.config.open_loop)
+    settings = route.settings
+    again = request.config.replan if isinstance(settings, PlanConfig) else settings
+    config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
-        planner(field_, place.robot, config.plan, config.replan, occupancy_of(place, config.plan.occupancy)),
+        planner(field_, place.robot, settings, again, occupancy_of(place, settings.occupancy)),
         estimator(field_, place.robot, CAMERA, config=config.filter),
     )
     contact = None if place.scene is None else contact_check(place.scene, place.robot.body)

@@ -1,6 +1,6 @@
 """Plan: from a start and a goal to a trajectory through the field, judged on the mesh."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,11 @@ from app.jobs.checks import require_positive
 from app.jobs.clock import Stopwatch
 from app.jobs.outputs import json_line, prepare_folder, write_text
 from app.place import Place, occupancy_of
-from app.registry import PLANNERS, named
+from app.registry import PLAN_CONFIGS, PLANNERS, named
+from nerfnav.errors import InvalidInputError
 from nerfnav.export.tables import csv_text, json_text, motion_table
 from nerfnav.planner.costs import collision_probability_bound
+from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import Motion, RigidState
@@ -38,14 +40,22 @@ class PlanRequest:
     """Length of a step [s]."""
     planner: str = "paper"
     """Name of the planner."""
-    config: PlanConfig = field(default_factory=PlanConfig.paper)
-    """Its settings."""
+    config: PlanConfig | FastPlanConfig | None = None
+    """Its settings; None: its own."""
     out: Path | None = None
     """Folder for trajectory.csv, trajectory.json and plan.json; None writes nothing."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no plan can have."""
-        require_positive(steps=self.steps, dt=self.dt, iterations=self.config.iterations)
+        require_positive(steps=self.steps, dt=self.dt, iterations=self.settings.iterations)
+
+    @property
+    def settings(self) -> PlanConfig | FastPlanConfig:
+        """How the planner works. Raises NerfnavError for an unknown planner, or settings of another one."""
+        own = named("planner", self.planner, PLAN_CONFIGS)()
+        if self.config is not None and type(self.config) is not type(own):
+            raise InvalidInputError(f"these settings are not those of the planner {self.planner!r}: leave them out")
+        return own if self.config is None else self.config
 
     @property
     def start_state(self) -> RigidState:
@@ -69,12 +79,12 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     yield Progress("finding a way", 0.0)
     clock, last = Stopwatch(), None
     with clock.running():
-        occupancy = occupancy_of(place, request.config.occupancy)
-    finder = planner(place.field, place.robot, first=request.config, occupancy=occupancy)
+        occupancy = occupancy_of(place, request.settings.occupancy)
+    finder = planner(place.field, place.robot, first=request.settings, occupancy=occupancy)
     for step in clock.time(finder.plan(request.start_state, request.goal_state, request.steps, request.dt)):
         last = step
         yield step
-        yield Progress("optimising", min(1.0, (step.iteration + 1) / request.config.iterations))
+        yield Progress("optimising", min(1.0, (step.iteration + 1) / request.settings.iterations))
     assert last is not None, "a planner yields at least one step"
     yield Progress("judging", 1.0)
     summary = summary_of(last, place, clock.seconds)

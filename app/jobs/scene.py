@@ -8,10 +8,10 @@ import torch
 from app.events import JobFinished, Progress
 from app.jobs import plan
 from app.jobs.plan import PlanRequest
-from app.layers.surface import unlit_glb, without_specks
 from app.messages import PlaceOpened, SurfaceShaped
 from app.place import Place, open_place
 from app.session import opening_ends
+from app.surface import unlit_glb, without_specks
 from nerfnav.errors import NerfnavError
 from nerfnav.field.meshing import field_mesh
 from nerfnav.field.render import render_image

@@ -9,7 +9,7 @@ import csv
 import io
 import json
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import torch
@@ -148,11 +148,6 @@ def table_of_json(text: str) -> Table:
         return Table(tuple(content["columns"]), _tensor(rows), info)
     except (ValueError, KeyError, TypeError) as error:
         raise InvalidInputError(f"this is no {FORMAT} of version {VERSION}: {error}") from error
-
-
-def with_info(table: Table, **info: Any) -> Table:
-    """The same table that says more about itself."""
-    return replace(table, info=table.info | info)
 
 
 def _state_block(states: RigidState) -> Float[Tensor, "n 13"]:

@@ -39,8 +39,8 @@ class NavigateConfig:
     """How the state is estimated (for the paper's filter)."""
     noise: StateNoise = field(default_factory=StateNoise)
     """What disturbs the true robot at each step (paper: 2 cm, 0.02 rad, half on the rates)."""
-    initial: StateNoise = field(default_factory=StateNoise)
-    """Spread of the first belief around the truth, and its covariance (paper: covariance 0.1 I)."""
+    initial: StateNoise = field(default_factory=lambda: StateNoise.isotropic(0.01**2))
+    """Spread of the first belief around the truth, and its covariance: 1 cm, 0.01 rad (paper: covariance 0.1 I)."""
     goal_tolerance_m: float = 0.08
     """REACHED when the believed position is this near to the goal [m]."""
     minimum_horizon: int = 8

@@ -8,13 +8,13 @@ import trimesh
 from app.ends import End, Ends
 from app.layers.fly import ellipsoids
 from app.layers.nodes import quaternions, robot_shape, segments
-from app.layers.surface import unlit_glb, without_specks
 from app.panels import ends as ends_panel
 from app.panels import fly as fly_panel
 from app.panels import plan as plan_panel
 from app.panels.export import export_table, subject
 from app.panels.status import activity
 from app.session import CostHistory, FlightRecord, PlanRecord, Session
+from app.surface import unlit_glb, without_specks
 from app.theme import branded, linear
 from app.widgets import number, table
 from nerfnav.estimator.belief import Belief

@@ -67,10 +67,15 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     assert flight is not None and flight.outcome is EpisodeOutcome.REACHED
     tab.until(lambda: tab.says("The robot is at the goal."), "the page does not say that the robot arrived")
     assert len(tab.line("/flight/truth")) == len(flight.steps)
-    assert np.linalg.norm(tab.line("/flight/truth")[-1] - goal) < 0.3
+    assert np.linalg.norm(tab.line("/flight/truth")[-1] - goal) < 0.12
 
     rows = list(csv.DictReader(io.StringIO(downloaded(tab, "CSV"))))
     assert len(rows) == len(flight.steps)
     truth = np.array([[float(row[name]) for name in "xyz"] for row in rows])
     np.testing.assert_allclose(truth, tab.line("/flight/truth"), atol=1e-5)
     assert json.loads(downloaded(tab, "JSON"))["format"].startswith("nerfnav")
+
+    flown = tab.line("/flight/truth")
+    tab.load()
+    np.testing.assert_array_equal(tab.line("/flight/truth"), flown)
+    tab.until(lambda: tab.says("The robot is at the goal."), "a reload has lost the flight")

@@ -134,7 +134,7 @@ def test_cancel_stops_a_plan_and_the_next_one_can_begin(serve: Serve, open_tab: 
     tab.until(lambda: tab.app.session.job is not None, "no second plan began")
 
 
-def test_a_failed_job_is_told_in_every_tab_and_the_app_goes_on(serve: Serve, open_tab: OpenTab) -> None:
+def test_a_failed_job_is_told_and_the_app_goes_on(serve: Serve, open_tab: OpenTab) -> None:
     work = ScriptedWork({JobKind.PLAN: [NerfnavError("the goal is inside a stone")]})
     app = serve(work)
     tab = open_tab(app)

@@ -7,10 +7,12 @@ import pytest
 import torch
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator.belief import Belief
 from nerfnav.export.tables import (
     FRAMES,
     STATE_COLUMNS,
     csv_text,
+    episode_table,
     json_text,
     motion_of_table,
     motion_table,
@@ -18,6 +20,8 @@ from nerfnav.export.tables import (
     table_of_json,
 )
 from nerfnav.geometry import so3
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 
@@ -113,3 +117,21 @@ def test_a_table_without_its_dt_makes_no_motion(motion: Motion) -> None:
 
 def test_an_empty_cell_is_not_a_number() -> None:
     assert math.isnan(table_of_csv("a,b\n1,\n").values[0, 1].item())
+
+
+def test_a_flight_has_the_belief_beside_the_truth(motion: Motion) -> None:
+    generator = torch.Generator().manual_seed(2)
+    mean = motion.states.retract(0.01 * torch.randn(7, 12, generator=generator))
+    beliefs = Belief(mean, torch.diag(torch.linspace(0.01, 0.12, 12)).expand(7, 12, 12))
+    touched = torch.tensor([False, False, True, False, False, False, False])
+    spent = torch.zeros(7)
+    episode = Episode(
+        motion.states, beliefs, motion.actions, (motion,) * 7, touched, spent, spent, 0.1, EpisodeOutcome.COLLIDED
+    )
+    table = table_of_json(json_text(episode_table(episode, NAMES, "quadrotor")))
+    assert table.info["outcome"] == "collided"
+    assert torch.equal(table.block(("x", "y", "z")).float(), motion.states.position)
+    assert torch.equal(table.block(("belief_x", "belief_y", "belief_z")).float(), mean.position)
+    assert table.column("sd_y")[3].item() == pytest.approx(0.02**0.5)
+    assert table.column("touched").tolist() == [0, 0, 1, 0, 0, 0, 0]
+    assert torch.equal(motion_of_table(table).actions, motion.actions)

@@ -62,8 +62,21 @@ def test_a_goal_in_the_column_is_refused_with_a_free_point(place: Place) -> None
 
 
 def test_a_name_that_is_no_planner_is_refused(place: Place) -> None:
-    with pytest.raises(UnknownNameError, match="known are: paper"):
-        list(run(request(planner="luck"), place))
+    with pytest.raises(UnknownNameError, match="known are: fast, paper"):
+        request(planner="luck")
+
+
+def test_the_fast_planner_plans_with_settings_of_its_own(place: Place) -> None:
+    *steps, finished = run(request(planner="fast", config=None), place)
+    assert isinstance(finished, JobFinished)
+    assert finished.summary["outcome"] == "converged"
+    totals = [step.cost.total for step in steps if isinstance(step, PlanStep)]
+    assert finished.summary["cost"]["total"] == totals[-1] < totals[0]
+
+
+def test_settings_of_another_planner_are_refused(place: Place) -> None:
+    with pytest.raises(InvalidInputError, match="not those of the planner 'fast'"):
+        request(planner="fast")
 
 
 @pytest.mark.parametrize("wrong", [{"dt": 0.0}, {"dt": float("nan")}, {"steps": 0}, {"config": PlanConfig(0)}])
