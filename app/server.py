@@ -10,6 +10,7 @@ import queue
 import threading
 import time
 import webbrowser
+from collections.abc import Callable
 from typing import Protocol
 
 import viser
