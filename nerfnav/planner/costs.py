@@ -48,9 +48,9 @@ class CostWeights:
     """Densities taken along each body point's way through a step. The paper takes 1, at the end of the step: then
     a body slips between two waypoints through what is thinner than a step."""
 
-    margin: float = 0.02
+    margin: float = 0.01
     """How much larger than the body the body points reach [m]: about a voxel, since a field's surfaces are no more
-    exact than that, and half as much again for what disturbs a flight. 0 in the paper."""
+    exact than that. 0 in the paper. Flights keep more room, for they are disturbed."""
 
 
 @dataclass(frozen=True)
