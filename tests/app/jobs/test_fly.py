@@ -75,5 +75,5 @@ def test_a_cancelled_flight_writes_nothing(place: Place, tmp_path: Path) -> None
 
 
 def test_a_name_that_is_no_estimator_is_refused(place: Place) -> None:
-    with pytest.raises(UnknownNameError, match="no estimator named 'luck'; known are: .*paper"):
+    with pytest.raises(UnknownNameError, match=r"no estimator named 'luck'; known are: "):
         list(run(replace(BLIND, estimator="luck"), place))
