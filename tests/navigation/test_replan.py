@@ -83,7 +83,7 @@ def test_every_plan_starts_at_the_believed_state_and_its_first_action_is_flown()
 def test_the_horizon_shrinks_but_never_below_the_minimum():
     planner = StraightPlanner()
     fly(planner)
-    assert planner.horizons[:6] == [12, 11, 10, 9, 8, 8]
+    assert planner.horizons[:9] == [12, 11, 10, 9, 8, 7, 6, 6, 6]
     assert min(planner.horizons) == CONFIG.minimum_horizon
 
 
