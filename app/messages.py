@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from app.choice import Choice
 from app.ends import End, Which
 from app.events import JobEvent
 from app.place import Place
@@ -24,6 +25,21 @@ class ChooseTask:
     """Take start and goal of a task of the scene."""
 
     name: str
+
+
+@dataclass(frozen=True)
+class OpenPlace:
+    """Open another scene or field."""
+
+    what: str
+    """Name of a bundled scene, or path of a field file."""
+
+
+@dataclass(frozen=True)
+class Choose:
+    """Take another robot, planner or estimator."""
+
+    choice: Choice
 
 
 @dataclass(frozen=True)
@@ -70,7 +86,20 @@ class Tell:
     bad: bool = False
 
 
-Command = MoveEnd | ChooseTask | StartPlan | StartFlight | Cancel | Pause | Resume | StepOnce | Reset | Tell
+Command = (
+    MoveEnd
+    | ChooseTask
+    | OpenPlace
+    | Choose
+    | StartPlan
+    | StartFlight
+    | Cancel
+    | Pause
+    | Resume
+    | StepOnce
+    | Reset
+    | Tell
+)
 
 
 @dataclass(frozen=True)

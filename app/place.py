@@ -12,7 +12,7 @@ from nerfnav.field.checkpoint import load_field
 from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.robot import Robot
-from nerfnav.world.scene import Scene
+from nerfnav.world.scene import Scene, Task
 
 
 class NoTrainedFieldError(NerfnavError):
@@ -31,6 +31,11 @@ class Place:
     """The ground truth that the field was trained from; None where there is none."""
     robot: Robot
     """What moves."""
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """What is asked of this robot here; none without a ground truth."""
+        return self.scene.tasks if self.scene is not None else ()
 
 
 def open_place(what: str, robot: str = "quadrotor") -> Place:

@@ -3,10 +3,13 @@
 from dataclasses import replace
 
 from app import messages as m
+from app.choice import Choice
 from app.ends import Ends
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
 from app.place import Place
 from app.session import FlightRecord, Job, JobKind, Notice, PlanRecord, Session, opening_ends
+from nerfnav import robots
+from nerfnav.errors import UnknownNameError
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanOutcome, PlanStep
@@ -41,14 +44,20 @@ def noticed(session: Session, title: str, body: str, bad: bool = False) -> Sessi
 
 
 def _command(session: Session, command: m.Command) -> Session:
-    if session.place is None:
-        return session  # nothing can be asked before the place is open
+    if session.place is None:  # nothing can be asked before the place is open, but to give it up
+        if isinstance(command, m.OpenPlace):
+            return _open(session, command.what)
+        return _cancel(session) if isinstance(command, m.Cancel) and session.before is not None else session
     match command:
         case m.MoveEnd():
             return _move_end(session, session.place, command)
         case m.ChooseTask(name):
             ends = opening_ends(session.place, name)
             return session if ends is None else replace(session, task=name, home=name, ends=ends, problems={})
+        case m.OpenPlace(what):
+            return _open(session, what)
+        case m.Choose(choice):
+            return _choose(session, session.place, choice)
         case m.StartPlan():
             return _begin(session, JobKind.PLAN)
         case m.StartFlight():
@@ -62,6 +71,36 @@ def _command(session: Session, command: m.Command) -> Session:
             stopped = _cancel(session)
             return replace(stopped, task=session.home, ends=ends, problems={}, plan=None, flight=None)
     raise TypeError(f"the session knows no message of type {type(command).__name__}")
+
+
+def _open(session: Session, what: str) -> Session:
+    """The session that opens another place, and can go back to this one."""
+    session = replace(session, before=None) if session.place is not None else session
+    job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {what}")
+    opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
+    # a place that was never open is nothing to go back to
+    return replace(opening, before=session if session.place is not None else session.before)
+
+
+def _choose(session: Session, place: Place, choice: Choice) -> Session:
+    try:
+        choice.check()
+    except UnknownNameError as error:
+        return noticed(session, "No such choice", str(error), bad=True)
+    chosen = replace(session, choice=choice)
+    if choice.robot == session.choice.robot:
+        return chosen
+    # plans and flights are those of another body
+    other = replace(place, robot=robots.load(choice.robot))
+    return _settled(replace(_cancel(chosen), plan=None, flight=None, view=None), other)
+
+
+def _settled(session: Session, place: Place) -> Session:
+    """The session in a place, at the ends of the first task that is there for the robot."""
+    tasks = place.tasks
+    name = tasks[0].name if tasks else None
+    ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
+    return replace(session, place=place, task=name, home=name, ends=ends, problems={})
 
 
 def _move_end(session: Session, place: Place, move: m.MoveEnd) -> Session:
@@ -85,9 +124,18 @@ def _begin(session: Session, kind: JobKind) -> Session:
 
 
 def _cancel(session: Session) -> Session:
-    if session.job is None or session.job.kind is JobKind.OPEN:
+    if session.job is None:
         return session
-    return replace(session, job=None)
+    opened = session.job.kind is JobKind.OPEN and session.place is not None
+    return session if opened else _given_up(session)
+
+
+def _given_up(session: Session) -> Session:
+    """The session without its job; where a place is not open yet, the place before it."""
+    before = session.before
+    if session.place is not None or before is None:
+        return replace(session, job=None)
+    return replace(before, job=None, jobs_begun=session.jobs_begun, notices=session.notices)
 
 
 def _steered(session: Session, command: m.Pause | m.Resume | m.StepOnce) -> Job | None:
@@ -108,9 +156,7 @@ def _report(session: Session, event: object) -> Session:
     assert job is not None
     match event:
         case m.PlaceOpened(place):
-            name = place.scene.tasks[0].name if place.scene is not None and place.scene.tasks else None
-            ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
-            return replace(session, place=place, task=name, home=name, ends=ends)
+            return _settled(session, place)
         case m.SurfaceShaped(glb):
             return replace(session, surface=glb)
         case Progress(label, fraction):
@@ -120,9 +166,9 @@ def _report(session: Session, event: object) -> Session:
         case JobFinished():
             return _finished(replace(session, job=None), job, event)
         case JobFailed(_, message):
-            return noticed(replace(session, job=None), f"Could not {job.kind.value}", message, bad=True)
+            return noticed(_given_up(session), f"Could not {job.kind.value}", message, bad=True)
         case JobCancelled():
-            return replace(session, job=None)
+            return _given_up(session)
         case _:
             return session  # what else jobs say is not shown
 

@@ -23,11 +23,7 @@ from app.layers.plan import PlanLayer
 from app.layers.scene import SceneLayer
 from app.messages import Message, Reported
 from app.net import check_address
-from app.panels.ends import EndsPanel
-from app.panels.export import ExportPanel
-from app.panels.fly import FlyPanel
-from app.panels.plan import PlanPanel
-from app.panels.status import StatusPanel
+from app.panels.tabs import panels
 from app.reduce import reduce
 from app.session import Session
 from app.theme import dress
@@ -111,14 +107,7 @@ class App:
             FlyLayer(server),
             NoticesLayer(server),
         )
-        panels: tuple[Shows, ...] = (
-            StatusPanel(server),
-            EndsPanel(server, self.post),
-            PlanPanel(server, self.post),
-            FlyPanel(server, self.post),
-            ExportPanel(server, self.post),
-        )
-        self._parts = (*layers, *panels)
+        self._parts = (*layers, *panels(server, self.post))
         self._worker.start()
         self._loop.start()
 

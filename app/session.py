@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, ClassVar
 
+from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.messages import EndQuestion, Question, View, ViewQuestion
 from app.place import Place
@@ -157,6 +158,8 @@ class Session:
 
     what: str
     """Scene name or field file that is opened."""
+    choice: Choice = field(default_factory=Choice)
+    """Which robot, planner and estimator."""
     place: Place | None = None
     """None while it is being opened."""
     surface: bytes | None = None
@@ -181,11 +184,13 @@ class Session:
     """The field's rendering of the last view that was asked for."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
+    before: "Session | None" = None
+    """Where to go back to if the place cannot be opened; None for the first place."""
 
     @classmethod
-    def opening(cls, what: str) -> "Session":
+    def opening(cls, what: str, choice: Choice | None = None) -> "Session":
         """The session at the start: `what` is to be opened."""
-        return cls(what, job=Job(0, JobKind.OPEN, label="Opening the field"), jobs_begun=1)
+        return cls(what, choice or Choice(), job=Job(0, JobKind.OPEN, label="Opening the field"), jobs_begun=1)
 
     @property
     def fresh_plan(self) -> PlanRecord | None:
@@ -240,7 +245,7 @@ def opening_ends(place: Place, task: str | None) -> Ends | None:
         return Ends(
             End((round(x - reach, 3), round(y, 3), round(z, 3))), End((round(x + reach, 3), round(y, 3), round(z, 3)))
         )
-    for known in place.scene.tasks if place.scene is not None else ():
+    for known in place.tasks:
         if known.name == task:
             return Ends(End(known.start, known.start_yaw), End(known.goal, known.goal_yaw))
     return None

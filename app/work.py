@@ -1,6 +1,6 @@
 """What the worker can do for this app: the jobs that the command line runs too, and answers to the page."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +17,8 @@ from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.planner.ends import nearest_free
-from nerfnav.planner.occupancy import OccupancyMap, body_density
+from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.robots.state import RigidState
 
@@ -28,10 +29,10 @@ class NavigationWork:
 
     open: Callable[[str], Iterator[Any]] = scene.run
     """The job that opens a place."""
-    plan: PlanConfig = field(default_factory=PlanConfig.paper)
-    """How the first plan is made."""
+    plans: Mapping[str, PlanConfig | FastPlanConfig] = field(default_factory=dict)
+    """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
-    """How a flight is flown; its `plan` gives way to the one above."""
+    """How a flight is flown; its `plan` gives way to the above."""
 
     def begin(self, session: Session, job: Job) -> Iterator[Any]:
         """The events of a job."""
@@ -39,11 +40,18 @@ class NavigationWork:
             return self.open(session.what)
         assert session.place is not None, "nothing but opening is asked for before the place is open"
         start, goal = job.ends.start, job.ends.goal
-        route = PlanRequest(start.position, goal.position, start.yaw, goal.yaw, config=self.plan)
+        planner = session.choice.planner
+        config = self.plans.get(planner)
+        route = PlanRequest(start.position, goal.position, start.yaw, goal.yaw, planner=planner, config=config)
         if job.kind is JobKind.PLAN:
             return plan.run(route, session.place)
         made = job.first_plan.latest if job.first_plan is not None else None
-        request = FlyRequest(route, plan=None if made is None else made.motion, config=self.navigate)
+        request = FlyRequest(
+            route,
+            plan=None if made is None else made.motion,
+            estimator=session.choice.estimator,
+            config=self.navigate,
+        )
         return fly.run(request, session.place)
 
     def answer(self, session: Session, question: Question) -> Answer:
@@ -52,7 +60,7 @@ class NavigationWork:
         assert place is not None, "there are no questions before the place is open"
         if isinstance(question, ViewQuestion):
             return View(question, tuple(view_from(place, state) for state in question.states))
-        return EndReport(question, problem_at(place, question, occupancy_of(place, self.plan.occupancy)))
+        return EndReport(question, problem_at(place, question, occupancy_of(place, OccupancyConfig())))
 
 
 def problem_at(place: Place, question: EndQuestion, occupancy: OccupancyMap) -> str | None:

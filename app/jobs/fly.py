@@ -19,7 +19,7 @@ from nerfnav.export.tables import csv_text, episode_table, json_text
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import Camera, Pose
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate, with_room
 from nerfnav.navigation.simulator import CameraFunction, Simulator
 from nerfnav.navigation.steps import LoopEvent, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
@@ -98,7 +98,7 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     planner = named("planner", route.planner, PLANNERS)
     estimator = named("estimator", request.estimator, ESTIMATORS)
     settings = route.settings
-    again = request.config.replan if isinstance(settings, PlanConfig) else settings
+    again = request.config.replan if isinstance(settings, PlanConfig) else with_room(settings)
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)

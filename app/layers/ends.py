@@ -33,6 +33,7 @@ class EndsLayer:
             robot = session.place.robot
             self._handles = {which: _Handle(self._server, which, robot, self._post) for which in Which}
         for which, handle in self._handles.items():
+            handle.shape(session.place.robot)
             handle.show(session.ends.of(which), session.problems.get(which) is not None)
 
 
@@ -41,6 +42,7 @@ class _Handle:
 
     def __init__(self, server: viser.ViserServer, which: Which, robot: Robot, post: Callable[[MoveEnd], None]) -> None:
         self._which, self._post, self._end = which, post, End()
+        self._robot = robot
         self._dragged = False
         name = f"/{which.value}"
         self._gizmo = server.scene.add_transform_controls(
@@ -60,6 +62,14 @@ class _Handle:
             f"{name}/label", which.value, position=(0, 0, 1.1 * GIZMO), anchor="bottom-center"
         )
         self._gizmo.on_update(self._moved)
+
+    def shape(self, robot: Robot) -> None:
+        """Take the shape of another robot's body."""
+        if robot is self._robot:
+            return
+        self._robot = robot
+        shape = robot_shape(robot.body.extents)
+        self._body.vertices, self._body.faces = np.asarray(shape.vertices), np.asarray(shape.faces)
 
     async def _moved(self, event: viser.TransformControlsEvent) -> None:
         """Runs on the server's event loop, so that moves keep their order."""

@@ -9,6 +9,7 @@ from app.layers.nodes import Bodies, Line, positions, quaternions, robot_shape
 from app.session import FlightRecord, Session
 from app.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav.estimator.belief import Belief
+from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import POSITION, RigidState
 
 _CHI_95 = 2.7955
@@ -28,8 +29,10 @@ class FlyLayer:
         self._covariance = Bodies(server, "/flight/covariance", ball, BELIEF, opacity=0.3)
         self._means = Bodies(server, "/flight/means", ball, BELIEF, opacity=None)
         self._hits = Bodies(server, "/flight/hits", ball, HIT, opacity=0.9)
-        self._robot: Bodies | None = None
-        self._ghost: Bodies | None = None
+        shape = robot_shape((0.1, 0.1, 0.04))
+        self._robot = Bodies(server, "/flight/robot", shape, TRUTH, opacity=None)
+        self._ghost = Bodies(server, "/flight/ghost", shape, BELIEF, opacity=0.5)
+        self._shaped: Robot | None = None
         self._shown: FlightRecord | None = None
 
     def show(self, session: Session) -> None:
@@ -38,10 +41,10 @@ class FlyLayer:
         if flight is self._shown or session.place is None:
             return
         self._shown = flight
-        if self._robot is None or self._ghost is None:
-            shape = robot_shape(session.place.robot.body.extents)
-            self._robot = Bodies(self._server, "/flight/robot", shape, TRUTH, opacity=None)
-            self._ghost = Bodies(self._server, "/flight/ghost", shape, BELIEF, opacity=0.5)
+        if self._shaped is not session.place.robot:
+            self._shaped = session.place.robot
+            for bodies in (self._robot, self._ghost):
+                bodies.shape(robot_shape(self._shaped.body.extents))
         steps = flight.steps if flight is not None else ()
         under_way = flight is not None and bool(steps) and flight.outcome is None
         with self._server.atomic():

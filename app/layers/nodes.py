@@ -107,6 +107,11 @@ class Bodies:
             visible=False,
         )
 
+    def shape(self, shape: trimesh.Trimesh) -> None:
+        """Draw bodies of another shape from now on."""
+        self._node.vertices = np.asarray(shape.vertices, dtype=np.float32)
+        self._node.faces = np.asarray(shape.faces, dtype=np.uint32)
+
     def show(self, centers: np.ndarray, wxyzs: np.ndarray, scales: np.ndarray | None = None) -> None:
         """Draw a body at each of `centers` (n, 3) [m], or none where n is 0; `scales` (n, 3) are along its axes."""
         if len(centers):

@@ -6,6 +6,7 @@ import viser
 from app.layers.nodes import Bodies, Line, Trail, positions, quaternions, robot_shape
 from app.session import Session
 from app.theme import PLAN, STALE
+from nerfnav.robots.robot import Robot
 
 _THICKNESS = 0.017  # [m]
 
@@ -17,7 +18,8 @@ class PlanLayer:
         self._server = server
         self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
-        self._bodies: Bodies | None = None
+        self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
+        self._robot: Robot | None = None
         self._shown: tuple[int, bool, bool] | None = None
 
     def show(self, session: Session) -> None:
@@ -28,9 +30,9 @@ class PlanLayer:
         if session.place is None or self._shown == (id(plan), stale, busy):
             return
         self._shown = id(plan), stale, busy
-        if self._bodies is None:
-            shape = robot_shape(session.place.robot.body.extents)
-            self._bodies = Bodies(self._server, "/plan/bodies", shape, PLAN, opacity=0.35)
+        if self._robot is not session.place.robot:
+            self._robot = session.place.robot
+            self._bodies.shape(robot_shape(self._robot.body.extents))
         motion = plan.latest.motion if plan is not None and plan.latest is not None else None
         with self._server.atomic():
             self._line.show(None if motion is None else positions(motion.states), STALE if stale else PLAN)

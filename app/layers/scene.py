@@ -20,8 +20,12 @@ class SceneLayer:
         if session.place is not None and self._framed is not session.place.field.box:
             self._framed = session.place.field.box
             frame(self._server, self._framed)
-        if session.surface is not None and self._shown is not session.surface:
-            self._shown = session.surface
+        if self._shown is session.surface:
+            return
+        self._shown = session.surface
+        if session.surface is None:  # another place is being opened
+            self._server.scene.remove_by_name("/field")
+        else:
             self._server.scene.add_glb("/field", session.surface, cast_shadow=False, receive_shadow=False)
 
 

@@ -20,13 +20,12 @@ class EndsPanel:
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
         self._post = post
-        with server.gui.add_folder("Start and goal"):
-            self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-                "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
-            )
-            self._task.on_update(self._choose)
-            self._numbers = {which: _EndNumbers(server, which, post) for which in Which}
-            self._said = server.gui.add_html(note("Opening…"))
+        self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+            "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
+        )
+        self._task.on_update(self._choose)
+        self._numbers = {which: _EndNumbers(server, which, post) for which in Which}
+        self._said = server.gui.add_html(note("Opening…"))
 
     async def _choose(self, event: viser.GuiEvent) -> None:
         if event.client is not None and self._task.value != _BY_HAND:
@@ -37,7 +36,7 @@ class EndsPanel:
         place = session.place
         if place is None:
             return
-        names = tuple(task.name for task in place.scene.tasks) if place.scene is not None else ()
+        names = tuple(task.name for task in place.tasks)
         if self._task.options != (_BY_HAND, *names):
             self._task.options = (_BY_HAND, *names)
         self._task.value = session.task or _BY_HAND

@@ -21,10 +21,9 @@ class ExportPanel:
         """`post` takes what the user asks."""
         self._post = post
         self._session: Session | None = None
-        with server.gui.add_folder("Take away"):
-            self._said = server.gui.add_html(note("Nothing to take away yet."))
-            self._download = server.gui.add_button_group("Download", tuple(_TEXTS), visible=False)
-            self._reset = server.gui.add_button("Reset", color="gray", icon=viser.Icon.REFRESH)
+        self._said = server.gui.add_html(note("Nothing to take away yet."))
+        self._download = server.gui.add_button_group("Download", tuple(_TEXTS), visible=False)
+        self._reset = server.gui.add_button("Reset", color="gray", icon=viser.Icon.REFRESH)
         self._download.on_click(self._send)
 
         @self._reset.on_click

@@ -6,6 +6,8 @@ import numpy as np
 import viser
 
 from app.messages import Cancel, Command, Pause, Resume, StartFlight, StepOnce, View
+from app.panels.choice import ChoiceList
+from app.registry import ESTIMATORS
 from app.session import FlightRecord, JobKind, Session
 from app.widgets import note, number, table, warning
 from nerfnav.navigation.steps import NavigationStep
@@ -23,12 +25,12 @@ class FlyPanel:
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
         self._post = post
-        with server.gui.add_folder("Fly"):
-            self._fly = server.gui.add_button("Fly", icon=viser.Icon.DRONE, disabled=True)
-            self._steer = server.gui.add_button_group("Flight", ("Pause", "Step", "Stop"), visible=False)
-            self._caption = server.gui.add_html(note("Opening…"))
-            self._picture = server.gui.add_image(np.full((2, 4, 3), _DARK, np.uint8), jpeg_quality=85, visible=False)
-            self._numbers = server.gui.add_html("")
+        self._estimator = ChoiceList(server, "estimator", ESTIMATORS, "How the robot knows where it is", post)
+        self._fly = server.gui.add_button("Fly", icon=viser.Icon.DRONE, disabled=True)
+        self._steer = server.gui.add_button_group("Flight", ("Pause", "Step", "Stop"), visible=False)
+        self._caption = server.gui.add_html(note("Opening…"))
+        self._picture = server.gui.add_image(np.full((2, 4, 3), _DARK, np.uint8), jpeg_quality=85, visible=False)
+        self._numbers = server.gui.add_html("")
         self._pictured: tuple[int, int] | None = None
 
         @self._fly.on_click
@@ -43,6 +45,7 @@ class FlyPanel:
 
     def show(self, session: Session) -> None:
         """Show the flight as far as it is."""
+        self._estimator.show(session)
         job = session.job
         flying = job is not None and job.kind is JobKind.FLY
         self._fly.disabled = session.place is None or job is not None

@@ -7,6 +7,8 @@ import viser
 from viser import uplot
 
 from app.messages import Cancel, Command, StartPlan
+from app.panels.choice import ChoiceList
+from app.registry import PLANNERS
 from app.session import CostHistory, JobKind, PlanRecord, Session
 from app.theme import HIT, STALE, TRUTH, css
 from app.widgets import legend, note, number, table, warning
@@ -20,12 +22,12 @@ class PlanPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        with server.gui.add_folder("Plan"):
-            self._plan = server.gui.add_button("Plan", icon=viser.Icon.ROUTE, disabled=True)
-            self._cancel = server.gui.add_button("Cancel", color="gray", icon=viser.Icon.X, visible=False)
-            self._chart = _add_chart(server)
-            self._terms = server.gui.add_html(legend(_TERMS), visible=False)
-            self._numbers = server.gui.add_html(note("No plan yet: press Plan, and its cost shows here."))
+        self._planner = ChoiceList(server, "planner", PLANNERS, "How the trajectory is found", post)
+        self._plan = server.gui.add_button("Plan", icon=viser.Icon.ROUTE, disabled=True)
+        self._cancel = server.gui.add_button("Cancel", color="gray", icon=viser.Icon.X, visible=False)
+        self._chart = _add_chart(server)
+        self._terms = server.gui.add_html(legend(_TERMS), visible=False)
+        self._numbers = server.gui.add_html(note("No plan yet: press Plan, and its cost shows here."))
         self._history: CostHistory | None = None
 
         @self._plan.on_click
@@ -38,6 +40,7 @@ class PlanPanel:
 
     def show(self, session: Session) -> None:
         """Show the plan as far as it is."""
+        self._planner.show(session)
         planning = session.job is not None and session.job.kind is JobKind.PLAN
         self._plan.disabled = session.place is None or session.job is not None
         self._plan.visible, self._cancel.visible = not planning, planning

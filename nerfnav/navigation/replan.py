@@ -20,11 +20,13 @@ from nerfnav.estimator.steps import FilterOutcome
 from nerfnav.navigation.planners import Planner
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import Motion, RigidState
 
 Step = TypeVar("Step", bound=LoopEvent)
+Config = TypeVar("Config", PlanConfig, FastPlanConfig)
 _ROOM, _CARE = 0.04, 3.0
 """Room around the body [m] and weight of collision when a plan is redone in flight."""
 
@@ -35,7 +37,7 @@ class NavigateConfig:
 
     plan: PlanConfig = field(default_factory=PlanConfig.paper)
     """How the first plan is made (for the paper's planner)."""
-    replan: PlanConfig = field(default_factory=lambda: _with_room(PlanConfig.paper_replan()))
+    replan: PlanConfig = field(default_factory=lambda: with_room(PlanConfig.paper_replan()))
     """How the plan is redone at each step (for the paper's planner): with 4 cm of room around the body, twice the
     2 cm by which a step is disturbed, and three times the weight of collision (paper: none, 1). With the state known
     to millimetres, 9 of 160 flights through Stonehenge then touched something; 21 with 3 cm and a weight of 1."""
@@ -212,7 +214,8 @@ def _timed(steps: Iterator[Step]) -> Generator[Step, None, tuple[Step, float]]:
     return last, 1e3 * spent
 
 
-def _with_room(config: PlanConfig) -> PlanConfig:
+def with_room(config: Config) -> Config:
+    """The same for a robot in flight, which will be pushed: see `NavigateConfig.replan`."""
     return replace(config, weights=replace(config.weights, margin=_ROOM, collision=_CARE))
 
 

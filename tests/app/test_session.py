@@ -8,6 +8,7 @@ import pytest
 
 import scenes
 from app import messages as m
+from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.events import JobFailed, JobFinished, Progress
 from app.reduce import reduce
@@ -236,3 +237,39 @@ def test_iterations_within_a_time_step_move_guess_and_plan_until_the_step_is_don
     assert session.flight is not None and session.flight.doing == "replanning, iteration 5"
     session = reports(session, flight_step(session.ends, 1))
     assert session.flight is not None and session.flight.guess is None and session.flight.doing == ""
+
+
+def test_a_place_that_cannot_be_opened_leaves_the_one_before_it(opened: Session) -> None:
+    session = after(planned(opened), m.OpenPlace("nowhere"))
+    assert session.what == "nowhere" and session.place is None and session.job is not None
+    session = reports(session, JobFailed("open", "there is no such place"))
+    assert session.what == "balls" and session.place is opened.place and session.plan is not None
+    assert session.job is None and session.notices[-1].bad and "no such place" in session.notices[-1].body
+
+
+def test_opening_can_be_given_up_and_a_late_report_of_it_is_ignored(opened: Session) -> None:
+    opening = after(opened, m.OpenPlace("nowhere"))
+    assert opening.job is not None
+    session = after(opening, m.Cancel(), m.Reported(opening.job.id, m.PlaceOpened(balls_place())))
+    assert session.what == "balls" and session.place is opened.place
+    assert after(session, m.StartPlan()).job != opening.job
+
+
+def test_a_second_place_forgets_the_first_only_once_it_is_open(opened: Session) -> None:
+    session = reports(after(planned(opened), m.OpenPlace("other")), m.PlaceOpened(balls_place()), JobFinished("open"))
+    assert session.what == "other" and session.plan is None and session.place is not opened.place
+    again = after(session, m.OpenPlace("third"))
+    assert again.before is not None and again.before.what == "other" and again.before.before is None
+
+
+def test_unknown_names_are_refused_with_those_that_exist(opened: Session) -> None:
+    wrong = {Choice(robot="whale"): "quadrotor", Choice(planner="guess"): "fast", Choice(estimator="eye"): "paper"}
+    for choice, known in wrong.items():
+        session = after(opened, m.Choose(choice))
+        assert session.choice == opened.choice
+        assert session.notices[-1].bad and known in session.notices[-1].body
+
+
+def test_another_planner_keeps_the_plan(opened: Session) -> None:
+    session = after(planned(opened), m.Choose(replace(opened.choice, planner="paper")))
+    assert session.choice.planner == "paper" and session.plan is not None

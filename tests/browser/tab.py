@@ -40,6 +40,13 @@ name => {
 """
 
 
+_TAB_OF_BUTTON = {
+    **dict.fromkeys(("Plan", "Cancel"), "Plan"),
+    **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop"), "Fly"),
+    **dict.fromkeys(("CSV", "JSON", "Reset"), "Export"),
+}
+
+
 class Tab:
     """One open page of an app."""
 
@@ -85,8 +92,14 @@ class Tab:
         """Where the page has the start or the goal [m]."""
         return np.array(self.page.evaluate(_POSITION, f"/{which.value}"))
 
+    def turn_to(self, name: str) -> None:
+        """Open a tab of the side panel."""
+        self.page.get_by_role("tab", name=name, exact=True).click()
+
     def press(self, name: str) -> None:
-        """Click a button."""
+        """Click a button, in the tab of the side panel where it is."""
+        if name in _TAB_OF_BUTTON:
+            self.turn_to(_TAB_OF_BUTTON[name])
         self.page.get_by_role("button", name=name, exact=True).click()
 
     def drag_along_x(self, which: Which, distance: float, gizmo: float) -> None:

@@ -20,6 +20,7 @@ from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.pixels import PixelConfig
 from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.optimize import PlanConfig
 from tests.app.doubles import balls_place
 from tests.browser.tab import Tab
@@ -32,7 +33,7 @@ def small_work() -> NavigationWork:
     pose_filter = FilterConfig(PixelConfig(count=64), DescentConfig(iterations=15), process_noise=_CALM)
     return NavigationWork(
         open=partial(scene.run, opener=lambda _: balls_place()),
-        plan=PlanConfig(iterations=40),
+        plans={"fast": FastPlanConfig()},
         navigate=NavigateConfig(replan=PlanConfig(iterations=5), filter=pose_filter, noise=_CALM, initial=_CALM),
     )
 
@@ -78,4 +79,5 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     flown = tab.line("/flight/truth")
     tab.load()
     np.testing.assert_array_equal(tab.line("/flight/truth"), flown)
+    tab.turn_to("Fly")
     tab.until(lambda: tab.says("The robot is at the goal."), "a reload has lost the flight")

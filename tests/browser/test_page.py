@@ -33,8 +33,9 @@ def endless(job: object) -> Progress:
 def test_the_page_shows_handles_and_panel_under_its_own_name(serve: Serve, open_tab: OpenTab) -> None:
     tab = open_tab(serve(ScriptedWork()))
     assert tab.page.title() == "nerfnav"
-    assert tab.says("balls") and tab.says("Start and goal")
-    for name in ("Plan", "Fly", "Reset"):
+    assert tab.says("balls")
+    for title, name in (("Plan", "Plan"), ("Fly", "Fly"), ("Export", "Reset")):
+        tab.turn_to(title)
         assert tab.page.get_by_role("button", name=name, exact=True).is_enabled()
     for which in Which:
         np.testing.assert_allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-5)

@@ -1,0 +1,38 @@
+"""The panels of the page: what is happening always at the top, everything else in tabs, in the order of use."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import viser
+
+from app.messages import Command
+from app.panels.ends import EndsPanel
+from app.panels.export import ExportPanel
+from app.panels.fly import FlyPanel
+from app.panels.place import PlacePanel
+from app.panels.plan import PlanPanel
+from app.panels.status import StatusPanel
+from app.session import Session
+
+
+class Panel(Protocol):
+    """A part of the page in words and widgets."""
+
+    def show(self, session: Session) -> None:
+        """Show the session, by changing what has changed."""
+        ...
+
+
+def panels(server: viser.ViserServer, post: Callable[[Command], None]) -> tuple[Panel, ...]:
+    """Put up all panels; `post` takes what the user asks."""
+    made: list[Panel] = [StatusPanel(server)]
+    tabs = server.gui.add_tab_group()
+    with tabs.add_tab("Scene", viser.Icon.MAP_2):
+        made += [PlacePanel(server, post), EndsPanel(server, post)]
+    with tabs.add_tab("Plan", viser.Icon.ROUTE):
+        made += [PlanPanel(server, post)]
+    with tabs.add_tab("Fly", viser.Icon.DRONE):
+        made += [FlyPanel(server, post)]
+    with tabs.add_tab("Export", viser.Icon.DOWNLOAD):
+        made += [ExportPanel(server, post)]
+    return tuple(made)
