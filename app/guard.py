@@ -29,10 +29,12 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from app.net import is_loopback
-from app.theme import branded
+from app.theme import HIT, branded
+from app.uploads import MOST_BYTES
 from nerfnav.errors import NerfnavError
 
 _COOKIE = "nerfnav_token"
+_UPLOADS_AT_ONCE = 4
 _patching = threading.Lock()
 
 Responder = Callable[[Any, Request], Response | None]
@@ -58,6 +60,7 @@ def guarded_server(host: str, port: int, token: str | None) -> viser.ViserServer
     for message in (viser_messages.ShareUrlRequest, viser_messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(message)
     _admit_values_only(server)
+    _limit_uploads(server)
     return server
 
 
@@ -139,6 +142,31 @@ def _admit_values_only(server: viser.ViserServer) -> None:
             await take(client_id, message)
 
     server._websock_server.register_handler(viser_messages.GuiUpdateMessage, take_values)
+
+
+def _limit_uploads(server: viser.ViserServer) -> None:
+    """Take no file that is too large, none that is larger than it said, and few at a time."""
+    states, sockets = server.gui._current_file_upload_states, server._websock_server
+    begin, take = server.gui._handle_file_transfer_start, server.gui._handle_file_transfer_part
+    sockets.unregister_handler(viser_messages.FileTransferStartUpload, begin)
+    sockets.unregister_handler(viser_messages.FileTransferPart, take)
+
+    def begin_if_small(client_id: Any, message: viser_messages.FileTransferStartUpload) -> None:
+        if 0 <= message.size_bytes <= MOST_BYTES and len(states) < _UPLOADS_AT_ONCE:
+            begin(client_id, message)
+        elif (client := server.get_clients().get(client_id)) is not None:
+            text = f"A file may have {MOST_BYTES >> 20} MB, and {_UPLOADS_AT_ONCE} may be on their way at once."
+            client.add_notification("Not taken", text, color=HIT, auto_close_seconds=None)
+
+    def take_if_announced(client_id: Any, message: viser_messages.FileTransferPart) -> None:
+        state = states.get(message.transfer_uuid)
+        if state is not None and state["transferred_bytes"] + len(message.content) > state["total_bytes"]:
+            del states[message.transfer_uuid]
+        elif state is not None and state["client_id"] == client_id:
+            take(client_id, message)
+
+    sockets.register_handler(viser_messages.FileTransferStartUpload, begin_if_small)
+    sockets.register_handler(viser_messages.FileTransferPart, take_if_announced)
 
 
 def _refuse(reason: str) -> Response:

@@ -8,6 +8,7 @@ from app.ends import Ends
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
 from app.place import Place
 from app.session import FlightRecord, Job, JobKind, Notice, PlanRecord, Session, opening_ends
+from app.sources import title_of, without_folder
 from nerfnav import robots
 from nerfnav.errors import UnknownNameError
 from nerfnav.estimator.steps import FilterStep
@@ -76,7 +77,7 @@ def _command(session: Session, command: m.Command) -> Session:
 def _open(session: Session, what: str) -> Session:
     """The session that opens another place, and can go back to this one."""
     session = replace(session, before=None) if session.place is not None else session
-    job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {what}")
+    job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
     opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
     # a place that was never open is nothing to go back to
     return replace(opening, before=session if session.place is not None else session.before)
@@ -166,7 +167,8 @@ def _report(session: Session, event: object) -> Session:
         case JobFinished():
             return _finished(replace(session, job=None), job, event)
         case JobFailed(_, message):
-            return noticed(_given_up(session), f"Could not {job.kind.value}", message, bad=True)
+            told = without_folder(message, session.what)
+            return noticed(_given_up(session), f"Could not {job.kind.value}", told, bad=True)
         case JobCancelled():
             return _given_up(session)
         case _:

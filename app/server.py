@@ -28,6 +28,7 @@ from app.reduce import reduce
 from app.session import Session
 from app.theme import dress
 from app.threads import TORCH_THREADS
+from app.uploads import Uploads
 from app.work import NavigationWork
 from app.worker import Work, Worker
 from nerfnav.errors import NerfnavError
@@ -83,6 +84,7 @@ class App:
         self._loop = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
         self._server: viser.ViserServer | None = None
         self._parts: tuple[Shows, ...] = ()
+        self._uploads = Uploads()
 
     @property
     def session(self) -> Session:
@@ -107,7 +109,7 @@ class App:
             FlyLayer(server),
             NoticesLayer(server),
         )
-        self._parts = (*layers, *panels(server, self.post))
+        self._parts = (*layers, *panels(server, self.post, self._uploads))
         self._worker.start()
         self._loop.start()
 
@@ -118,6 +120,7 @@ class App:
         self._worker.stop()
         if self._server is not None:
             self._server.stop()
+        self._uploads.close()
 
     def post(self, message: Message) -> None:
         """Hand a message to the session, from any thread."""

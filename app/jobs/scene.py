@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 
 import torch
 
-from app.events import JobFinished, Progress
-from app.jobs import plan
+from app.events import JobEvent, JobFinished, Progress
+from app.jobs import adopt, plan
 from app.jobs.plan import PlanRequest
 from app.messages import PlaceOpened, SurfaceShaped
 from app.place import Place, open_place
 from app.session import opening_ends
+from app.sources import FIELD, is_source
 from app.surface import unlit_glb, without_specks
 from nerfnav.errors import NerfnavError
 from nerfnav.field.meshing import field_mesh
@@ -29,8 +31,17 @@ _SPECK = 400
 
 def run(
     what: str, opener: Callable[[str], Place] = open_place
-) -> Iterator[Progress | PlaceOpened | SurfaceShaped | JobFinished]:
-    """Yield the place as soon as it is loaded, then its surface. Raises NerfnavError as `open_place` does."""
+) -> Iterator[JobEvent | PlaceOpened | SurfaceShaped]:
+    """Yield the place as soon as it is loaded, then its surface; a source is made into a field first.
+
+    Raises NerfnavError as `open_place` does, or where no field can be made.
+    """
+    if is_source(what):
+        made = Path(what).with_suffix(FIELD)
+        for event in adopt.run(Path(what), made):
+            if not isinstance(event, JobFinished):  # the job goes on
+                yield event
+        what = str(made)
     yield Progress("opening the field", 0.05)
     place = opener(what)
     yield PlaceOpened(place)

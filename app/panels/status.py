@@ -3,6 +3,7 @@
 import viser
 
 from app.session import JobKind, Session
+from app.sources import title_of
 from app.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from app.widgets import heading, legend, warning
 
@@ -28,7 +29,7 @@ class StatusPanel:
     def show(self, session: Session) -> None:
         """Say what is open and what is being done."""
         job = session.job
-        name = session.place.name if session.place is not None else session.what
+        name = session.place.name if session.place is not None else title_of(session.what)
         self._title.content = heading(name, activity(session))
         self._progress.visible = job is not None and not job.paused
         self._progress.value = 100 * (job.fraction or 0.0) if job is not None else 0.0

@@ -13,6 +13,7 @@ from app.panels.place import PlacePanel
 from app.panels.plan import PlanPanel
 from app.panels.status import StatusPanel
 from app.session import Session
+from app.uploads import Uploads
 
 
 class Panel(Protocol):
@@ -23,12 +24,12 @@ class Panel(Protocol):
         ...
 
 
-def panels(server: viser.ViserServer, post: Callable[[Command], None]) -> tuple[Panel, ...]:
-    """Put up all panels; `post` takes what the user asks."""
+def panels(server: viser.ViserServer, post: Callable[[Command], None], uploads: Uploads) -> tuple[Panel, ...]:
+    """Put up all panels; `post` takes what the user asks, `uploads` what the user brings."""
     made: list[Panel] = [StatusPanel(server)]
     tabs = server.gui.add_tab_group()
     with tabs.add_tab("Scene", viser.Icon.MAP_2):
-        made += [PlacePanel(server, post), EndsPanel(server, post)]
+        made += [PlacePanel(server, post, uploads), EndsPanel(server, post)]
     with tabs.add_tab("Plan", viser.Icon.ROUTE):
         made += [PlanPanel(server, post)]
     with tabs.add_tab("Fly", viser.Icon.DRONE):

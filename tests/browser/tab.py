@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,12 @@ class Tab:
         if name in _TAB_OF_BUTTON:
             self.turn_to(_TAB_OF_BUTTON[name])
         self.page.get_by_role("button", name=name, exact=True).click()
+
+    def upload(self, button: str, file: Path) -> None:
+        """Give a file to an upload button."""
+        with self.page.expect_file_chooser() as chooser:
+            self.press(button)
+        chooser.value.set_files(file)
 
     def drag_along_x(self, which: Which, distance: float, gizmo: float) -> None:
         """Drag the red arrow of an end's gizmo of size `gizmo` [m] by `distance` [m] along x."""

@@ -1,0 +1,15 @@
+"""Make a field of a file that somebody brings, so that it can be opened: a mesh, a capture, Gaussian splats."""
+
+from pathlib import Path
+
+from app.events import JobEvents
+from app.jobs import train
+from app.jobs.train import TrainRequest
+
+BUDGET_S = 60.0
+"""Time that is spent on learning a field [s]: enough to fly in, short enough to wait for."""
+
+
+def run(source: Path, out: Path) -> JobEvents:
+    """Yield what training or importing yields, and leave the field in `out`."""
+    return train.run(TrainRequest(str(source), out, budget=BUDGET_S))
