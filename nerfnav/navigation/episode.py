@@ -20,6 +20,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
+from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.robots.state import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 
@@ -50,6 +51,8 @@ class Episode:
     """Length of a step [s]."""
     outcome: EpisodeOutcome
     """How it ended."""
+    recoveries: tuple[Recovery | None, ...] = ()
+    """What was done at each time where the picture disagreed with the belief; shorter where nothing ever was."""
 
     @classmethod
     def of(cls, steps: Sequence[NavigationStep]) -> "Episode":
@@ -68,6 +71,7 @@ class Episode:
             torch.tensor([step.replan_ms for step in steps]),
             steps[0].plan.dt,
             steps[-1].outcome or EpisodeOutcome.STOPPED,
+            tuple(step.recovery for step in steps),
         )
 
     @property
@@ -99,6 +103,7 @@ class Episode:
             "steps": len(self.actions),
             "final_position_error_m": (self.truth.position[-1] - self.goal.position).norm().item(),
             "mesh_collision_steps": int(self.touched.sum()),
+            "recoveries": {kind.name.lower(): self.recoveries.count(kind) for kind in Recovery},
             "estimation": self._estimation(),
             "timing_ms": self._timing_ms(),
         }
@@ -132,6 +137,7 @@ class Episode:
             "replan_ms": self.replan_ms,
         }
         about = {"format": FORMAT, "version": VERSION, "dt": self.dt, **self.metrics()}
+        about["recovery_of_step"] = [None if kind is None else kind.name.lower() for kind in self.recoveries]
         numbers, words = folder / "episode.npz", folder / "episode.json"
         with _replacing(numbers) as beside, beside.open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **{name: value.numpy() for name, value in arrays.items()})
@@ -169,6 +175,7 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
         stored["replan_ms"],
         dt,
         EpisodeOutcome[about["outcome"].upper()],
+        tuple(None if name is None else Recovery[name.upper()] for name in about.get("recovery_of_step", ())),
     )
 
 

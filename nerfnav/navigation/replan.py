@@ -18,6 +18,7 @@ from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.steps import FilterOutcome
 from nerfnav.navigation.planners import Planner
+from nerfnav.navigation.recovery import Recovery, RecoveryConfig, Relocaliser, recover
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.planner.fast import FastPlanConfig
@@ -53,8 +54,8 @@ class NavigateConfig:
     """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
     timeout_factor: float = 2.0
     """TIMEOUT after this many times the planned steps."""
-    patience: int = 3
-    """DIVERGED after this many pictures in a row that disagree with the belief."""
+    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
+    """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning, beliefs moved by the dynamics alone."""
 
@@ -88,6 +89,8 @@ class Pilot:
     """Finds the way."""
     estimator: Estimator
     """Says where the robot is."""
+    relocaliser: Relocaliser | None = None
+    """Finds a robot that is lost; None: lost is lost."""
 
 
 @dataclass(frozen=True)
@@ -120,11 +123,10 @@ def navigate(
     yield step
     touched, lost = False, 0
     while step.outcome is None:
-        step = yield from (_drift(step, flight) if config.open_loop else _advance(step, flight))
+        step = yield from (_drift(step, flight) if config.open_loop else _advance(step, flight, lost))
         touched |= step.touched
-        diverged = step.update is not None and step.update.outcome is FilterOutcome.DIVERGED
-        lost = lost + 1 if diverged else 0
-        outcome = EpisodeOutcome.DIVERGED if lost >= config.patience else _judge(step, flight)
+        lost = lost + 1 if step.recovery is Recovery.WIDENED else 0
+        outcome = EpisodeOutcome.DIVERGED if step.recovery is Recovery.LOST else _judge(step, flight)
         if outcome is not None and touched:
             outcome = EpisodeOutcome.COLLIDED
         step = replace(step, outcome=outcome)
@@ -153,8 +155,8 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
     return NavigationStep(0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome)
 
 
-def _advance(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
-    """One turn of Algorithm 1."""
+def _advance(last: NavigationStep, flight: _Flight, lost: int) -> Generator[LoopEvent, None, NavigationStep]:
+    """One turn of Algorithm 1, after `lost` pictures in a row that disagreed."""
     mission, simulator, index = flight.mission, flight.simulator, last.index + 1
     action = last.plan.actions[0]
     touched = simulator.act(action, mission.dt)
@@ -163,13 +165,20 @@ def _advance(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None
         flight.pilot.estimator.update(last.belief, image, action, mission.dt, flight.generator)
     )
     assert update.posterior is not None, "the last step of an estimator has the posterior"
-    horizon = max(mission.steps - index, flight.config.minimum_horizon)
+    belief, recovery = update.posterior, None
+    if update.outcome is FilterOutcome.DIVERGED:
+        belief, recovery = yield from recover(
+            belief, image, lost + 1, flight.config.recovery, flight.pilot.relocaliser
+        )
+    left = mission.steps if recovery is Recovery.RELOCALISED else len(last.plan.actions) - 1
     planned, replan_ms = yield from _timed(
-        flight.pilot.planner.replan(last.plan, update.posterior.mean, mission.goal, horizon, executed=1)
+        flight.pilot.planner.replan(
+            last.plan, belief.mean, mission.goal, max(left, flight.config.minimum_horizon), executed=1
+        )
     )
     return NavigationStep(
-        index, index * mission.dt, action, simulator.state, update.posterior, image, update, planned.motion,
-        touched, filter_ms, replan_ms,
+        index, index * mission.dt, action, simulator.state, belief, image, update, planned.motion,
+        touched, filter_ms, replan_ms, recovery=recovery,
     )  # fmt: skip
 
 

@@ -7,7 +7,9 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.estimator.steps import FilterStep
+from nerfnav.navigation.recovery import Recovery
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import Motion, RigidState
 
@@ -51,7 +53,9 @@ class NavigationStep:
     """Time the planner took [ms]."""
     outcome: EpisodeOutcome | None = None
     """None while the flight goes on; set on the last step."""
+    recovery: Recovery | None = None
+    """What was done where the picture disagreed with the belief; None where it agreed."""
 
 
-LoopEvent = PlanStep | FilterStep | NavigationStep
+LoopEvent = PlanStep | FilterStep | RelocaliseStep | NavigationStep
 """What `navigate` yields, in the order in which it happens."""

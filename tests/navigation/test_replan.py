@@ -114,7 +114,7 @@ def test_a_flight_that_gets_nowhere_times_out():
 def test_pictures_that_disagree_again_and_again_end_the_flight():
     steps = steps_of(fly(lost=FilterOutcome.DIVERGED))
     assert steps[-1].outcome is EpisodeOutcome.DIVERGED
-    assert steps[-1].index == CONFIG.patience
+    assert steps[-1].index == CONFIG.recovery.patience
 
 
 def test_pictures_that_say_nothing_do_not_end_the_flight():
