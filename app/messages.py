@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from app.choice import Choice
-from app.ends import End, Which
+from app.ends import End, Ends, Which
 from app.events import JobEvent
 from app.place import Place
+from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import RigidState
 
 
@@ -154,6 +155,32 @@ class ViewQuestion:
 
 
 @dataclass(frozen=True)
+class PlanQuestion:
+    """What is the plan between these ends now?"""
+
+    ends: Ends
+    choice: Choice
+
+
+@dataclass(frozen=True)
+class Replanned:
+    """A plan that followed the hand."""
+
+    question: PlanQuestion
+    steps: tuple[PlanStep, ...] = field(compare=False)
+    """Its iterations; empty where there is no plan."""
+    summary: dict[str, Any] = field(compare=False)
+    """The job's numbers."""
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Some time has passed."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
 class View:
     """The field as a robot's camera would see it."""
 
@@ -162,6 +189,6 @@ class View:
     """One for each state, (height, width, 3), sRGB bytes."""
 
 
-Question = EndQuestion | ViewQuestion
-Answer = EndReport | View
-Message = Command | Reported | Answer
+Question = EndQuestion | ViewQuestion | PlanQuestion
+Answer = EndReport | View | Replanned
+Message = Command | Reported | Answer | Tick

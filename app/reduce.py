@@ -31,10 +31,34 @@ def reduce(session: Session, message: m.Message) -> Session:
             return replace(session, problems={**session.problems, question.which: problem})
         case m.View():
             return replace(session, view=message)
+        case m.Replanned():
+            return _replanned(session, message)
+        case m.Tick(seconds):
+            return _passed(session, seconds)
         case m.Tell(title, body, bad):
             return noticed(session, title, body, bad)
         case _:
             return _command(session, message)
+
+
+def _replanned(session: Session, answer: m.Replanned) -> Session:
+    """The plan between the ends as they are now; an answer for earlier ends comes too late."""
+    asked = answer.question
+    if session.job is not None or (asked.ends, asked.choice) != (session.ends, session.choice):
+        return session
+    plan = PlanRecord(session.ends, summary=answer.summary)
+    for step in answer.steps:
+        plan = plan.with_step(step)
+    return replace(session, plan=plan)
+
+
+def _passed(session: Session, seconds: float) -> Session:
+    """The session with its replay moved on."""
+    plan = session.plan
+    if plan is None or plan.replayed is None:
+        return session
+    share = plan.replayed + seconds / plan.REPLAY_S
+    return replace(session, plan=replace(plan, replayed=share if share < 1 else None))
 
 
 def noticed(session: Session, title: str, body: str, bad: bool = False) -> Session:
@@ -193,8 +217,9 @@ def _step(session: Session, job: Job, event: PlanStep | FilterStep | NavigationS
 
 def _finished(session: Session, job: Job, event: JobFinished) -> Session:
     if job.kind is JobKind.PLAN and session.plan is not None:
-        session = replace(session, plan=replace(session.plan, summary=event.summary))
-        outcome = session.plan.outcome if session.plan is not None else None
+        quick = event.summary.get("wall_s", PlanRecord.QUICK_S) < PlanRecord.QUICK_S
+        plan = replace(session.plan, summary=event.summary, replayed=0.0 if quick else None)
+        session, outcome = replace(session, plan=plan), plan.outcome
         if outcome in (PlanOutcome.NO_PATH, PlanOutcome.DIVERGED):
             return noticed(session, "No plan", f"{outcome.value.capitalize()}.", bad=True)
     if job.kind is JobKind.FLY and session.flight is not None:

@@ -21,7 +21,7 @@ from app.layers.fly import FlyLayer
 from app.layers.notices import NoticesLayer
 from app.layers.plan import PlanLayer
 from app.layers.scene import SceneLayer
-from app.messages import Message, Reported
+from app.messages import Message, Reported, Tick
 from app.net import check_address
 from app.panels.tabs import panels
 from app.reduce import reduce
@@ -137,7 +137,7 @@ class App:
         """Take in messages as they come, and show what they made of the session a few times a second."""
         self._worker.follow(self._session)
         self._show()
-        while (message := self._inbox.get()) is not None:
+        while (message := self._next()) is not None:
             until = time.monotonic() + _FRAME_S
             changed = self._take(message)
             while (left := until - time.monotonic()) > 0:
@@ -150,6 +150,13 @@ class App:
                 changed = self._take(message) or changed
             if changed:
                 self._show()
+
+    def _next(self) -> Message | None:
+        """The next message, or that a frame has passed where something moves by itself."""
+        try:
+            return self._inbox.get(timeout=_FRAME_S if self._session.replaying else None)
+        except queue.Empty:
+            return Tick(_FRAME_S)
 
     def _take(self, message: Message) -> bool:
         """Let the session move on; whether the page may have to change."""

@@ -11,13 +11,15 @@ from typing import Any, ClassVar
 
 from app.choice import Choice
 from app.ends import End, Ends, Which
-from app.messages import EndQuestion, Question, View, ViewQuestion
+from app.messages import EndQuestion, PlanQuestion, Question, View, ViewQuestion
 from app.place import Place
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.robots.state import Motion, RigidState
 
+REAL_TIME = ("fast",)
+"""Planners that are quick enough to plan again while the hand still holds an end."""
 _FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
 
 
@@ -58,6 +60,12 @@ class PlanRecord:
 
     TRAIL: ClassVar[int] = 6
     """How many earlier iterations are kept."""
+    RECORDED: ClassVar[int] = 300
+    """How many iterations can be replayed."""
+    REPLAY_S: ClassVar[float] = 2.0
+    """How long a replay takes [s]."""
+    QUICK_S: ClassVar[float] = 0.5
+    """Plans that took longer were watched while they were made, and are not replayed [s]."""
 
     ends: Ends
     """What it was asked to join."""
@@ -69,18 +77,39 @@ class PlanRecord:
     """Cost by term."""
     summary: dict[str, Any] = field(default_factory=dict)
     """The job's numbers, once it has finished."""
+    recorded: tuple[PlanStep, ...] = ()
+    """The first iterations: what a replay shows of a plan that was made faster than a person can follow."""
+    replayed: float | None = None
+    """How much of the recording has been shown again, 0 to 1; None while there is no replay."""
 
     @property
     def outcome(self) -> PlanOutcome | None:
         """None while it is computed, or when it was stopped."""
         return None if self.latest is None else self.latest.outcome
 
+    @property
+    def shown(self) -> PlanStep | None:
+        """The iteration to show now."""
+        if self.replayed is None or not self.recorded:
+            return self.latest
+        return self.recorded[min(int(self.replayed * len(self.recorded)), len(self.recorded) - 1)]
+
+    @property
+    def shown_trail(self) -> tuple[Motion, ...]:
+        """Earlier iterations to show with it, oldest first."""
+        if self.replayed is None:
+            return self.trail
+        count = min(int(self.replayed * len(self.recorded)), len(self.recorded) - 1)
+        return tuple(self.recorded[index].motion for index in range(max(0, count - self.TRAIL), count))
+
     def with_step(self, step: PlanStep) -> "PlanRecord":
         """With one more iteration; iterations 1, 2, 4, 8, ... stay visible, as the line moves most early on."""
         trail = self.trail
         if self.latest is not None and step.iteration & (step.iteration - 1) == 0:
             trail = (*trail, self.latest.motion)[-self.TRAIL :]
-        return replace(self, latest=step, trail=trail, history=self.history.appended(step.iteration, step.cost))
+        recorded = (*self.recorded, step) if len(self.recorded) < self.RECORDED else self.recorded
+        history = self.history.appended(step.iteration, step.cost)
+        return replace(self, latest=step, trail=trail, history=history, recorded=recorded)
 
 
 @dataclass(frozen=True)
@@ -210,6 +239,11 @@ class Session:
         return self.plan is not None and self.plan.ends != self.ends
 
     @property
+    def replaying(self) -> bool:
+        """Whether a plan is being shown again, at a pace that a person can follow."""
+        return self.plan is not None and self.plan.replayed is not None
+
+    @property
     def flight_is_stale(self) -> bool:
         """Whether start or goal have moved since the flight began."""
         return self.flight is not None and self.flight.ends != self.ends
@@ -232,9 +266,18 @@ class Session:
             seen = ViewQuestion(("flight", self.jobs_begun, len(flight.steps)), (flight.steps[-1].belief.mean,))
         else:
             seen = ViewQuestion(("ends", self.ends), (self.ends.start.state(), self.ends.goal.state()))
+            if self._wants_plan_again:
+                asked.append(PlanQuestion(self.ends, self.choice))
         if self.view is None or self.view.question != seen:
             asked.append(seen)
         return tuple(asked)
+
+
+    @property
+    def _wants_plan_again(self) -> bool:
+        """Whether the ends of a plan were moved and the robot fits at both: it follows the hand."""
+        free = len(self.problems) == len(Which) and not any(self.problems.values())
+        return self.plan_is_stale and self.job is None and free and self.choice.planner in REAL_TIME
 
 
 def opening_ends(place: Place, task: str | None) -> Ends | None:

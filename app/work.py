@@ -1,18 +1,23 @@
 """What the worker can do for this app: the jobs that the command line runs too, and answers to the page."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import torch
 
+from app.choice import Choice
+from app.ends import Ends
+from app.events import JobFinished
 from app.jobs import fly, plan, scene
 from app.jobs.fly import CAMERA, FlyRequest
 from app.jobs.plan import PlanRequest
-from app.messages import Answer, EndQuestion, EndReport, Question, View, ViewQuestion
+from app.messages import Answer, EndQuestion, EndReport, PlanQuestion, Question, Replanned, View, ViewQuestion
 from app.place import Place, occupancy_of
 from app.session import Job, JobKind, Session
+from nerfnav.errors import NerfnavError
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from nerfnav.navigation.replan import NavigateConfig
@@ -20,6 +25,7 @@ from nerfnav.planner.ends import nearest_free
 from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import RigidState
 
 
@@ -39,10 +45,7 @@ class NavigationWork:
         if job.kind is JobKind.OPEN:
             return self.open(session.what)
         assert session.place is not None, "nothing but opening is asked for before the place is open"
-        start, goal = job.ends.start, job.ends.goal
-        planner = session.choice.planner
-        config = self.plans.get(planner)
-        route = PlanRequest(start.position, goal.position, start.yaw, goal.yaw, planner=planner, config=config)
+        route = self._route(job.ends, session.choice)
         if job.kind is JobKind.PLAN:
             return plan.run(route, session.place)
         made = job.first_plan.latest if job.first_plan is not None else None
@@ -60,7 +63,26 @@ class NavigationWork:
         assert place is not None, "there are no questions before the place is open"
         if isinstance(question, ViewQuestion):
             return View(question, tuple(view_from(place, state) for state in question.states))
+        if isinstance(question, PlanQuestion):
+            return self._replanned(question, place)
         return EndReport(question, problem_at(place, question, occupancy_of(place, OccupancyConfig())))
+
+    def _replanned(self, question: PlanQuestion, place: Place) -> Replanned:
+        steps, summary = [], {}
+        with suppress(NerfnavError):  # the ends are shown with what is wrong with them
+            for event in plan.run(self._route(question.ends, question.choice), place):
+                if isinstance(event, PlanStep):
+                    steps.append(event)
+                elif isinstance(event, JobFinished):
+                    summary = event.summary
+        return Replanned(question, tuple(steps), summary)
+
+    def _route(self, ends: Ends, choice: Choice) -> PlanRequest:
+        start, goal = ends.start, ends.goal
+        config = self.plans.get(choice.planner)
+        return PlanRequest(
+            start.position, goal.position, start.yaw, goal.yaw, planner=choice.planner, config=config
+        )
 
 
 def problem_at(place: Place, question: EndQuestion, occupancy: OccupancyMap) -> str | None:

@@ -33,11 +33,12 @@ class PlanLayer:
         if self._robot is not session.place.robot:
             self._robot = session.place.robot
             self._bodies.shape(robot_shape(self._robot.body.extents))
-        motion = plan.latest.motion if plan is not None and plan.latest is not None else None
+        step, replaying = (None, False) if plan is None else (plan.shown, plan.replayed is not None)
+        motion = None if step is None else step.motion
         with self._server.atomic():
             self._line.show(None if motion is None else positions(motion.states), STALE if stale else PLAN)
-            self._trail.show(plan.trail if plan is not None and busy and not stale else ())
-            bodies = motion if motion is not None and not busy and not stale else None
+            self._trail.show(plan.shown_trail if plan is not None and (busy or replaying) and not stale else ())
+            bodies = motion if motion is not None and not (busy or replaying or stale) else None
             if bodies is None:
                 self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
             else:

@@ -70,7 +70,7 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
         return note("Looking for a free way…" if planning else "No plan yet: press Plan, and its cost shows here.")
     cost = plan.latest.cost
     rows = [
-        ("Iteration", f"{plan.latest.iteration + 1}"),
+        ("Iteration", _iteration(plan)),
         ("Cost: collision", number(cost.collision, "")),
         ("Cost: control", number(cost.control, "")),
         ("Cost: total", number(cost.total, "")),
@@ -80,6 +80,14 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
     words = ended if ended or planning else "Stopped before it had settled."
     remark = warning("Start or goal have moved since: this plan leads to the earlier ones.") if stale else ""
     return table(rows) + (note(words) if words else "") + remark
+
+
+def _iteration(plan: PlanRecord) -> str:
+    shown, latest = plan.shown, plan.latest
+    assert shown is not None and latest is not None, "only plans with iterations are described"
+    if plan.replayed is None:
+        return f"{latest.iteration + 1}"
+    return f"{shown.iteration + 1} of {latest.iteration + 1}, shown again slowly"
 
 
 def _judgement(plan: PlanRecord) -> list[tuple[str, str]]:

@@ -273,3 +273,48 @@ def test_unknown_names_are_refused_with_those_that_exist(opened: Session) -> Non
 def test_another_planner_keeps_the_plan(opened: Session) -> None:
     session = after(planned(opened), m.Choose(replace(opened.choice, planner="paper")))
     assert session.choice.planner == "paper" and session.plan is not None
+
+
+def quickly_planned(session: Session) -> Session:
+    """The session after a plan that took no time at all."""
+    steps = [plan_step(session.ends, index) for index in range(3)]
+    last = plan_step(session.ends, 3, PlanOutcome.CONVERGED)
+    return reports(after(session, m.StartPlan()), *steps, last, JobFinished("plan", {"wall_s": 0.03}))
+
+
+def test_a_plan_that_was_made_in_an_instant_is_shown_again_slowly(opened: Session) -> None:
+    session = quickly_planned(opened)
+    shown = []
+    while session.replaying:
+        assert session.plan is not None and session.plan.shown is not None and len(shown) < 100
+        shown.append(session.plan.shown.iteration)
+        session = after(session, m.Tick(0.25))
+    assert shown == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert session.plan is not None and session.plan.shown is session.plan.latest
+    assert not planned(opened).replaying, "a plan that took long was watched while it was made"
+
+
+def test_a_plan_follows_its_moved_end_once_the_robot_is_known_to_fit(opened: Session) -> None:
+    moved = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
+    asked = m.PlanQuestion(moved.ends, moved.choice)
+    assert asked not in moved.questions
+    fits = after(moved, *(m.EndReport(m.EndQuestion(which, moved.ends.of(which)), None) for which in Which))
+    assert asked in fits.questions
+    step = plan_step(moved.ends, 0, PlanOutcome.CONVERGED)
+    again = after(fits, m.Replanned(asked, (step,), {"wall_s": 0.02}))
+    assert again.plan is not None and again.plan.latest is step and not again.plan_is_stale
+    assert asked not in again.questions and not again.replaying
+
+
+def test_a_plan_for_earlier_ends_comes_too_late(opened: Session) -> None:
+    first = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
+    late = m.Replanned(m.PlanQuestion(first.ends, first.choice), (plan_step(first.ends, 0),), {})
+    second = after(first, m.MoveEnd(Which.GOAL, End((0.4, -0.5, 0.4))))
+    assert after(second, late) is second
+
+
+def test_slow_planners_do_not_follow_the_hand(opened: Session) -> None:
+    session = after(quickly_planned(opened), m.Choose(replace(opened.choice, planner="paper")))
+    session = after(session, m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
+    session = after(session, *(m.EndReport(m.EndQuestion(which, session.ends.of(which)), None) for which in Which))
+    assert not any(isinstance(question, m.PlanQuestion) for question in session.questions)
