@@ -6,9 +6,14 @@ from pathlib import Path
 
 from nerfnav.errors import UnknownNameError
 from nerfnav.world.scene import Scene
-from scenes import blocks, stonehenge
+from scenes import blocks, church, playground, stonehenge
 
-_BUILDERS: dict[str, Callable[[], Scene]] = {"stonehenge": stonehenge.build, "blocks": blocks.build}
+_BUILDERS: dict[str, Callable[[], Scene]] = {
+    "stonehenge": stonehenge.build,
+    "playground": playground.build,
+    "church": church.build,
+    "blocks": blocks.build,
+}
 
 
 def names() -> list[str]:

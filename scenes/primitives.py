@@ -1,17 +1,21 @@
 """Shapes that places are built from: finely tessellated, watertight, free of self-intersections.
 
-Every shape is a box or a disk bent by maps that are one to one, so it cannot cut through itself.
+Every shape is a box, a disk or a ring bent by maps that are one to one, so it cannot cut through itself.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from manifold3d import Manifold, Mesh64, OpType
 from scipy.spatial import Delaunay
 
 from scenes.noise import noise
 
 Size = tuple[float, float, float]
+Curve = Callable[[np.ndarray], np.ndarray]
+"""Numbers (n,) to numbers (n,), all in metres."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,71 @@ def _wobble(points: np.ndarray, rough: Roughness, seed: int) -> np.ndarray:
     bulge = np.stack([noise(spread, 0.09, k) for k in range(3)], -1)
     grain = np.stack([noise(spread, 0.03, 3 + k) for k in range(3)], -1)
     return rough.bulge * bulge + rough.grain * grain
+
+
+def turned(height: float, radius: Curve, edge: float) -> trimesh.Trimesh:
+    """What a lathe makes: a round shape that stands on z = 0, `radius` [m] of its heights, all above 0."""
+    width = 2 * float(np.max(radius(np.linspace(0, height, 50))))
+    mesh = box((width, width, height), edge)
+    points = mesh.vertices.copy()
+    points[:, 2] += height / 2
+    square = np.abs(points[:, :2]).max(1)
+    reach = np.linalg.norm(points[:, :2], axis=1)
+    # squares around the axis become circles
+    points[:, :2] *= (square / np.maximum(reach, 1e-12) * radius(points[:, 2]) / (width / 2))[:, None]
+    mesh.vertices = points
+    return mesh
+
+
+def bar(start: Size, end: Size, radius: float, edge: float) -> trimesh.Trimesh:
+    """A round bar from one point to another [m]."""
+    way = np.subtract(end, start)
+    mesh = turned(float(np.linalg.norm(way)), lambda z: np.full_like(z, radius), edge)
+    mesh.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], way))
+    return mesh.apply_translation(start)
+
+
+def ring(profile: np.ndarray, edge: float) -> trimesh.Trimesh:
+    """A closed profile (k, 2) of radius and height [m], counter-clockwise, swept once around the z axis."""
+    after = np.roll(profile, -1, axis=0)
+    parts = [
+        a + np.linspace(0, 1, max(1, int(np.ceil(np.linalg.norm(b - a) / edge))), endpoint=False)[:, None] * (b - a)
+        for a, b in zip(profile, after, strict=True)
+    ]
+    loop = np.concatenate(parts)
+    around, along = max(12, int(np.ceil(2 * np.pi * loop[:, 0].max() / edge))), len(loop)
+    turn = (2 * np.pi * np.arange(around) / around)[:, None]
+    points = [loop[:, 0] * np.cos(turn), loop[:, 0] * np.sin(turn), np.broadcast_to(loop[:, 1], (around, along))]
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(around), np.arange(along), indexing="ij"))
+    here, there, up = i * along, (i + 1) % around * along, (j + 1) % along
+    quads = np.stack([here + j, there + j, there + up, here + up], -1)
+    faces = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    return trimesh.Trimesh(np.stack(points, -1).reshape(-1, 3), faces, process=False)
+
+
+def panel(ends: tuple[float, float], depth: float, low: Curve, high: Curve, edge: float) -> trimesh.Trimesh:
+    """An upright wall of `depth` [m] across y, from x = ends[0] to ends[1], whose edges run at z = low(x), high(x).
+
+    `low` must be below `high` everywhere: arches are walls with a bent lower edge, gables have a bent upper one.
+    """
+    width = ends[1] - ends[0]
+    along = np.linspace(*ends, 50)
+    height = float(np.max(high(along) - low(along)))
+    mesh = box((width, depth, height), edge)
+    points = mesh.vertices.copy()
+    # more columns near the ends, where arches are steep
+    points[:, 0] = ends[0] + width / 2 * (1 + np.sin(np.pi * points[:, 0] / width))
+    share = points[:, 2] / height + 0.5
+    points[:, 2] = (1 - share) * low(points[:, 0]) + share * high(points[:, 0])
+    mesh.vertices = points
+    return mesh
+
+
+def fused(pieces: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """One solid of several that overlap, without the surfaces inside it."""
+    solids = [Manifold(Mesh64(np.asarray(one.vertices, float), np.asarray(one.faces, np.uint64))) for one in pieces]
+    mesh = Manifold.batch_boolean(solids, OpType.Add).to_mesh64()
+    return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)
 
 
 def disk(radius: float, thickness: float, edge: float) -> trimesh.Trimesh:

@@ -7,7 +7,7 @@ from rich.table import Table
 
 import scenes
 from app.commands.screen import show
-from nerfnav.world.scene import Scene
+from nerfnav.world.scene import Scene, Task
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ def run(arguments: Arguments) -> None:
         return
     for scene in found:
         trained = "trained field included" if scenes.trained_path(scene.name).is_file() else "not trained yet"
-        table = Table("task", "start [m]", "goal [m]", "name", box=None, title_justify="left")
+        table = Table("task", "robot", "start [m]", "goal [m]", "name", box=None, title_justify="left")
         table.title = f"{scene.name}: {scene.title}; {scene.box.describe()}; {trained}"
         for number, task in enumerate(scene.tasks):
-            table.add_row(str(number), _point(task.start), _point(task.goal), task.name)
+            table.add_row(str(number), task.robot, _point(task.start), _point(task.goal), task.name)
         Console().print(table)
 
 
@@ -39,8 +39,12 @@ def _summary(scene: Scene) -> dict[str, object]:
         "title": scene.title,
         "box": {"lower": scene.box.lower.tolist(), "upper": scene.box.upper.tolist()},
         "trained": scenes.trained_path(scene.name).is_file(),
-        "tasks": [{"name": task.name, "start": task.start, "goal": task.goal} for task in scene.tasks],
+        "tasks": [_task(task) for task in scene.tasks],
     }
+
+
+def _task(task: Task) -> dict[str, object]:
+    return {"name": task.name, "robot": task.robot, "start": task.start, "goal": task.goal}
 
 
 def _point(point: tuple[float, float, float]) -> str:

@@ -18,7 +18,6 @@ from nerfnav.errors import NerfnavError
 from nerfnav.field.meshing import field_mesh
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import Camera, look_at
-from nerfnav.planner.optimize import PlanConfig
 
 _CELLS = 170
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
@@ -61,7 +60,7 @@ def warm_up(place: Place) -> None:
     render_image(place.field, Camera.from_fov(8, 8, 90), look_at(eye, box.center))
     ends = opening_ends(place, None) if place.scene is None else opening_ends(place, place.scene.tasks[0].name)
     assert ends is not None
-    request = PlanRequest(ends.start.position, ends.goal.position, config=PlanConfig(iterations=1))
+    request = PlanRequest(ends.start.position, ends.goal.position)
     with suppress(NerfnavError):  # ends that nobody chose may be occupied
         for _ in plan.run(request, place):
             pass

@@ -3,6 +3,7 @@
 Cameras stand in free space only: one inside a stone would teach a field that the stone is air.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,6 +27,8 @@ _ROUNDS = 30
 _GLANCE = 20  # pixels along a picture that is only asked how much it shows
 _TILT = 0.2
 """Standard deviation of the cameras' pitch and roll inside the box [rad]."""
+_PAST_ENDS = 1.35
+"""Cameras around the box stand up to so many half edges off its middle, at least."""
 _NOWHERE = Pose(torch.zeros(0, 3, 3), torch.zeros(0, 3))
 
 
@@ -96,6 +99,11 @@ def split(captured: PosedImages, every: int = 10) -> tuple[PosedImages, PosedIma
     return captured.subset(train), captured.subset(test)
 
 
+def images_taken(learned: int, every: int = 10) -> int:
+    """How many photographs were taken, at least, where `split` left `learned` of them to learn from."""
+    return next(count for count in itertools.count(learned) if count - len(range(every // 2, count, every)) == learned)
+
+
 def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generator) -> Pose:
     """Poses T_world_camera in free space, batch shape (images,), inside and around in shuffled order.
 
@@ -158,5 +166,6 @@ def _around(box: Box, count: int, generator: torch.Generator) -> Pose:
     share, aim = torch.rand(2, count, 3, generator=generator)
     yaw, elevation = 2 * math.pi * share[:, 0], torch.deg2rad(5 + 70 * share[:, 1] ** 1.5)
     way = torch.stack([elevation.cos() * yaw.cos(), elevation.cos() * yaw.sin(), elevation.sin()], -1)
-    reach = 0.5 * box.size[:2].norm() * (0.55 + 0.45 * share[:, 2:])
-    return look_at(box.center + reach * way, box.center + (aim - 0.5) * 0.6 * box.size)
+    # the ball around the box's outline, drawn out where a long box would else hide its ends
+    reach = torch.maximum(0.5 * box.size[:2].norm(), _PAST_ENDS * 0.5 * box.size) * (0.55 + 0.45 * share[:, 2:])
+    return look_at(box.center + reach * way, box.center + (aim - 0.5) * 0.8 * box.size)

@@ -24,6 +24,8 @@ class Task:
     """Heading at the start [rad]."""
     goal_yaw: float = 0.0
     """Heading at the goal [rad]."""
+    robot: str = "quadrotor"
+    """Name of the robot that the task is for."""
 
     @property
     def start_state(self) -> RigidState:
@@ -54,3 +56,5 @@ class Scene:
     """sRGB colour of a ray that hits nothing, in [0, 1]."""
     tasks: tuple[Task, ...]
     """Flights to try, the first of them the default."""
+    voxel: float | None = None
+    """Size of the voxels that suit a field of it [m]; None where the usual size does."""

@@ -3,9 +3,11 @@ import pytest
 import trimesh
 
 from nerfnav.world.solid import winding_number
-from scenes.light import Light, bake, from_srgb, to_srgb
+from scenes.finishes import masonry, stained, tiles, wood
+from scenes.light import Glass, Light, bake, from_srgb, to_srgb
 from scenes.noise import fractal, noise, smoothstep
-from scenes.primitives import box, disk, place, stone
+from scenes.primitives import bar, box, disk, fused, panel, place, ring, stone, turned
+from scenes.walls import Opening, Wall, arch, lancet, level, rose
 
 
 def test_a_box_is_exact_watertight_and_finely_cut():
@@ -73,3 +75,84 @@ def test_a_roof_keeps_sun_and_sky_off_the_ground_below_it():
     assert below.any() and outside.any()
     assert colors[below].max() < 0.6 * colors[outside].min()
     assert (colors[outside][:, 0] > colors[outside][:, 2]).all(), "the late sun is warm"
+
+
+def test_a_turned_shape_has_the_volume_of_its_profile():
+    mesh = turned(0.3, lambda z: 0.05 + 0.1 * z, edge=0.008)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(np.pi * 0.3 * (0.05**2 + 0.05 * 0.08 + 0.08**2) / 3, rel=0.02)
+
+
+def test_a_bar_joins_two_points():
+    mesh = bar((0.1, 0.2, 0.0), (0.4, 0.6, 0.0), radius=0.02, edge=0.01)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(np.pi * 0.02**2 * 0.5, rel=0.05)
+    assert np.allclose(mesh.bounds[1] - mesh.bounds[0], [0.3 + 0.04 * 0.8, 0.4 + 0.04 * 0.6, 0.04], atol=0.003)
+
+
+def test_a_ring_is_watertight_and_open_in_the_middle():
+    mesh = ring(np.array([[0.14, 0.0], [0.18, 0.0], [0.18, 0.4], [0.14, 0.4]]), edge=0.013)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(np.pi * (0.18**2 - 0.14**2) * 0.4, rel=0.01)
+    assert np.linalg.norm(mesh.vertices[:, :2], axis=1).min() > 0.139
+
+
+def test_a_panel_under_an_arch_has_the_area_that_the_arch_leaves():
+    mesh = panel((-0.2, 0.2), 0.05, arch((-0.2, 0.2), 0.0, point=0.5), lambda x: 0 * x + 0.3, edge=0.01)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(0.05 * (0.4 * 0.3 - np.pi * 0.2**2 / 2), rel=0.01)
+
+
+def test_fused_boxes_lose_what_is_inside():
+    first, second = box((0.2, 0.2, 0.2), 0.05), box((0.2, 0.2, 0.2), 0.05).apply_translation([0.1, 0, 0])
+    mesh = fused([first, second])
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(0.3 * 0.2 * 0.2)
+    assert mesh.area == pytest.approx(2 * (0.3 * 0.2 * 2 + 0.2 * 0.2))
+
+
+def test_a_wall_with_openings_is_watertight_and_its_glass_fills_the_windows_alone():
+    door = (-0.6, -0.4)
+    openings = {door: [Opening(level(-0.1), arch(door, 0.2))], **dict([lancet(0.0, 0.2, 0.2, 0.3)])}
+    openings[(0.3, 0.6)] = [rose(0.45, 0.4, 0.15)]
+    wall = Wall((-1, 1), 0.06, 0.0, level(0.7), openings)
+    stones = wall.stones(lambda points: np.ones_like(points), 0.02)
+    panes = wall.panes(lambda points: np.ones_like(points), 0.02, 0.02)
+    assert stones.mesh.is_watertight
+    assert len(panes) == 2 and all(pane.glass and pane.mesh.is_watertight for pane in panes)
+    probes = np.array([[-0.5, 0.0, 0.1], [0.0, 0.0, 0.3], [0.45, 0.0, 0.4], [-0.8, 0.0, 0.1], [0.0, 0.0, 0.1]])
+    assert np.round(winding_number(stones.mesh.triangles, probes)).tolist() == [0, 0, 0, 1, 1]
+    inside = sum(np.round(winding_number(pane.mesh.triangles, probes)) for pane in panes)
+    assert inside.tolist() == [0, 1, 1, 0, 0]
+
+
+def test_sun_through_glass_takes_on_its_colour_and_glass_throws_no_shadow():
+    floor = box((2.0, 2.0, 0.1), edge=0.1)
+    pane = place(box((1.0, 1.0, 0.05), edge=0.1), (0, 0, 0.3), 0)
+    light = Light(elevation_deg=80.0, sky=(0.0, 0.0, 0.0), bounce=(0.0, 0.0, 0.0), sun=(1.0, 1.0, 1.0))
+    albedo = np.full((len(floor.vertices), 3), 0.3)
+    red = np.tile([1.0, 0.2, 0.0], (len(pane.vertices), 1))
+    colors = bake(floor, albedo, light, Glass(pane, red))
+    clear = bake(floor, albedo, light)
+    top = np.isclose(floor.vertices[:, 2], 0.05)
+    below = top & (np.abs(floor.vertices[:, :2]) < 0.3).all(-1)
+    beside = top & (floor.vertices[:, 0] > 0.8)
+    assert np.array_equal(colors[beside], clear[beside])
+    assert np.array_equal(colors[below][:, 0], clear[below][:, 0])
+    assert (colors[below][:, 2] == 0).all()
+
+
+@pytest.mark.parametrize("finish", [
+    lambda points: masonry(points, (0.7, 0.6, 0.5), 1),
+    lambda points: wood(points, (0.6, 0.4, 0.2), 1),
+    lambda points: tiles(points, ((0.7, 0.4, 0.3), (0.8, 0.8, 0.7)), 0.1, 1),
+    lambda points: stained(points, ((0.9, 0.1, 0.1), (0.1, 0.1, 0.9), (0.9, 0.8, 0.2)), 1),
+])  # fmt: skip
+def test_finishes_vary_within_a_few_centimetres(finish):
+    grid = np.stack(np.meshgrid(np.linspace(0, 0.5, 60), np.linspace(0, 0.5, 60)), -1).reshape(-1, 2)
+    points = np.stack([grid[:, 0], 0.3 * grid[:, 1], grid[:, 1]], -1)
+    colors = finish(points)
+    assert colors.shape == points.shape
+    assert colors.min() >= 0
+    shades = to_srgb(colors).astype(float).mean(-1).reshape(60, 60)
+    assert np.abs(shades[5:] - shades[:-5]).mean() > 6

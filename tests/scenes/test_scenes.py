@@ -2,6 +2,7 @@ import pytest
 import torch
 
 import scenes
+from nerfnav import robots
 from nerfnav.errors import UnknownNameError
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
@@ -11,9 +12,9 @@ _BODY = Body.box((0.1, 0.1, 0.04), (2, 2, 2))
 
 
 def test_an_unknown_scene_is_refused_with_the_known_ones():
-    with pytest.raises(UnknownNameError, match="blocks, stonehenge"):
+    with pytest.raises(UnknownNameError, match="blocks, church, playground, stonehenge"):
         scenes.load("atlantis")
-    with pytest.raises(UnknownNameError, match="blocks, stonehenge"):
+    with pytest.raises(UnknownNameError, match="blocks, church, playground, stonehenge"):
         scenes.trained_path("atlantis")
 
 
@@ -39,17 +40,35 @@ def test_what_is_touched_is_what_is_seen(name: str):
 
 
 @pytest.mark.parametrize("name", scenes.names())
-def test_the_ends_of_all_tasks_are_free_with_room_to_spare(name: str):
+def test_the_ends_of_all_flights_are_free_with_room_to_spare(name: str):
     """A level cylinder that holds the body at any yaw and 4 cm more, 2 cm towards the ground."""
     scene = scenes.load(name)
     radius = 0.05 * 2**0.5 + 0.04
     wide = Body.box((2 * radius, 2 * radius, 0.08), (2, 2, 2))
     yaws = torch.linspace(0, torch.pi / 2, 5)[:-1].tolist()
-    states = [RigidState.at_rest(end, yaw) for task in scene.tasks for end in (task.start, task.goal) for yaw in yaws]
+    ends = [end for task in scene.tasks if task.robot == "quadrotor" for end in (task.start, task.goal)]
+    states = [RigidState.at_rest(end, yaw) for end in ends for yaw in yaws]
     # the turned squares overlap in the cylinder: it is free where any of them is
     free = ~ground(scene).touches(wide, RigidState.stack(states)).reshape(-1, len(yaws))
     assert free.any(-1).all()
     assert scene.box.contains(torch.stack([state.position for state in states])).all()
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_the_ends_of_all_drives_are_free_1_8_cm_around_and_can_be_joined(name: str):
+    scene = scenes.load(name)
+    for task in scene.tasks:
+        robot = robots.load(task.robot)
+        robot.check_ends(task.start_state, task.goal_state)
+        if robot.planar:
+            states = RigidState.stack([task.start_state, task.goal_state])
+            assert not ground(scene).touches(robot.body.grown(0.018), states).any(), task.name
+            assert scene.box.contains(states.position).all()
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_scenes_are_light_enough_for_a_laptop(name: str):
+    assert len(scenes.load(name).mesh.faces) < 1_500_000
 
 
 def test_the_first_task_of_blocks_is_blocked_and_the_second_is_not():

@@ -22,7 +22,7 @@ def stonehenge() -> Scene:
 
 
 def test_the_tasks_are_the_authors_ten_and_their_headline(stonehenge: Scene):
-    assert len(stonehenge.tasks) == 11
+    assert [task.robot for task in stonehenge.tasks] == ["quadrotor"] * 11 + ["diffdrive"] * 5
     assert (stonehenge.tasks[0].start, stonehenge.tasks[0].goal) == ((0.55, -0.02, 0.05), (-0.72, 0.17, 0.19))
     assert (stonehenge.tasks[9].start, stonehenge.tasks[9].goal) == ((-0.72, -0.42, 0.1), (0.49, 0.23, 0.16))
     assert (stonehenge.tasks[10].start, stonehenge.tasks[10].goal) == ((0.39, -0.67, 0.2), (-0.4, 0.55, 0.16))
@@ -52,8 +52,9 @@ def test_a_body_can_fly_from_every_start_to_its_goal_with_5_cm_to_spare(stonehen
     stones = binary_dilation(np.any(filled[1:], 0), np.ones((2 * across + 1, 2 * across + 1, 2 * stones_up + 1)))
     earth = binary_dilation(filled[0], np.ones((2 * across + 1, 2 * across + 1, 2 * ground_up + 1)))
     regions, _ = label(~(stones | earth))
-    starts = _cells(np.array([task.start for task in stonehenge.tasks]), lower)
-    goals = _cells(np.array([task.goal for task in stonehenge.tasks]), lower)
+    flights = stonehenge.tasks[:11]
+    starts = _cells(np.array([task.start for task in flights]), lower)
+    goals = _cells(np.array([task.goal for task in flights]), lower)
     assert (regions[starts] > 0).all()
     assert (regions[starts] == regions[goals]).all()
 
@@ -74,7 +75,7 @@ def test_every_view_says_where_it_was_taken_from(stonehenge: Scene):
         pose: Pose = look_at(position, position + ahead)
         return renderer.render(camera, pose).image.float() / 255
 
-    for task in stonehenge.tasks:
+    for task in stonehenge.tasks[:11]:
         start = torch.tensor(task.start)
         way = torch.tensor(task.goal) - start
         heading = float(torch.atan2(way[1], way[0]))

@@ -7,7 +7,8 @@ from scipy.spatial import KDTree
 
 import scenes
 from nerfnav.errors import InvalidInputError
-from nerfnav.world.capture import CaptureConfig, capture, capture_poses, photograph, split
+from nerfnav.geometry.box import Box
+from nerfnav.world.capture import CaptureConfig, capture, capture_poses, images_taken, photograph, split
 from nerfnav.world.raycast import MeshRenderer
 from nerfnav.world.solid import Solid
 
@@ -66,3 +67,17 @@ def test_test_images_are_never_learnt_from():
 def test_a_scene_without_room_for_cameras_is_refused():
     with pytest.raises(InvalidInputError, match="too few places"):
         capture_poses(scenes.load("blocks"), replace(_CONFIG, clearance=2.0), _generator())
+
+
+@pytest.mark.parametrize("count", [10, 150, 224, 360, 420])
+def test_the_number_of_photographs_is_found_again_from_those_learned_from(count: int):
+    learned = count - len(range(5, count, 10))
+    assert images_taken(learned) == count
+
+
+def test_some_cameras_around_a_long_place_stand_beyond_its_ends():
+    scene = replace(scenes.load("blocks"), box=Box.of((-2.0, -0.5, -0.08), (2.0, 0.5, 0.6)))
+    config = replace(_CONFIG, images=60, inside_share=0.0, seen_share=0.0)
+    eyes = capture_poses(scene, config, _generator()).position
+    assert (eyes[:, 0].abs() > 2.0).sum() >= 3
+    assert (eyes[:, 1].abs() > 0.5).sum() >= 20

@@ -1,0 +1,42 @@
+"""A part of a place: a shape and what it is made of."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from scenes.light import Light, lit
+from scenes.primitives import Size, place
+
+Finish = Callable[[np.ndarray], np.ndarray]
+"""Points (n, 3) on a part in its own frame to linear colours (n, 3)."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A watertight shape with colours."""
+
+    mesh: trimesh.Trimesh
+    """Where it is."""
+    albedo: np.ndarray
+    """Linear colours (v, 3) of its vertices, before any light."""
+    glass: bool = False
+    """Whether light falls through it."""
+
+    @classmethod
+    def of(cls, mesh: trimesh.Trimesh, finish: Finish, glass: bool = False) -> "Part":
+        """A shape, coloured in its own frame."""
+        return cls(mesh, finish(mesh.vertices), glass)
+
+    def placed(self, position: Size, yaw: float = 0.0, tilt: tuple[float, float] = (0.0, 0.0)) -> "Part":
+        """The part where `primitives.place` puts its shape."""
+        return Part(place(self.mesh.copy(), position, yaw, tilt), self.albedo, self.glass)
+
+
+def joined(parts: Iterable[Part], light: Light) -> tuple[trimesh.Trimesh, tuple[trimesh.Trimesh, ...]]:
+    """What is seen of parts under a light, and the solids that are touched."""
+    ordered = sorted(parts, key=lambda part: part.glass)
+    meshes = [part.mesh for part in ordered]
+    seen = lit(meshes, [part.albedo for part in ordered], light, sum(part.glass for part in ordered))
+    return seen, tuple(meshes)
