@@ -1,10 +1,12 @@
 """Robots: how flat outputs become motion, how actions move the state, and what the body is made of."""
 
 from nerfnav.errors import UnknownNameError
+from nerfnav.robots.couch import Couch
+from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
 
-_ROBOTS: dict[str, type[Robot]] = {robot.name: robot for robot in (Quadrotor,)}
+_ROBOTS: dict[str, type[Robot]] = {robot.name: robot for robot in (Quadrotor, Couch, DiffDrive)}
 
 
 def names() -> tuple[str, ...]:

@@ -38,8 +38,8 @@ class FlatMap(ABC):
         """Fill position, rotation and action."""
 
     @abstractmethod
-    def limits(self, weight: float, by_rotation: np.ndarray, by_action: np.ndarray) -> float:
-        """`weight` times the robot's `limits` at the last motion; adds its derivatives to the given arrays."""
+    def limits(self, weight: float) -> float:
+        """`weight` times the robot's `limits` at the last motion; the next `backward` adds its derivative."""
 
     @abstractmethod
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
@@ -68,28 +68,16 @@ class TorchFlatMap(FlatMap):
         """See FlatMap."""
         self._free = torch.from_numpy(free.copy()).requires_grad_()
         self._motion: Motion = self._robot.motion(self._free, self._start, self._goal, self._steps, self.dt)
+        self._penalty: torch.Tensor | None = None
         states = self._motion.states.detach()
         self.position, self.velocity = states.position.numpy(), states.velocity.numpy()
         self.rotation, self.rate = states.rotation.numpy(), states.body_rate.numpy()
         self.action = self._motion.actions.detach().numpy()
 
-    def limits(self, weight: float, by_rotation: np.ndarray, by_action: np.ndarray) -> float:
+    def limits(self, weight: float) -> float:
         """See FlatMap."""
-        rotation = self._motion.states.rotation.detach()
-        tangent = torch.zeros(rotation.shape[:-1], dtype=torch.float64, requires_grad=True)
-        actions = self._motion.actions.detach().requires_grad_()
-        states = RigidState(
-            self._motion.states.position.detach(),
-            self._motion.states.velocity.detach(),
-            so3.retract(rotation, tangent),
-            self._motion.states.body_rate.detach(),
-        )
-        cost = weight * self._robot.limits(Motion(states, actions, self.dt))
-        if cost.requires_grad:
-            by_tangent, by_actions = torch.autograd.grad(cost, (tangent, actions), allow_unused=True)
-            by_rotation += 0 if by_tangent is None else by_tangent.numpy()
-            by_action += 0 if by_actions is None else by_actions.numpy()
-        return cost.item()
+        self._penalty = weight * self._robot.limits(self._motion)
+        return self._penalty.item()
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
         """See FlatMap."""
@@ -98,5 +86,7 @@ class TorchFlatMap(FlatMap):
         outputs = (states.position, states.rotation, self._motion.actions)
         # <R [g]x / 2, R [delta]x> = g . delta turns a tangent adjoint into one of the matrix
         weights = (torch.from_numpy(by_position), 0.5 * states.rotation.detach() @ skew, torch.from_numpy(by_action))
+        if self._penalty is not None and self._penalty.requires_grad:
+            outputs, weights = (*outputs, self._penalty), (*weights, torch.ones_like(self._penalty))
         (gradient,) = torch.autograd.grad(outputs, self._free, weights)
         return gradient.numpy()

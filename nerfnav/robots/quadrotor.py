@@ -28,7 +28,8 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
-from nerfnav.robots.robot import Robot
+from nerfnav.robots.limits import length, penalty, speed
+from nerfnav.robots.robot import Limit, Robot
 from nerfnav.robots.state import Motion, RigidState
 
 _NO_THRUST = 1e-4
@@ -55,6 +56,14 @@ class QuadrotorConfig:
     """Body points along each edge at which density is asked for: 2.5 cm apart, top and bottom."""
     gravity: float = 9.81
     """[m/s^2]"""
+    max_thrust: float = 6.0
+    """[N]: about two and a half times the weight, as small racers have."""
+    max_tilt: float = 1.2
+    """Angle between the body's z axis and the vertical [rad]."""
+    max_speed: float = 3.0
+    """[m/s]"""
+    max_rate: float = 12.0
+    """Length of the body rate [rad/s]."""
     thrust_floor: float = 0.2
     """Upward part of the thrust that motions should keep, as a share of the weight: at zero thrust and upside down
     the attitude is not defined by the waypoints."""
@@ -77,6 +86,12 @@ class Quadrotor(Robot):
         self.weight = self.config.mass * self.config.gravity
         torques = (edge * self.config.angular_acceleration for edge in self.config.inertia)
         self.action_weights = (self.weight**-2, *(torque**-2 for torque in torques))
+        self.bounds = (
+            Limit("thrust", "N", upper=self.config.max_thrust),
+            Limit("tilt", "rad", upper=self.config.max_tilt),
+            Limit("speed", "m/s", upper=self.config.max_speed),
+            Limit("body rate", "rad/s", upper=self.config.max_rate),
+        )
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 4"], dt: float) -> RigidState:
         """The state after `dt` [s] under (thrust [N], torque [N m]), which is held meanwhile."""
@@ -154,10 +169,20 @@ class Quadrotor(Robot):
         scales[:2], scales[-(steps - 2) :] = self.weight, _FREE_YAW
         return scales
 
+    def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
+        """Thrust [N], tilt [rad], speed [m/s], length of the body rate [rad/s]."""
+        up = motion.states.rotation[..., 2]
+        return {
+            "thrust": motion.actions[..., 0],
+            "tilt": torch.atan2(length(up[..., :2]), up[..., 2]),
+            "speed": speed(motion),
+            "body rate": length(motion.states.body_rate),
+        }
+
     def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
-        """Squared shortfall of the upward part of the thrust below its floor, in shares of the weight."""
+        """Squared shortfall of the upward thrust below its floor, in shares of the weight, and excess over bounds."""
         upward = motion.actions[..., 0] * motion.states.rotation[..., :-1, 2, 2] / self.weight
-        return (self.config.thrust_floor - upward).clamp_min(0).square().sum(-1)
+        return (self.config.thrust_floor - upward).clamp_min(0).square().sum(-1) + penalty(self, motion)
 
     def _gravity(self, like: Tensor) -> Tensor:
         return like.new_tensor([0.0, 0.0, -self.config.gravity])

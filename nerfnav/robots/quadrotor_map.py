@@ -7,6 +7,7 @@ import numpy as np
 from nerfnav.geometry import so3
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.kernels import quadrotor as kernels
+from nerfnav.robots.kernels import quadrotor_limits as limit_kernels
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
 
@@ -18,7 +19,10 @@ class QuadrotorMap(FlatMap):
     def __init__(self, robot: Quadrotor, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
         """Map free numbers of `robot` between `start` and `goal`."""
         self.dt = dt
-        self._weight, self._floor = robot.weight, robot.config.thrust_floor
+        config = robot.config
+        self._bounds = np.array(
+            [robot.weight, config.thrust_floor, config.max_thrust, config.max_tilt, config.max_speed, config.max_rate]
+        )
         ends = [part for state in (start, goal) for part in (state.position, state.velocity, state.body_rate)]
         self._ends = np.stack([part.double().numpy() for part in ends])
         second = so3.retract(start.rotation.double(), start.body_rate.double() * dt)
@@ -30,23 +34,33 @@ class QuadrotorMap(FlatMap):
         self.rotation = np.empty((steps + 1, 3, 3))
         self.rate = np.empty((steps + 1, 3))
         self.action = np.empty((steps, 4))
+        self._slopes = (np.zeros((steps + 1, 3)), np.zeros((steps + 1, 3)), np.zeros((steps, 4)))
+        self._penalised = False
 
     def forward(self, free: np.ndarray) -> None:
         """See FlatMap."""
-        self._free = free
+        self._free, self._penalised = free, False
         kernels.motion(
             free, self._ends, self._attitudes, self._constants, self._beyond, self.velocity, self.rotation,
             self.rate, self.action,
         )  # fmt: skip
 
-    def limits(self, weight: float, by_rotation: np.ndarray, by_action: np.ndarray) -> float:
+    def limits(self, weight: float) -> float:
         """See FlatMap."""
-        return kernels.limits(
-            self.rotation, self.action, self._weight, self._floor, weight, by_rotation, by_action
+        self._penalised = True
+        for slope in self._slopes:
+            slope[:] = 0.0
+        return limit_kernels.limits(
+            self.velocity, self.rotation, self.rate, self.action, self._bounds, weight, self.dt, *self._slopes
         )
 
     def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
         """See FlatMap."""
+        if self._penalised:
+            of_position, of_rotation, of_action = self._slopes
+            by_position, by_rotation, by_action = (
+                by_position + of_position, by_rotation + of_rotation, by_action + of_action,
+            )  # fmt: skip
         beyond = np.concatenate([by_position, np.zeros((1, 3))])
         gradient = np.empty_like(self._free)
         kernels.adjoint(

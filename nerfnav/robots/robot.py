@@ -6,6 +6,7 @@ change `free` without constraints.
 """
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -13,6 +14,20 @@ from torch import Tensor
 
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import Motion, RigidState
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A bound on something that a motion asks of a robot."""
+
+    name: str
+    """What is bounded: a key of `Robot.demands`."""
+    unit: str
+    """Its unit."""
+    lower: float | None = None
+    """Smallest value allowed."""
+    upper: float | None = None
+    """Largest value allowed."""
 
 
 class Robot(ABC):
@@ -28,6 +43,10 @@ class Robot(ABC):
     """Diagonal of Gamma in the control cost u' Gamma u, one for each number of an action [1 / unit^2]."""
     minimum_steps: int
     """Fewest steps in which a motion between two full states exists."""
+    planar: bool = False
+    """Whether it stays at the height of its start, level."""
+    bounds: tuple[Limit, ...] = ()
+    """What it can do at most."""
 
     @abstractmethod
     def step(self, state: RigidState, action: Float[Tensor, "*batch a"], dt: float) -> RigidState:
@@ -47,6 +66,18 @@ class Robot(ABC):
 
         The first and last waypoint are start and goal; the ends' exactness wins where the waypoints disagree.
         """
+
+    def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
+        """What a motion asks of each of the `bounds`, over time."""
+        return {}
+
+    def check_ends(self, start: RigidState, goal: RigidState) -> None:
+        """Raise InvalidInputError, in one sentence, for ends that no motion of this robot can join (default: any)."""
+        return
+
+    def settled(self, state: RigidState) -> RigidState:
+        """The nearest state that the robot can be in, wherever noise has pushed it; any state by default."""
+        return state
 
     def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
         """How far a motion strays to where it is not well defined; 0 for robots that have no such place.

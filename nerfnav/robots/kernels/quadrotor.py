@@ -185,23 +185,3 @@ def _through_rates(constants, rotation, rate, by_action, by_rotation):
         for axis in range(3):
             by_rotation[t + 1, axis] += forward[axis] / dt
             by_rotation[t, axis] -= backward[axis] / dt
-
-
-@kernel()
-def limits(rotation, action, carried, floor, weight, by_rotation, by_action):
-    """`weight` times the squared shortfall of the upward thrust below its floor; adds its derivatives.
-
-    Shares of `carried`, the robot's weight [N]. Twin of `Quadrotor.limits`.
-    """
-    total = 0.0
-    for t in range(action.shape[0]):
-        up = rotation[t, 2]  # the world's z axis in the body
-        missing = floor - action[t, 0] * up[2] / carried
-        if missing > 0.0:
-            total += weight * missing * missing
-            slope = -2.0 * weight * missing / carried
-            by_action[t, 0] += slope * up[2]
-            # d (e3' R Exp(delta) e3) = delta . (e3 x R' e3)
-            by_rotation[t, 0] -= slope * action[t, 0] * up[1]
-            by_rotation[t, 1] += slope * action[t, 0] * up[0]
-    return total

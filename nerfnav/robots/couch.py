@@ -1,0 +1,149 @@
+"""The couch: a long box on the ground that can be pushed in any direction and turned at will.
+
+Notation: m mass, J inertia about z, F force in the plane of the world, tau torque about z; p, v, R, w as in
+robots/state.py, psi the heading. Dynamics, explicit Euler with step dt, as for the quadrotor:
+
+    p_{t+1} = p_t + v_t dt        v_{t+1} = v_t + F_t / m dt
+    psi_{t+1} = psi_t + w_t dt    w_{t+1} = w_t + tau_t / J dt
+
+All of it is linear, so positions and headings alone give every state and action. With N steps between fixed full
+states the first two poses follow from the start, the last one and the last velocities from the goal. Free are
+
+    free = (x_2, y_2, .. x_{N-1}, y_{N-1}, psi_2 .. psi_{N-1}),  3 (N - 2) numbers
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import so3
+from nerfnav.robots.body import Body
+from nerfnav.robots.ground import about_z, check_ground_ends, heading, row, spatial, wrapped
+from nerfnav.robots.limits import length, penalty, speed
+from nerfnav.robots.robot import Limit, Robot
+from nerfnav.robots.state import Motion, RigidState
+
+_FREE_POSITION, _FREE_YAW = 0.15, 0.5
+"""How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
+
+
+@dataclass(frozen=True)
+class CouchConfig:
+    """A couch in the paper's scale: three times as long as wide."""
+
+    mass: float = 1.0
+    """m [kg]."""
+    extents: tuple[float, float, float] = (0.3, 0.1, 0.1)
+    """Edge lengths of the body [m]."""
+    point_counts: tuple[int, int, int] = (13, 5, 5)
+    """Body points along each edge at which density is asked for: 2.5 cm apart."""
+    max_speed: float = 2.0
+    """[m/s]"""
+    max_yaw_rate: float = 4.0
+    """[rad/s]"""
+    max_force: float = 10.0
+    """[N]"""
+
+    @property
+    def inertia(self) -> float:
+        """J of a solid box [kg m^2]."""
+        return self.mass * (self.extents[0] ** 2 + self.extents[1] ** 2) / 12
+
+
+@final
+class Couch(Robot):
+    """A ground robot with three numbers to choose: force [N] along the world's x and y, torque [N m]."""
+
+    name = "couch"
+    action_names = ("force_x_n", "force_y_n", "torque_z_nm")
+    minimum_steps = 2
+    planar = True
+
+    def __init__(self, config: CouchConfig | None = None) -> None:
+        """A couch with the given constants (default: those of CouchConfig)."""
+        self.config = config = CouchConfig() if config is None else config
+        self.body = Body.box(config.extents, config.point_counts)
+        torque = config.inertia * config.max_force / config.mass / (0.5 * config.extents[0])
+        self.action_weights = (config.max_force**-2, config.max_force**-2, torque**-2)
+        self.bounds = (
+            Limit("speed", "m/s", upper=config.max_speed),
+            Limit("yaw rate", "rad/s", -config.max_yaw_rate, config.max_yaw_rate),
+            Limit("force", "N", upper=config.max_force),
+        )
+
+    def step(self, state: RigidState, action: Float[Tensor, "*batch 3"], dt: float) -> RigidState:
+        """The state after `dt` [s] under (force x, force y [N], torque [N m]), which are held meanwhile."""
+        push = spatial(action[..., :2] / self.config.mass, 0.0)
+        return RigidState(
+            state.position + state.velocity * dt,
+            state.velocity + push * dt,
+            so3.retract(state.rotation, state.body_rate * dt),
+            state.body_rate + about_z(action[..., 2] / self.config.inertia) * dt,
+        )
+
+    def free_numbers(self, steps: int) -> int:
+        """How many numbers are free over `steps` steps."""
+        if steps < self.minimum_steps:
+            raise InvalidInputError(f"a couch needs at least {self.minimum_steps} steps, not {steps}")
+        return 3 * (steps - 2)
+
+    def motion(
+        self, free: Float[Tensor, "*batch k"], start: RigidState, goal: RigidState, steps: int, dt: float
+    ) -> Motion:
+        """The flatness map above; headings turn the shorter way from one to the next."""
+        expected = self.free_numbers(steps)
+        if free.shape[-1] != expected:
+            raise InvalidInputError(f"{steps} steps have {expected} free numbers, not {free.shape[-1]}")
+        batch, inner = free.shape[:-1], steps - 2
+        first = start.position + start.velocity * dt
+        middle = free[..., : 2 * inner].unflatten(-1, (inner, 2))
+        ends = [row(point[..., :2], batch) for point in (start.position, first, goal.position)]
+        position = torch.cat([*ends[:2], middle, ends[2]], -2)
+        between = position[..., 2:, :] - position[..., 1:-1, :]
+        velocity = torch.cat(
+            [row(start.velocity[..., :2], batch), between / dt, row(goal.velocity[..., :2], batch)], -2
+        )
+        rate = start.body_rate[..., 2]
+        fixed = [row(angle, batch) for angle in (heading(start), heading(start) + rate * dt, heading(goal))]
+        yaw = torch.cat([*fixed[:2], free[..., 2 * inner :], fixed[2]], -1)
+        turning = wrapped(yaw[..., 2:] - yaw[..., 1:-1]) / dt
+        yaw_rate = torch.cat([row(rate, batch), turning, row(goal.body_rate[..., 2], batch)], -1)
+        force = self.config.mass * velocity.diff(dim=-2) / dt
+        torque = self.config.inertia * yaw_rate.diff(dim=-1) / dt
+        states = RigidState(
+            spatial(position, start.position[..., 2]), spatial(velocity, 0.0), so3.from_yaw(yaw), about_z(yaw_rate)
+        )
+        return Motion(states, torch.cat([force, torque[..., None]], -1), dt)
+
+    def encode(
+        self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
+    ) -> Float[Tensor, " k"]:
+        """The inner waypoints and headings as they are."""
+        self.free_numbers(waypoints.shape[0] - 1)
+        return torch.cat([waypoints[2:-1, :2].flatten(), waypoints[2:-1, 3]])
+
+    def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
+        """A few body widths, half a radian."""
+        scales = torch.full_like(free, _FREE_POSITION)
+        scales[2 * free.shape[-1] // 3 :] = _FREE_YAW
+        return scales
+
+    def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
+        """Speed [m/s], yaw rate [rad/s], force [N]."""
+        return {
+            "speed": speed(motion),
+            "yaw rate": motion.states.body_rate[..., 2],
+            "force": length(motion.actions[..., :2]),
+        }
+
+    def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
+        """Squared excess over the bounds."""
+        return penalty(self, motion)
+
+    def check_ends(self, start: RigidState, goal: RigidState) -> None:
+        """Both ends must be level and at one height."""
+        check_ground_ends(self.name, start, goal)
