@@ -5,13 +5,16 @@ from typing import TypeVar
 
 from nerfnav.errors import UnknownNameError
 from nerfnav.estimator.filter import PoseFilter
+from nerfnav.navigation.baselines import MinSnapPlanner, RRTPlanner
 from nerfnav.navigation.planners import FastPlanner, PaperPlanner
 from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.minsnap import MinSnapConfig
 from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner.rrt import RRTConfig
 
-PLANNERS = {"paper": PaperPlanner, "fast": FastPlanner}
+PLANNERS = {"paper": PaperPlanner, "fast": FastPlanner, "minsnap": MinSnapPlanner, "rrt": RRTPlanner}
 """Name to what makes a planner for a field and a robot."""
-PLAN_CONFIGS = {"paper": PlanConfig.paper, "fast": FastPlanConfig}
+PLAN_CONFIGS = {"paper": PlanConfig.paper, "fast": FastPlanConfig, "minsnap": MinSnapConfig, "rrt": RRTConfig}
 """Name of a planner to what makes its settings."""
 ESTIMATORS = {"paper": PoseFilter}
 """Name to what makes an estimator for a field, a robot and a camera."""

@@ -76,7 +76,8 @@ def threads(count: int) -> Iterator[int]:
     are ten times slower beside another busy process: torch gets back the number that it had.
     """
     used = max(1, min(count, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
-    before, torch_before = numba.get_num_threads(), torch.get_num_threads()
+    # torch first: the first question to numba starts its threads, and torch then answers with their number
+    torch_before, before = torch.get_num_threads(), numba.get_num_threads()
     numba.set_num_threads(used)
     try:
         yield used

@@ -7,7 +7,6 @@ from app.commands.screen import follow, show
 from app.commands.values import Route
 from app.jobs.fly import FlyRequest
 from app.jobs.fly import run as run_job
-from app.place import open_place
 from nerfnav.navigation.replan import NavigateConfig
 
 
@@ -28,7 +27,7 @@ class Arguments(Route):
 
 def run(arguments: Arguments) -> None:
     """Fly, and print the numbers of the flight."""
-    place = open_place(arguments.place, arguments.robot)
+    place = arguments.open()
     request = FlyRequest(
         arguments.request(place, arguments.config.plan),
         estimator=arguments.estimator,

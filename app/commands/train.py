@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+import scenes
 from app.commands.screen import follow, show
 from app.jobs.train import TrainRequest
 from app.jobs.train import run as run_job
@@ -25,8 +26,8 @@ class Arguments:
     """Training steps; by default as many as the size of the scene asks for."""
     seed: int = 0
     """Seed of the camera's poses and of the training."""
-    voxel: float = TrainConfig.voxel
-    """Size of the field's voxels [m]."""
+    voxel: float | None = None
+    """Size of the field's voxels [m]; by default what suits the scene."""
     images: int | None = None
     """Number of photographs, every tenth held out to judge the field; by default as the size of the scene asks."""
     json: bool = False
@@ -42,6 +43,13 @@ def run(arguments: Arguments) -> None:
         iterations=arguments.iterations,
         budget=arguments.budget,
         images=arguments.images,
-        config=TrainConfig(voxel=arguments.voxel),
+        config=TrainConfig(voxel=_voxel(arguments)),
     )
     show(f"field {arguments.out}", follow(run_job(request), can_stop_early=True).summary, arguments.json)
+
+
+def _voxel(arguments: Arguments) -> float:
+    if arguments.voxel is not None:
+        return arguments.voxel
+    suits = scenes.load(arguments.source).voxel if arguments.source in scenes.names() else None
+    return TrainConfig.voxel if suits is None else suits

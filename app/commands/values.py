@@ -1,14 +1,16 @@
 """Arguments that several subcommands share."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from tyro.conf import Positional
 from tyro.constructors import PrimitiveConstructorSpec
 
-from app.jobs.plan import PlanRequest, Point
-from app.place import Place
+from app.jobs.plan import PlanRequest, PlanSettings, Point
+from app.place import Place, open_place
+from app.registry import PLAN_CONFIGS, named
+from nerfnav import robots
 from nerfnav.errors import InvalidInputError
 from nerfnav.planner.optimize import PlanConfig
 
@@ -38,6 +40,10 @@ EndNumbers = Annotated[
 """Where a flight starts or ends, as words of a command line [m, rad]."""
 
 
+PLANNER = "fast"
+"""Which planner is used where none is named."""
+
+
 @dataclass(frozen=True)
 class End:
     """Where a flight starts or ends, level and at rest."""
@@ -60,9 +66,9 @@ class Route:
     """Where to start: x y z [m] and perhaps the heading [rad]."""
     goal: EndNumbers = None
     """Where to arrive: x y z [m] and perhaps the heading [rad]."""
-    robot: str = "quadrotor"
-    """What flies."""
-    planner: str = "paper"
+    robot: str | None = None
+    """What moves; by default what the task is for."""
+    planner: str = PLANNER
     """Which planner."""
     steps: int = 20
     """Number of time steps."""
@@ -71,9 +77,21 @@ class Route:
     json: bool = False
     """Print one JSON object and nothing else."""
 
-    def request(self, place: Place, config: PlanConfig) -> PlanRequest:
+    def open(self) -> Place:
+        """The place, with the robot that was asked for or that the task is for."""
+        if self.robot is not None:
+            return open_place(self.place, self.robot)
+        place = open_place(self.place)
+        tasks = place.scene.tasks if place.scene else ()
+        number = 0 if self.task is None else self.task
+        if self.start is not None or not 0 <= number < len(tasks):
+            return place
+        return replace(place, robot=robots.load(tasks[number].robot))
+
+    def request(self, place: Place, config: PlanSettings) -> PlanRequest:
         """What is asked of the planner."""
         start, goal = self._ends(place)
+        own = named("planner", self.planner, PLAN_CONFIGS)()
         return PlanRequest(
             start.position,
             goal.position,
@@ -82,7 +100,7 @@ class Route:
             steps=self.steps,
             dt=self.dt,
             planner=self.planner,
-            config=None if config == PlanConfig.paper() else config,
+            config=None if config in (own, PlanConfig.paper()) else config,
         )
 
     def _ends(self, place: Place) -> tuple[End, End]:

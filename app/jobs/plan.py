@@ -1,6 +1,7 @@
 """Plan: from a start and a goal to a trajectory through the field, judged on the mesh."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,23 @@ from app.place import Place, occupancy_of
 from app.registry import PLAN_CONFIGS, PLANNERS, named
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.tables import csv_text, json_text, motion_table
-from nerfnav.planner.costs import collision_probability_bound
+from nerfnav.navigation.planners import Planner
+from nerfnav.planner.chance import within_chance
+from nerfnav.planner.duration import shortest_plan
 from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.minsnap import MinSnapConfig
+from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.optimize import PlanConfig
-from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.rrt import RRTConfig
+from nerfnav.planner.safety import Safety, safety_of
+from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.world.contact import judge
 
 Point = tuple[float, float, float]
+PlanSettings = PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig
 
 
 @dataclass(frozen=True)
@@ -38,24 +48,36 @@ class PlanRequest:
     """Number of time steps."""
     dt: float = 0.1
     """Length of a step [s]."""
-    planner: str = "paper"
+    planner: str = "fast"
     """Name of the planner."""
-    config: PlanConfig | FastPlanConfig | None = None
+    config: PlanSettings | None = None
     """Its settings; None: its own."""
+    shortest: bool = False
+    """Whether to find the shortest duration that keeps the robot's limits, in place of `steps`."""
+    max_collision: float | None = None
+    """Largest bound on the probability of a collision that is accepted; None accepts any."""
     out: Path | None = None
     """Folder for trajectory.csv, trajectory.json and plan.json; None writes nothing."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no plan can have."""
-        require_positive(steps=self.steps, dt=self.dt, iterations=self.settings.iterations)
+        require_positive(
+            steps=self.steps, dt=self.dt, iterations=self.settings.iterations, max_collision=self.max_collision
+        )
 
     @property
-    def settings(self) -> PlanConfig | FastPlanConfig:
+    def settings(self) -> PlanSettings:
         """How the planner works. Raises NerfnavError for an unknown planner, or settings of another one."""
         own = named("planner", self.planner, PLAN_CONFIGS)()
         if self.config is not None and type(self.config) is not type(own):
             raise InvalidInputError(f"these settings are not those of the planner {self.planner!r}: leave them out")
         return own if self.config is None else self.config
+
+    def lasting(self, seconds: float) -> "PlanRequest":
+        """The same in a given time [s], cut into whole steps of about dt. Raises InvalidInputError for none."""
+        require_positive(duration=seconds)
+        steps = max(1, round(seconds / self.dt))
+        return replace(self, steps=steps, dt=seconds / steps)
 
     @property
     def start_state(self) -> RigidState:
@@ -81,19 +103,41 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     with clock.running():
         occupancy = occupancy_of(place, request.settings.occupancy)
     finder = planner(place.field, place.robot, first=request.settings, occupancy=occupancy)
-    for step in clock.time(finder.plan(request.start_state, request.goal_state, request.steps, request.dt)):
+    for step in clock.time(_steps(request, place, finder, occupancy)):
         last = step
         yield step
         yield Progress("optimising", min(1.0, (step.iteration + 1) / request.settings.iterations))
     assert last is not None, "a planner yields at least one step"
     yield Progress("judging", 1.0)
-    summary = summary_of(last, place, clock.seconds)
+    summary = summary_of(last, place, clock.seconds, request.max_collision)
     yield JobFinished("plan", summary, () if out is None else save(out, last.motion, place, summary))
 
 
-def summary_of(step: PlanStep, place: Place, wall_s: float) -> dict[str, Any]:
+def _steps(
+    request: PlanRequest, place: Place, finder: Planner, occupancy: OccupancyMap
+) -> Iterator[PlanStep]:
+    """Plan as often as the request asks for: for the duration, then for the bound on collisions."""
+    start, goal, dt, last = request.start_state, request.goal_state, request.dt, None
+    if request.shortest:
+        steps = shortest_plan(lambda count: finder.plan(start, goal, count, dt), place.robot)
+    else:
+        steps = finder.plan(start, goal, request.steps, dt)
+    for last in steps:
+        if last.outcome is None:
+            yield last
+    assert last is not None, "a planner yields at least one step"
+    if request.max_collision is None:
+        yield last
+        return
+    problem = PlanProblem(place.field, place.robot, start, goal, last.trajectory.steps, dt)
+    careful = FastPlanConfig(weights=request.settings.weights, occupancy=request.settings.occupancy)
+    yield from within_chance(problem, last, careful, request.max_collision, occupancy)
+
+
+def summary_of(step: PlanStep, place: Place, wall_s: float, max_collision: float | None = None) -> dict[str, Any]:
     """What `plan --json` prints, for the last step of a planner."""
     motion = step.motion
+    safety = safety_of(place.field, motion, place.robot.body)
     return {
         "outcome": step.outcome.name.lower() if step.outcome else None,
         "iterations": step.iteration + 1,
@@ -103,11 +147,37 @@ def summary_of(step: PlanStep, place: Place, wall_s: float) -> dict[str, Any]:
             "control": step.cost.control,
             "total": step.cost.total,
         },
-        "collision_probability_bound": collision_probability_bound(place.field, motion, place.robot.body),
+        "collision_probability_bound": safety.bound,
         "mesh_overlap_m3": mesh_overlap_m3(place, motion),
         "max_thrust_n": _max_thrust_n(place, motion),
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
+        "duration_s": motion.actions.shape[-2] * motion.dt,
+        "limits": _limits(place, motion),
+        "safety": _safety(safety, step, max_collision),
     }
+
+
+def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
+    """What the motion asks of each of the robot's bounds."""
+    return {
+        use.name: {
+            "least": use.least, "most": use.most, "lower": use.lower, "upper": use.upper, "violated": use.violated
+        }
+        for use in limit_uses(place.robot, motion)
+    }  # fmt: skip
+
+
+def _safety(safety: Safety, step: PlanStep, max_collision: float | None) -> dict[str, Any]:
+    """What the field believes that the plan risks, and by how much this is more than was asked for."""
+    told: dict[str, Any] = {
+        "bound": safety.bound,
+        "bound_per_step_max": safety.per_step.max().item(),
+        "min_clearance_m": safety.min_clearance_m,
+        "worst_step": safety.worst_step,
+    }
+    if step.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
+        told["missed_by"] = safety.bound - max_collision
+    return told
 
 
 def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:

@@ -18,7 +18,7 @@ from torch import Tensor
 from nerfnav.compiled import default_threads, threads
 from nerfnav.field.field import Points, RaySamples, uniform_samples
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.kernels import march
+from nerfnav.field.kernels import jacobian, march
 from nerfnav.field.kernels import points as point_kernels
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
 from nerfnav.field.render import Rendering
@@ -117,6 +117,16 @@ class VoxelField:
             )  # fmt: skip
         color, opacity, depth = (torch.from_numpy(part) for part in parts)
         return Rendering(color, opacity, depth)
+
+    def colors_and_jacobian(
+        self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3 6"]]:
+        """Colours of rays and their derivatives by the camera's motion (see field/jacobian.py), compiled."""
+        colors, jacobians = jacobian.colors_and_jacobian(
+            *self._grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
+            self.background.cpu().numpy(),
+        )  # fmt: skip
+        return torch.from_numpy(colors), torch.from_numpy(jacobians)
 
     @cached_property
     def _grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

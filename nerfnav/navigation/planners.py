@@ -1,17 +1,20 @@
 """What the loop asks of a planner, and the paper's planner and the fast one in that shape."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from torch import Tensor
+
 from nerfnav.field.field import Field
-from nerfnav.planner.fast import FastPlanConfig, plan_fast, replan_fast
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.optimize import PlanConfig, plan, replan
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.warm_start import carry_on
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 
@@ -45,23 +48,26 @@ class PaperPlanner:
     """How the plan is redone at each time step."""
     occupancy: OccupancyMap | None = None
     """Saves making the map of the field again where the caller has it."""
+    extra_terms: tuple[Callable[[Motion], Tensor], ...] = ()
+    """What is added to J, see PlanProblem."""
 
     def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
         """See Planner."""
-        return plan(PlanProblem(self.field, self.robot, start, goal, steps, dt), self.first, self.occupancy)
+        problem = PlanProblem(self.field, self.robot, start, goal, steps, dt, self.extra_terms)
+        return plan(problem, self.first, self.occupancy)
 
     def replan(
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
         trajectory = hot_start(last, start, goal, self.robot, executed=executed, steps=steps)
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt)
+        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt, self.extra_terms)
         return replan(problem, trajectory, self.again)
 
 
 @dataclass(frozen=True)
 class FastPlanner:
-    """A* and quasi-Newton on compiled kernels, then quasi-Newton again from the rest of the waypoints."""
+    """Several ways around and quasi-Newton on compiled kernels, then the rest of the plan as long as it leads."""
 
     field: Field
     """Where."""
@@ -73,15 +79,17 @@ class FastPlanner:
     """How the plan is redone at each time step."""
     occupancy: OccupancyMap | None = None
     """Saves making the map of the field again where the caller has it."""
+    extra_terms: tuple[Callable[[Motion], Tensor], ...] = ()
+    """What is added to J, see PlanProblem."""
 
     def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
         """See Planner."""
-        return plan_fast(PlanProblem(self.field, self.robot, start, goal, steps, dt), self.first, self.occupancy)
+        problem = PlanProblem(self.field, self.robot, start, goal, steps, dt, self.extra_terms)
+        return plan_fast(problem, self.first, self.occupancy)
 
     def replan(
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
-        trajectory = hot_start(last, start, goal, self.robot, executed=executed, steps=steps)
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt)
-        return replan_fast(problem, trajectory, self.again)
+        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt, self.extra_terms)
+        return carry_on(problem, last, executed, self.again, self.occupancy)

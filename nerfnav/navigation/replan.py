@@ -22,12 +22,14 @@ from nerfnav.navigation.recovery import Recovery, RecoveryConfig, Relocaliser, r
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.minsnap import MinSnapConfig
 from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner.rrt import RRTConfig
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import Motion, RigidState
 
 Step = TypeVar("Step", bound=LoopEvent)
-Config = TypeVar("Config", PlanConfig, FastPlanConfig)
+Config = TypeVar("Config", bound=PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig)
 _ROOM, _CARE = 0.04, 3.0
 """Room around the body [m] and weight of collision when a plan is redone in flight."""
 
@@ -178,7 +180,7 @@ def _advance(last: NavigationStep, flight: _Flight, lost: int) -> Generator[Loop
     )
     return NavigationStep(
         index, index * mission.dt, action, simulator.state, belief, image, update, planned.motion,
-        touched, filter_ms, replan_ms, recovery=recovery,
+        touched, filter_ms, replan_ms, recovery=recovery, restart=planned.restart,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.recovery import Recovery
-from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.steps import PlanStep, Restart
 from nerfnav.robots.state import Motion, RigidState
 
 
@@ -53,6 +53,8 @@ class NavigationStep:
     """Time the planner took [ms]."""
     outcome: EpisodeOutcome | None = None
     """None while the flight goes on; set on the last step."""
+    restart: Restart | None = None
+    """Why the plan was made anew in this step; None where the last one was carried on."""
     recovery: Recovery | None = None
     """What was done where the picture disagreed with the belief; None where it agreed."""
 

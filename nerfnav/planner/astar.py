@@ -1,12 +1,15 @@
 """The way around: A* through the occupancy map, and the path as waypoints in time."""
 
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.planner.kernels.search import cheapest_path
+from nerfnav.planner.kernels.search import cheapest_path, make_dearer
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.robots.state import RigidState
 
@@ -18,49 +21,132 @@ _CALMNESS = 2.0
 """Weight of squared third differences against squared distances from the path: at 2 m/s, turns of a few decimetres."""
 _HELD = 2
 """Waypoints at each end that calming leaves alone: with two, the ends keep their velocity."""
+_TURN = 0.15
+"""Length of way that a radian of turning counts for [m]: half the length of a body that must turn at all."""
 _PATH_STEP = 0.01
 """Distance of points along a smoothed path [m]."""
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """Which ways are looked for."""
+
+    ways: int = 5
+    """How many, each to keep off the ones before it."""
+    detour: float = 3.0
+    """How much dearer the surroundings of a way become for the next one."""
+    berth: float = 0.16
+    """How far these surroundings reach [m]."""
+    greed: float = 1.5
+    """By how much later ways may be dearer than the best for their prices, so that they are found at once."""
+    roundings: tuple[float, ...] = (0.06, 0.03, 0.12)
+    """Lengths over which the corners of the shortest way are rounded [m], a first guess for each; other ways take
+    the first."""
+    straight: bool = True
+    """Whether to try the straight line too."""
+
+    @classmethod
+    def single(cls) -> "SearchConfig":
+        """The shortest way alone."""
+        return cls(ways=1, roundings=(_SMOOTHING,), straight=False)
 
 
 def find_path(
     occupancy: OccupancyMap, start: Float[Tensor, "3"], goal: Float[Tensor, "3"]
 ) -> Float[Tensor, "n 3"] | None:
-    """The shortest way from start to goal that prefers clearance [m], both included; None where there is none."""
-    ends = []
-    for point in (start, goal):
-        free = occupancy.nearest_free_voxels(point, _SNAP_REACH)
-        if len(free) == 0:
-            return None
-        ends.append(occupancy.index(free[0]))
-    voxels = cheapest_path(occupancy.prices, *ends)
-    if len(voxels) == 0:
-        return None
-    return torch.cat([start[None], occupancy.centers(torch.from_numpy(voxels)), goal[None]])
+    """The shortest way from start to goal that prefers clearance [m], both included; None where there is none.
+
+    A body with a map for each heading must fit with all of them; with `find_paths` it may turn.
+    """
+    ends = RigidState.at_rest(_tuple(start)), RigidState.at_rest(_tuple(goal))
+    whatever = replace(occupancy, by_heading=occupancy.by_heading.any(0, keepdim=True))
+    paths = find_paths(whatever, *ends, SearchConfig(ways=1))
+    return paths[0][:, :3] if paths else None
 
 
-def smooth_path(path: Float[Tensor, "n 3"]) -> Float[Tensor, "m 3"]:
-    """The path with rounded corners, its ends as they are, points about 1 cm apart."""
-    length = path.diff(dim=0).norm(dim=-1).sum().item()
-    dense = resample(path, torch.linspace(0, 1, max(2, round(length / _PATH_STEP)) + 1))
-    spread = _SMOOTHING / _PATH_STEP
-    reach = min(int(3 * spread), len(dense) - 1)
-    weights = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / spread).square())
+def find_paths(
+    occupancy: OccupancyMap, start: RigidState, goal: RigidState, config: SearchConfig
+) -> list[Float[Tensor, "n c"]]:
+    """Ways from start to goal, both included, the shortest first; none where there is none.
+
+    Rows are x, y, z [m] and, where the map tells headings apart, the heading [rad], without jumps.
+    """
+    ends = [_node(occupancy, start), _node(occupancy, goal)]
+    if ends[0] is None or ends[1] is None:
+        return []
+    prices, spacing = occupancy.prices.copy(), occupancy.spacing.mean().item()
+    turn = _TURN * torch.pi / len(prices) / spacing
+    found = []
+    for way in range(config.ways):
+        nodes = cheapest_path(prices, *ends, turn, config.greed if way else 1.0)
+        if len(nodes) == 0:
+            break
+        found.append(_path(occupancy, nodes, start, goal))
+        make_dearer(prices, nodes, max(1, round(config.berth / spacing)), config.detour)
+    return found
+
+
+def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
+    """The nearest free voxel within reach, and its heading: the state's, or the one nearest to it that fits."""
+    count = len(occupancy.by_heading)
+    if count == 1:
+        tried = [0]
+    else:
+        own = round(so3.yaw_of(state.rotation).item() * count / torch.pi)
+        tried = [(own + change) % (2 * count) for change in sorted(range(-count + 1, count + 1), key=abs)]
+    for heading in tried:
+        free = occupancy.nearest_free_voxels(state.position, _SNAP_REACH, heading % count)
+        if len(free):
+            return np.array([heading, *occupancy.index(free[0])])
+    return None
+
+
+def _path(
+    occupancy: OccupancyMap, nodes: np.ndarray, start: RigidState, goal: RigidState
+) -> Float[Tensor, "n c"]:
+    """World coordinates of a search's nodes between the exact ends."""
+    centers = occupancy.centers(torch.from_numpy(nodes[:, 1:]))
+    positions = torch.cat([start.position[None], centers, goal.position[None]])
+    if len(occupancy.by_heading) == 1:
+        return positions
+    yaw = torch.from_numpy(nodes[:, 0]) * (torch.pi / len(occupancy.by_heading))
+    first, last = so3.yaw_of(start.rotation)[None], so3.yaw_of(goal.rotation)[None]
+    return torch.cat([positions, unwrapped(torch.cat([first, yaw.to(first), last]))[:, None]], -1)
+
+
+def unwrapped(yaw: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+    """The same angles [rad], each within half a turn of the one before it."""
+    turn = torch.remainder(yaw.diff() + torch.pi, 2 * torch.pi) - torch.pi
+    return torch.cat([yaw[:1], yaw[:1] + turn.cumsum(0)])
+
+
+def smooth_path(path: Float[Tensor, "n c"], spread: float = _SMOOTHING) -> Float[Tensor, "m c"]:
+    """The path with corners rounded over `spread` [m], its ends as they are, points about 1 cm apart."""
+    dense = resample(path, torch.linspace(0, 1, max(2, round(_lengths(path).sum().item() / _PATH_STEP)) + 1))
+    reach = min(int(3 * spread / _PATH_STEP), len(dense) - 1)
+    weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (_PATH_STEP / spread)))
     # reflected through the ends, so that these stay where they are and keep their direction
     before = 2 * dense[0] - dense[1 : reach + 1].flip(0)
     after = 2 * dense[-1] - dense[-reach - 1 : -1].flip(0)
-    columns = torch.cat([before, dense, after]).T[:, None]
-    return torch.nn.functional.conv1d(columns, (weights / weights.sum())[None, None])[:, 0].T
+    columns = torch.cat([before, dense, after]).double().numpy().T
+    rounded = [np.convolve(column, weights / weights.sum(), mode="valid") for column in columns]
+    return torch.from_numpy(np.stack(rounded, -1)).to(path)
 
 
-def resample(path: Float[Tensor, "n 3"], shares: Float[Tensor, "m"]) -> Float[Tensor, "m 3"]:
-    """Points of a polyline at the given shares of its length, 0 to 1."""
-    lengths = path.diff(dim=0).norm(dim=-1).double().numpy()
-    reached = np.concatenate([[0.0], np.cumsum(lengths)])
+def resample(path: Float[Tensor, "n c"], shares: Float[Tensor, "m"]) -> Float[Tensor, "m c"]:
+    """Points of a polyline at the given shares of its length, 0 to 1; to turn is to go some way too."""
+    reached = np.concatenate([[0.0], np.cumsum(_lengths(path).double().numpy())])
     wanted = shares.double().numpy() * reached[-1]
     columns = [np.interp(wanted, reached, column) for column in path.double().numpy().T]
     return torch.from_numpy(np.stack(columns, -1)).to(path)
 
 
+def _lengths(path: Float[Tensor, "n c"]) -> Float[Tensor, " pieces"]:
+    weights = torch.tensor([1.0, 1.0, 1.0, _TURN])[: path.shape[-1]].to(path)
+    return (path.diff(dim=0) * weights).norm(dim=-1)
+
+
+@lru_cache(maxsize=64)
 def ease(steps: int) -> Float[Tensor, " times"]:
     """Share of the way covered at each time step: minimum jerk (Flash and Hogan, 1985), leaving a little late.
 
@@ -72,14 +158,16 @@ def ease(steps: int) -> Float[Tensor, " times"]:
 
 
 def waypoints_along(
-    path: Float[Tensor, "n 3"], start: RigidState, goal: RigidState, steps: int
+    path: Float[Tensor, "n c"], start: RigidState, goal: RigidState, steps: int
 ) -> Float[Tensor, "times 4"]:
-    """Waypoints (x, y, z [m], yaw [rad]) along a path, eased in and out, turning the shorter way."""
+    """Waypoints (x, y, z [m], yaw [rad]) along a path, eased in and out; headings of the path, or the shorter way."""
     share = ease(steps)
-    before, after = so3.yaw_of(start.rotation), so3.yaw_of(goal.rotation)
-    turn = torch.remainder(after - before + torch.pi, 2 * torch.pi) - torch.pi
-    positions = calm(resample(path, share))
-    return torch.cat([positions, (before + turn * share)[:, None]], -1)
+    along = resample(path, share)
+    positions = calm(along[:, :3])
+    if path.shape[-1] == 4:
+        return torch.cat([positions, along[:, 3:]], -1)
+    ends = unwrapped(torch.stack([so3.yaw_of(start.rotation), so3.yaw_of(goal.rotation)]))
+    return torch.cat([positions, (ends[0] + (ends[1] - ends[0]) * share)[:, None]], -1)
 
 
 def calm(positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
@@ -87,13 +175,21 @@ def calm(positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
 
     The two positions at each end stay. (Whittaker's smoothing, 1923.)
     """
-    count = len(positions)
+    return (_calming(len(positions)) @ positions.double()).to(positions)
+
+
+@lru_cache(maxsize=64)
+def _calming(count: int) -> Float[Tensor, "n n"]:
+    """What `calm` does to so many positions: it is linear in them."""
     third = torch.eye(count, dtype=torch.float64).diff(dim=0, n=3)
     matrix = torch.eye(count, dtype=torch.float64) + _CALMNESS * third.T @ third
-    p = positions.double()
     held = torch.zeros(count, dtype=torch.bool)
     held[:_HELD], held[-_HELD:] = True, True
-    wanted = p[~held] - matrix[~held][:, held] @ p[held]
-    result = p.clone()
-    result[~held] = torch.linalg.solve(matrix[~held][:, ~held], wanted)
-    return result.to(positions)
+    wanted = torch.eye(count, dtype=torch.float64)
+    wanted[~held] -= matrix[~held] * held
+    wanted[~held] = torch.linalg.solve(matrix[~held][:, ~held], wanted[~held])
+    return wanted
+
+
+def _tuple(point: Float[Tensor, "3"]) -> tuple[float, float, float]:
+    return point[0].item(), point[1].item(), point[2].item()

@@ -63,15 +63,19 @@ class Terms:
     """Effort."""
     limits: Float[Tensor, "*batch"]
     """Penalties that keep the motion well defined and inside the box."""
+    extra: Float[Tensor, "*batch"] | None = None
+    """What a problem adds to J."""
 
     @property
     def total(self) -> Float[Tensor, "*batch"]:
         """J."""
-        return self.collision + self.control + self.limits
+        terms = self.collision + self.control + self.limits
+        return terms if self.extra is None else terms + self.extra
 
     def numbers(self) -> PlanCost:
         """The same as plain numbers; for one motion only."""
-        return PlanCost(self.collision.item(), self.control.item(), self.limits.item())
+        added = 0.0 if self.extra is None else self.extra.item()
+        return PlanCost(self.collision.item(), self.control.item(), self.limits.item(), added)
 
 
 def evaluate(field: Field, robot: Robot, motion: Motion, weights: CostWeights) -> Terms:

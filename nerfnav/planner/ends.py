@@ -1,11 +1,14 @@
 """Whether a start and a goal can be planned between, and what to say where they cannot."""
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.field.field import Field
+from nerfnav.geometry import so3
 from nerfnav.planner.occupancy import OccupancyMap, body_density
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
@@ -29,12 +32,13 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
                 f"the {name} {_words(state.position)} is outside the field, which spans {field.box.describe()}"
             )
         if body_density(field, body, state) > occupancy.config.threshold:
-            nearest = nearest_free(field, body, state, occupancy)
-            advice = f"the nearest free point is {_words(nearest)}" if nearest is not None else (
-                f"and no free point was found within {_SEARCH_REACH:g} m"
+            nearest = nearest_free_pose(field, body, state, occupancy)
+            raise OccupiedError(
+                f"the {name} {_words(state.position)} is in occupied space; {_advice(state, nearest)}",
+                None if nearest is None else (
+                    nearest.position[0].item(), nearest.position[1].item(), nearest.position[2].item()
+                ),
             )  # fmt: skip
-            point = None if nearest is None else (nearest[0].item(), nearest[1].item(), nearest[2].item())
-            raise OccupiedError(f"the {name} {_words(state.position)} is in occupied space; {advice}", point)
 
 
 def check_finite(name: str, state: RigidState) -> None:
@@ -48,13 +52,54 @@ def nearest_free(
     field: Field, body: Body, state: RigidState, occupancy: OccupancyMap
 ) -> Float[Tensor, "3"] | None:
     """The nearest point, in whole centimetres, where the body fits in the attitude of `state`; None if out of reach."""
-    for center in occupancy.nearest_free_voxels(state.position, _SEARCH_REACH)[:_CANDIDATES]:
+    return _first_fit(field, body, (state,), occupancy, state)
+
+
+def nearest_free_pose(
+    field: Field, body: Body, state: RigidState, occupancy: OccupancyMap
+) -> RigidState | None:
+    """The nearest state in which the body fits, turned where the map tells headings apart; None if out of reach.
+
+    Its own attitude comes first, and others only where that fits nowhere within reach.
+    """
+    count = len(occupancy.by_heading)
+    turns = torch.arange(1, count) * (torch.pi / count)
+    turned = [replace(state, rotation=so3.from_yaw(turn) @ state.rotation) for turn in turns.to(state.position)]
+    for tried in ((state,), tuple(turned)):
+        point = _first_fit(field, body, tried, occupancy, state)
+        if point is not None:
+            fits = (one for one in tried if _fits(field, body, replace(one, position=point), occupancy))
+            return replace(next(fits), position=point)
+    return None
+
+
+def _first_fit(
+    field: Field, body: Body, states: tuple[RigidState, ...], occupancy: OccupancyMap, near: RigidState
+) -> Float[Tensor, "3"] | None:
+    """The nearest free voxel, in whole centimetres, where the body fits in one of the states' attitudes."""
+    flat = occupancy.by_heading.shape[-1] == 1  # one height alone: keep it exactly
+    for center in occupancy.nearest_free_voxels(near.position, _SEARCH_REACH)[:_CANDIDATES]:
         point = (center * 100).round() / 100
-        moved = RigidState(point, state.velocity, state.rotation, state.body_rate)
-        fits = body_density(field, body, moved) <= occupancy.config.threshold
-        if fits and field.box.contains(point):
+        if flat:
+            point[2] = near.position[2]
+        if field.box.contains(point) and any(
+            _fits(field, body, replace(state, position=point), occupancy) for state in states
+        ):
             return point
     return None
+
+
+def _fits(field: Field, body: Body, state: RigidState, occupancy: OccupancyMap) -> bool:
+    return body_density(field, body, state) <= occupancy.config.threshold
+
+
+def _advice(state: RigidState, nearest: RigidState | None) -> str:
+    if nearest is None:
+        return f"and no free point was found within {_SEARCH_REACH:g} m"
+    if torch.equal(nearest.rotation, state.rotation):
+        return f"the nearest free point is {_words(nearest.position)}"
+    heading = so3.yaw_of(nearest.rotation).item()
+    return f"the nearest free pose is {_words(nearest.position)} with a heading of {heading:.2f} rad"
 
 
 def _words(point: Tensor) -> str:

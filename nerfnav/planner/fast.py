@@ -1,26 +1,57 @@
-"""The fast planner: the paper's objective, Eq. 2, minimised by quasi-Newton on compiled kernels.
+"""The fast planner: the paper's objective, Eq. 2, minimised by quasi-Newton on compiled kernels from several starts.
 
-Same terms, same ends, same dynamics as optimize.py; some hundred iterations of a fraction of a millisecond in place
-of 2,500 of several. Adam with any learning rate falls short: J at the start is nearly all control effort, whose
+Same terms, same ends, same dynamics as optimize.py; some hundred iterations of a tenth of a millisecond in place of
+2,500 of several. Adam with any learning rate falls short: J at the start is nearly all control effort, whose
 curvature spans many orders of magnitude, so what matters is the preconditioner (quasi_newton.py).
+
+J has many minima. Several first guesses (ways around on either side, corners rounded more and less, the straight
+line) are first improved with a coarse body and little weight on collision, which lets them slide past what they
+graze; the best few then compete with the full J, and the winner goes on alone.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
+import numpy as np
 import torch
 
+from nerfnav.planner.astar import SearchConfig
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_finite
-from nerfnav.planner.objective import Evaluation, Objective
+from nerfnav.planner.objective import Evaluation, Extra, Objective
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
-from nerfnav.planner.quasi_newton import NewtonConfig, minimise
+from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guesses
+from nerfnav.planner.quasi_newton import NewtonConfig, minimise, preconditioner
+from nerfnav.planner.safety import verdict
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.maps import flat_map
+
+_FINER = 4
+"""How many times as many densities are taken to choose between finalists: a body must not slip through a wall."""
+
+
+@dataclass(frozen=True)
+class ScoutConfig:
+    """How the first guesses are compared."""
+
+    points: int = 12
+    """Body points at which scouts ask for density: a coarse body."""
+    samples_per_step: int = 3
+    """Densities taken along each of their ways through a step."""
+    collision: float = 0.1
+    """Share of the weight of collision."""
+    heat: int = 10
+    """After so many steps only the best `survivors` go on."""
+    survivors: int = 4
+    """See heat."""
+    iterations: int = 30
+    """At most so many steps."""
+    finalists: int = 3
+    """How many of the first guesses go on with the full J."""
+    trial: int = 10
+    """After so many steps with the full J the best goes on alone."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +62,10 @@ class FastPlanConfig:
     """The search."""
     initial: InitialGuess = InitialGuess.ASTAR
     """Where it starts."""
+    search: SearchConfig = field(default_factory=SearchConfig)
+    """Which ways are tried."""
+    scout: ScoutConfig = field(default_factory=ScoutConfig)
+    """How they are compared."""
     weights: CostWeights = field(default_factory=CostWeights)
     """What the terms of J weigh: the same as the paper's planner by default."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
@@ -45,43 +80,114 @@ class FastPlanConfig:
 def plan_fast(
     problem: PlanProblem, config: FastPlanConfig | None = None, occupancy: OccupancyMap | None = None
 ) -> Iterator[PlanStep]:
-    """Plan from scratch; yields every iteration, J falling from one to the next, the last with the outcome.
+    """Plan from scratch; yields every iteration with the full J, the last with the best trajectory and the outcome.
 
-    `occupancy` saves making the map again where the caller has it. Raises InvalidInputError, OutsideBoxError or
-    OccupiedError for ends that cannot be planned between, at the first step.
+    J falls from one step to the next of the same `start_index`. `occupancy` saves making the map again where the
+    caller has it. Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between,
+    at the first step.
     """
     config = FastPlanConfig() if config is None else config
-    guess = first_guess(problem, config.initial, config.occupancy if occupancy is None else occupancy)
-    for step in replan_fast(problem, guess.trajectory, config):
-        if not guess.leads:
-            yield replace(step, outcome=PlanOutcome.NO_PATH)
-            return
-        yield step
+    guesses = first_guesses(problem, config.initial, occupancy or config.occupancy, config.search)
+    if not guesses.leads:
+        yield replace(_Desk(problem, guesses.trajectories[0], config).here(), outcome=PlanOutcome.NO_PATH)
+        return
+    yield from improve(problem, guesses.trajectories, config)
 
 
 def replan_fast(
     problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig | None = None
 ) -> Iterator[PlanStep]:
     """Improve a trajectory that is already near a good one, such as `hot_start` gives; yields as `plan_fast` does."""
-    config = FastPlanConfig() if config is None else config
     check_finite("start", trajectory.start)
-    robot = problem.robot
-    flat = flat_map(robot, trajectory.start, trajectory.goal, trajectory.steps, trajectory.dt)
-    objective = Objective(problem.field, robot, flat, trajectory.steps, config.weights)
-    free = trajectory.free.double().numpy()
-    scales = robot.free_scales(trajectory.free).double().numpy()
-    previous: PlanStep | None = None
-    outcome = PlanOutcome.ITERATION_LIMIT
-    for iteration, (reached, settled) in enumerate(minimise(objective, free, scales, config.newton)):
-        if previous is not None:
-            yield previous
-        previous = _record(iteration, trajectory, flat, reached)
-        outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
-    assert previous is not None, "a search yields at least its start"
-    yield replace(previous, outcome=outcome if math.isfinite(previous.cost.total) else PlanOutcome.DIVERGED)
+    yield from improve(problem, (trajectory,), FastPlanConfig() if config is None else config)
 
 
-def _record(iteration: int, trajectory: Trajectory, flat: FlatMap, reached: Evaluation) -> PlanStep:
-    flat.forward(reached.free)  # the search may have looked elsewhere since
-    free = torch.from_numpy(reached.free).to(trajectory.free)
-    return PlanStep(iteration, trajectory.with_free(free), flat.motion(), reached.cost)
+def improve(
+    problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: FastPlanConfig
+) -> Iterator[PlanStep]:
+    """The best that comes of some trajectories between the same ends; yields as `plan_fast` does."""
+    desk = _Desk(problem, trajectories[0], config)
+    starts = [trajectory.free.double().numpy() for trajectory in trajectories]
+    inverse = preconditioner(desk.objective.effort_gradient, starts[0], desk.scales, config.newton.prior)
+    reached = desk.scout(starts, inverse)
+    if len(starts) == 1:  # it may be as good as it gets already
+        reached[1] = desk.objective(starts[0])
+    order = sorted(reached, key=lambda index: _rank(reached[index]))[: config.scout.finalists]
+    searches = {index: desk.search(reached[index].free, inverse) for index in order}
+    latest: dict[int, tuple[Evaluation, bool]] = {}
+    for index in order:
+        for found in islice(searches[index], config.scout.trial if len(order) > 1 else None):
+            latest[index] = found
+            yield desk.record(index, found[0])
+    winner = min(order, key=lambda index: desk.fine_total(latest[index][0]))
+    for found in searches[winner]:
+        latest[winner] = found
+        yield desk.record(winner, found[0])
+    best, settled = latest[winner]
+    outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
+    last = desk.record(winner, best)
+    yield replace(last, outcome=verdict(problem, last.motion, last.cost, outcome))
+
+
+class _Desk:
+    """What the searches between one start and one goal share."""
+
+    def __init__(self, problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig) -> None:
+        robot, ends = problem.robot, trajectory
+        self._flat = flat_map(robot, ends.start, ends.goal, ends.steps, ends.dt)
+        self._trajectory, self._config, self._count = trajectory, config, 0
+        start, goal = ends.start.to(torch.float64), ends.goal.to(torch.float64)
+        extra = Extra(problem.extra_terms, lambda free: robot.motion(free, start, goal, ends.steps, ends.dt))
+        weights, scout = config.weights, config.scout
+        terms = extra if problem.extra_terms else None
+        self.objective = Objective(problem.field, robot, self._flat, weights, extra=terms)
+        light = replace(
+            weights, collision=scout.collision * weights.collision, samples_per_step=scout.samples_per_step
+        )
+        self._light = Objective(problem.field, robot, self._flat, light, scout.points, terms)
+        fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)
+        self._fine = Objective(problem.field, robot, self._flat, fine, extra=terms)
+        self.scales = robot.free_scales(trajectory.free).double().numpy()
+
+    def search(self, free: np.ndarray, inverse: np.ndarray) -> Iterator[tuple[Evaluation, bool]]:
+        """The search with the full J."""
+        return minimise(self.objective, free, self.scales, self._config.newton, inverse)
+
+    def scout(self, starts: list[np.ndarray], inverse: np.ndarray) -> dict[int, Evaluation]:
+        """Where the most promising first guesses lead with the coarse body, and the full J there."""
+        scout = self._config.scout
+        newton = replace(self._config.newton, iterations=scout.iterations)
+        searches = [minimise(self._light, free, self.scales, newton, inverse) for free in starts]
+        found = {index: _last(islice(search, scout.heat)) for index, search in enumerate(searches)}
+        ahead = sorted(found, key=lambda index: _rank(found[index]))[: scout.survivors]
+        return {index: self.objective(_last(searches[index], found[index]).free) for index in ahead}
+
+    def fine_total(self, reached: Evaluation) -> float:
+        """J with so many densities that nothing is missed between them."""
+        return _rank(self._fine(reached.free))
+
+    def record(self, index: int, reached: Evaluation) -> PlanStep:
+        """The next step to yield."""
+        self._flat.forward(reached.free)  # the search may have looked elsewhere since
+        free = torch.from_numpy(reached.free).to(self._trajectory.free)
+        self._count += 1
+        trajectory = self._trajectory.with_free(free)
+        return PlanStep(self._count - 1, trajectory, self._flat.motion(), reached.cost, start_index=index)
+
+    def here(self) -> PlanStep:
+        """The trajectory as it is given."""
+        return self.record(0, self.objective(self._trajectory.free.double().numpy()))
+
+
+def _rank(reached: Evaluation) -> float:
+    """J, or infinity where it is no number."""
+    total = reached.cost.total
+    return total if np.isfinite(total) else np.inf
+
+
+def _last(found: Iterator[tuple[Evaluation, bool]], before: Evaluation | None = None) -> Evaluation:
+    """The last of what a search yields, or what came before it."""
+    for evaluation, _ in found:
+        before = evaluation
+    assert before is not None, "a search yields at least its start"
+    return before

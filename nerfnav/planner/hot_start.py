@@ -6,6 +6,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
+from nerfnav.planner.astar import unwrapped
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
@@ -33,7 +34,7 @@ def hot_start(
     back = (torch.arange(left + 1) * motion.dt / min(_RECOVERY_S, max(left, 1) * motion.dt)).clamp_max(1)
     positions = planned.position + (1 - back.square() * (3 - 2 * back))[:, None] * drift
     index = torch.arange(steps + 1).clamp_max(left)
-    waypoints = torch.cat([positions[index], _unwrapped(so3.yaw_of(planned.rotation))[index, None]], -1)
+    waypoints = torch.cat([positions[index], unwrapped(so3.yaw_of(planned.rotation))[index, None]], -1)
     return Trajectory(robot.encode(waypoints, start, goal, motion.dt), start, goal, steps, motion.dt)
 
 
@@ -45,9 +46,3 @@ def _rolled_out(
     for action in actions:
         states.append(robot.step(states[-1], action, dt))
     return RigidState.stack(states).position
-
-
-def _unwrapped(yaw: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """The same angles [rad], each within half a turn of the one before it."""
-    turn = torch.remainder(yaw.diff() + torch.pi, 2 * torch.pi) - torch.pi
-    return torch.cat([yaw[:1], yaw[:1] + turn.cumsum(0)])

@@ -60,9 +60,9 @@ def plan(
     config = PlanConfig.paper() if config is None else config
     guess = first_guess(problem, config.initial, config.occupancy if occupancy is None else occupancy)
     if not guess.leads:
-        yield _step(problem, guess.trajectory, config, 0, PlanOutcome.NO_PATH)
+        yield _step(problem, guess.trajectories[0], config, 0, PlanOutcome.NO_PATH)
         return
-    yield from descend(problem, guess.trajectory, config)
+    yield from descend(problem, guess.trajectories[0], config)
 
 
 def replan(problem: PlanProblem, trajectory: Trajectory, config: PlanConfig | None = None) -> Iterator[PlanStep]:
@@ -84,7 +84,7 @@ def descend(problem: PlanProblem, trajectory: Trajectory, config: PlanConfig) ->
     last_ones = max(_SETTLING_ITERATIONS, config.iterations // 10)
     for iteration in range(config.iterations):
         motion = trajectory.with_free(free).motion(problem.robot)
-        terms = evaluate(problem.field, problem.robot, motion, config.weights)
+        terms = _terms(problem, motion, config)
         now = _record(iteration, trajectory.with_free(free.detach().clone()), motion, terms)
         if not torch.isfinite(terms.total):
             yield replace(best or now, iteration=iteration, outcome=PlanOutcome.DIVERGED)
@@ -108,9 +108,16 @@ def _step(
 ) -> PlanStep:
     with torch.no_grad():
         motion = trajectory.motion(problem.robot)
-        terms = evaluate(problem.field, problem.robot, motion, config.weights)
+        terms = _terms(problem, motion, config)
     return replace(_record(iteration, trajectory, motion, terms), outcome=outcome)
 
 
 def _record(iteration: int, trajectory: Trajectory, motion: Motion, terms: Terms) -> PlanStep:
     return PlanStep(iteration, trajectory, motion.detach(), terms.numbers())
+
+
+def _terms(problem: PlanProblem, motion: Motion, config: PlanConfig) -> Terms:
+    terms = evaluate(problem.field, problem.robot, motion, config.weights)
+    if not problem.extra_terms:
+        return terms
+    return replace(terms, extra=torch.stack([term(motion) for term in problem.extra_terms]).sum())

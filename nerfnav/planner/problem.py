@@ -1,5 +1,6 @@
 """What is to be planned, and where every planner starts: the ends checked, and a first way between them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -8,12 +9,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.field import Field
-from nerfnav.planner.astar import find_path, smooth_path, waypoints_along
+from nerfnav.planner.astar import SearchConfig, find_paths, smooth_path, waypoints_along
 from nerfnav.planner.ends import check_ends, check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.state import Motion, RigidState
 
 
 class InitialGuess(Enum):
@@ -39,40 +40,73 @@ class PlanProblem:
     """Number of time steps; 20 in the paper."""
     dt: float = 0.1
     """Length of a step [s]; 0.1 in the paper."""
+    extra_terms: tuple[Callable[[Motion], Tensor], ...] = ()
+    """What is added to J: any differentiable functions of a motion. They cost the fast planner a millisecond or more
+    at each iteration."""
 
 
 @dataclass(frozen=True)
-class FirstGuess:
-    """A trajectory to begin with."""
+class FirstGuesses:
+    """Trajectories to begin with."""
 
-    trajectory: Trajectory
-    """Along the path, or along the straight line where there is no path."""
+    trajectories: tuple[Trajectory, ...]
+    """Along the ways that were found, at least one; along the straight line where there is none."""
     leads: bool
     """Whether there is a way from start to goal at all."""
 
 
 def first_guess(
     problem: PlanProblem, initial: InitialGuess, occupancy: OccupancyMap | OccupancyConfig
-) -> FirstGuess:
-    """Check the ends and look for a way between them, on a map that is made here if only its config is given.
+) -> FirstGuesses:
+    """The same as `first_guesses` with one trajectory, along the best way."""
+    return first_guesses(problem, initial, occupancy, SearchConfig.single())
+
+
+def first_guesses(
+    problem: PlanProblem,
+    initial: InitialGuess,
+    occupancy: OccupancyMap | OccupancyConfig,
+    search: SearchConfig,
+) -> FirstGuesses:
+    """Check the ends and look for ways between them, on a map that is made here if only its config is given.
 
     Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between.
     """
     for name, state in (("start", problem.start), ("goal", problem.goal)):
         check_finite(name, state)
-    if isinstance(occupancy, OccupancyConfig):
-        occupancy = OccupancyMap.of(problem.field, problem.robot.body, occupancy)
+    problem.robot.check_ends(problem.start, problem.goal)
+    occupancy = map_for(problem, occupancy)
     check_ends(problem.field, problem.robot.body, problem.start, problem.goal, occupancy)
+    return ways_between(problem, initial, occupancy, search)
+
+
+def ways_between(
+    problem: PlanProblem, initial: InitialGuess, occupancy: OccupancyMap, search: SearchConfig
+) -> FirstGuesses:
+    """The same for ends that are taken as they are, such as a robot's that finds itself next to a wall."""
     straight = torch.stack([problem.start.position, problem.goal.position])
     if initial is InitialGuess.STRAIGHT:
-        return FirstGuess(_along(problem, straight), True)
-    found = find_path(occupancy, problem.start.position, problem.goal.position)
-    if found is None:
-        return FirstGuess(_along(problem, straight), False)
-    return FirstGuess(_along(problem, smooth_path(found)), True)
+        return FirstGuesses((_along(problem, straight),), True)
+    found = find_paths(occupancy, problem.start, problem.goal, search)
+    if not found:
+        return FirstGuesses((_along(problem, straight),), False)
+    paths = [smooth_path(found[0], rounding) for rounding in search.roundings]
+    paths += [smooth_path(path, search.roundings[0]) for path in found[1:]]
+    paths += [straight] if search.straight else []
+    return FirstGuesses(tuple(_along(problem, path) for path in paths), True)
 
 
-def _along(problem: PlanProblem, path: Float[Tensor, "n 3"]) -> Trajectory:
+def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:
+    """The map to search on: of the start's height alone for a robot that never leaves it."""
+    config = occupancy if isinstance(occupancy, OccupancyConfig) else occupancy.config
+    if problem.robot.planar:
+        return OccupancyMap.of(problem.field, problem.robot.body, config, problem.start.position[2].item())
+    if isinstance(occupancy, OccupancyMap):
+        return occupancy
+    return OccupancyMap.of(problem.field, problem.robot.body, config)
+
+
+def _along(problem: PlanProblem, path: Float[Tensor, "n c"]) -> Trajectory:
     waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps)
     free = problem.robot.encode(waypoints, problem.start, problem.goal, problem.dt)
     return Trajectory(free, problem.start, problem.goal, problem.steps, problem.dt)

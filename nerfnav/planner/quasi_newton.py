@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nerfnav.planner.kernels.quasi_newton import rank_two
 from nerfnav.planner.objective import Evaluation, Objective
 
 _ARMIJO = 1e-4
@@ -29,25 +30,31 @@ class NewtonConfig:
     """Curvature that is added for what the control cost does not see, in units of J for a change by one scale."""
     reach: float = 1.0
     """Longest step of any free number, in its scale."""
-    tolerance: float = 1e-5
+    tolerance: float = 1e-4
     """Ends when the last `patience` iterations improved J by less than this share of it."""
     patience: int = 8
     """See tolerance."""
 
 
 def minimise(
-    objective: Objective, free: np.ndarray, scales: np.ndarray, config: NewtonConfig
+    objective: Objective,
+    free: np.ndarray,
+    scales: np.ndarray,
+    config: NewtonConfig,
+    inverse: np.ndarray | None = None,
 ) -> Iterator[tuple[Evaluation, bool]]:
     """Yield every iterate of the search from `free` (k), J falling from one to the next, and whether it has settled.
 
-    `scales` (k) say by how much each free number may change before the motion is quite another one.
+    `scales` (k) say by how much each free number may change before the motion is quite another one. `inverse` (k, k),
+    the first inverse Hessian, is the preconditioner at `free` where none is given.
     """
     now = objective(free)
-    inverse = preconditioner(objective.effort_gradient, now.free, scales, config.prior)
+    if inverse is None:
+        inverse = preconditioner(objective.effort_gradient, now.free, scales, config.prior)
     first, history, fresh = inverse, [now.cost.total], True
     yield now, False
     for _ in range(config.iterations):
-        direction = -inverse @ now.gradient
+        direction = -(inverse @ now.gradient)
         slope = float(direction @ now.gradient)
         following = _search(objective, now, direction, slope, config.reach * scales) if slope < 0 else None
         if following is None:
@@ -74,10 +81,9 @@ def preconditioner(
     gradient: Callable[[np.ndarray], np.ndarray], free: np.ndarray, scales: np.ndarray, prior: float
 ) -> np.ndarray:
     """Inverse of |d gradient / d free| + prior / scales^2: curvature by differences, eigenvalues made positive."""
-    steps = 1e-4 * scales
+    steps, here = 1e-4 * scales, gradient(free)
     ahead = np.stack([gradient(free + step) for step in np.diag(steps)])
-    behind = np.stack([gradient(free - step) for step in np.diag(steps)])
-    scaled = (ahead - behind) / (2 * steps[:, None]) * np.outer(scales, scales)
+    scaled = (ahead - here) / steps[:, None] * np.outer(scales, scales)
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     return scales[:, None] * (vectors / (np.abs(values) + prior)) @ vectors.T * scales
 
@@ -93,8 +99,7 @@ def bfgs(inverse: np.ndarray, step: np.ndarray, pulled: np.ndarray, change: np.n
         change = share * change + (1 - share) * pulled
         seen = float(step @ change)
     along = inverse @ change
-    cross = np.outer(along, step)
-    return inverse + np.outer(step, step) * ((1 + change @ along / seen) / seen) - (cross + cross.T) / seen
+    return rank_two(inverse, step, along, (1 + change @ along / seen) / seen, 1 / seen)
 
 
 def _search(

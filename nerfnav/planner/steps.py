@@ -1,5 +1,6 @@
 """What a planner yields: a frozen record of every iteration, the last of which carries the outcome."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -13,7 +14,20 @@ class PlanOutcome(Enum):
     CONVERGED = "the cost has settled"
     ITERATION_LIMIT = "the cost was still falling: allow more iterations"
     NO_PATH = "no free way leads from start to goal: move one of them"
+    TIME_LIMIT = "no way was found in time: allow more time, or move one of the ends"
+    IN_COLLISION = "no way around what is dense was found: move an end, or take a smaller robot"
+    OVER_LIMITS = "the robot cannot do what the plan asks of it: allow more time"
+    TOO_RISKY = "the bound on the chance of a collision stays above what was asked for: accept more, or move an end"
     DIVERGED = "the cost became infinite or NaN: lower the learning rate"
+
+
+class Restart(Enum):
+    """Why a plan was not carried on but made anew from where the robot is; the value is what a user reads."""
+
+    GOAL_MOVED = "the goal is not where the last plan ends"
+    COST_ROSE = "what is left of the last plan has become much dearer"
+    IN_COLLISION = "what is left of the last plan leads through something dense"
+    UNUSABLE = "what is left of the last plan cannot be flown"
 
 
 @dataclass(frozen=True)
@@ -26,11 +40,13 @@ class PlanCost:
     """Sum of u' Gamma u."""
     limits: float
     """Penalties that keep the motion well defined, such as the thrust floor."""
+    extra: float = 0.0
+    """What the planner was asked to weigh besides."""
 
     @property
     def total(self) -> float:
         """J."""
-        return self.collision + self.control + self.limits
+        return self.collision + self.control + self.limits + self.extra
 
 
 @dataclass(frozen=True)
@@ -47,3 +63,15 @@ class PlanStep:
     """J of this trajectory."""
     outcome: PlanOutcome | None = None
     """None while planning goes on; set on the last step."""
+    start_index: int = 0
+    """Which of several first guesses this trajectory comes from."""
+    restart: Restart | None = None
+    """Why the plan was made anew; None where it is a first plan or carries the last one on."""
+
+
+def last_step(steps: Iterator[PlanStep]) -> PlanStep:
+    """Run a planner to its end."""
+    last = next(steps)
+    for step in steps:
+        last = step
+    return last

@@ -43,7 +43,7 @@ class Fog(Colorless):
     rho: float = 2.0
 
     def density(self, points: Tensor) -> Tensor:
-        return torch.where(self.box.contains(points), self.rho, 0.0).to(points)
+        return torch.where(self.box.contains(points), self.rho + 0 * points.sum(-1), 0.0).to(points)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.planner.astar import calm, ease, find_path, resample, smooth_path, waypoints_along
+from nerfnav import robots
+from nerfnav.planner.astar import (
+    SearchConfig,
+    calm,
+    ease,
+    find_path,
+    find_paths,
+    resample,
+    smooth_path,
+    waypoints_along,
+)
 from nerfnav.planner.kernels.search import cheapest_path
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.state import RigidState
@@ -42,11 +52,11 @@ def cost_of(path: np.ndarray, prices: np.ndarray) -> float:
 @pytest.mark.parametrize("seed", range(6))
 def test_no_path_is_cheaper_than_the_one_found(seed: int):
     generator = np.random.default_rng(seed)
-    prices = (1 + 4 * generator.random((9, 8, 7))).astype(np.float32)
+    prices = 1 + 4 * generator.random((9, 8, 7))
     prices[generator.random(prices.shape) < 0.4] = np.inf
     start, goal = (0, 0, 0), (8, 7, 6)
     prices[start] = prices[goal] = 1
-    path = cheapest_path(prices, np.array(start), np.array(goal))
+    path = cheapest_path(prices[None], np.array([0, *start]), np.array([0, *goal]), 0.0, 1.0)[:, 1:]
     expected = dijkstra(prices, start, goal)
     if math.isinf(expected):
         assert len(path) == 0
@@ -57,8 +67,8 @@ def test_no_path_is_cheaper_than_the_one_found(seed: int):
 
 
 def test_a_path_from_a_voxel_to_itself_is_that_voxel():
-    path = cheapest_path(np.ones((3, 3, 3), np.float32), np.array([1, 1, 1]), np.array([1, 1, 1]))
-    assert path.tolist() == [[1, 1, 1]]
+    path = cheapest_path(np.ones((1, 3, 3, 3)), np.array([0, 1, 1, 1]), np.array([0, 1, 1, 1]), 0.0, 1.0)
+    assert path.tolist() == [[0, 1, 1, 1]]
 
 
 def test_a_path_leads_through_the_door():
@@ -140,3 +150,34 @@ def test_calming_keeps_the_ends_and_what_is_calm_already():
     calmed = calm(jagged)
     assert torch.equal(calmed[[0, -1]], jagged[[0, -1]])
     assert calmed.diff(n=3, dim=0)[2:-2].norm() < 0.3 * jagged.diff(n=3, dim=0)[2:-2].norm()
+
+
+def test_greed_finds_a_way_that_is_at_most_so_much_dearer():
+    generator = np.random.default_rng(3)
+    prices = 1 + 4 * generator.random((1, 14, 13, 12))
+    ends = np.array([0, 0, 0, 0]), np.array([0, 13, 12, 11])
+    best, quick = (cost_of(cheapest_path(prices, *ends, 0.0, greed)[:, 1:], prices[0]) for greed in (1.0, 1.5))
+    assert best <= quick <= 1.5 * best
+
+
+def test_later_ways_keep_off_the_ones_before_them():
+    occupancy = OccupancyMap.of(ball(0.3), ROBOT.body, COARSE)
+    start, goal = RigidState.at_rest((-0.8, 0.0, 0.4)), RigidState.at_rest((0.8, 0.0, 0.4))
+    first, second, *_ = find_paths(occupancy, start, goal, SearchConfig())
+    middle = [path[path[:, 0].abs().argmin(), 1:] for path in (first, second)]
+    assert (middle[0] - middle[1]).norm() > 0.2
+
+
+def test_a_long_body_turns_on_its_way_through_a_door_and_back_again():
+    couch, across = robots.load("couch"), math.pi / 2
+    occupancy = OccupancyMap.of(Wall(door=0.28, thickness=0.05), couch.body, OccupancyConfig(), 0.4)
+    start, goal = RigidState.at_rest((-0.7, 0.4, 0.4), across), RigidState.at_rest((0.7, 0.4, 0.4), across)
+    (path,) = find_paths(occupancy, start, goal, SearchConfig.single())
+    assert path[0, 3] == pytest.approx(across) and path[-1, 3] == pytest.approx(across, abs=1e-5)
+    inside = path[path[:, 0].abs() < 0.05]
+    assert len(inside) and torch.sin(inside[:, 3]).abs().max() < 0.5
+    assert path[:, 3].diff().abs().max() < 0.5  # without jumps
+    assert (path[:, 2] == 0.4).all()
+    waypoints = waypoints_along(smooth_path(path), start, goal, 30)
+    assert waypoints[:, 3].min() < 0.6 < across - 0.1 < waypoints[-1, 3]
+    assert find_path(occupancy, start.position, goal.position) is None  # not with whatever heading

@@ -3,11 +3,15 @@
 import pytest
 import torch
 
+from nerfnav import robots
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
-from nerfnav.planner.ends import check_ends, nearest_free
+from nerfnav.geometry import so3
+from nerfnav.planner.ends import check_ends, nearest_free, nearest_free_pose
+from nerfnav.planner.fast import plan_fast
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
+from nerfnav.planner.problem import PlanProblem
 from nerfnav.robots.state import RigidState
-from tests.planner.places import ROBOT, Fog, ball
+from tests.planner.places import ROBOT, Fog, Wall, ball
 
 FIELD = ball()
 MAP = OccupancyMap.of(FIELD, ROBOT.body, OccupancyConfig(voxel=0.05))
@@ -65,3 +69,23 @@ def test_the_nearest_free_point_is_in_whole_centimetres():
     nearest = nearest_free(FIELD, ROBOT.body, RigidState.at_rest((0.0, 0.03, 0.4)), MAP)
     assert nearest is not None
     torch.testing.assert_close((nearest * 100).round() / 100, nearest)
+
+
+def test_a_long_body_across_a_corridor_is_told_to_turn():
+    couch = robots.load("couch")
+    corridor = Wall(door=0.28, thickness=1.9)  # along x, as wide as the body is long, less its soft edges
+    occupancy = OccupancyMap.of(corridor, couch.body, OccupancyConfig(voxel=0.04), 0.4)
+    across = RigidState.at_rest((0.0, 0.5, 0.4), torch.pi / 2)
+    pose = nearest_free_pose(corridor, couch.body, across, occupancy)
+    assert pose is not None and pose.position[2] == across.position[2]
+    assert body_density(corridor, couch.body, pose) <= occupancy.config.threshold
+    assert torch.sin(so3.yaw_of(pose.rotation)).abs() < 0.5
+    with pytest.raises(OccupiedError, match=r"the nearest free pose is .* with a heading of -?\d\.\d\d rad"):
+        check_ends(corridor, couch.body, across, across, occupancy)
+
+
+def test_a_robot_s_own_reasons_come_before_any_plan():
+    couch = robots.load("couch")
+    high = PlanProblem(FIELD, couch, FREE, RigidState.at_rest((0.7, 0.1, 0.6)))
+    with pytest.raises(InvalidInputError):
+        next(plan_fast(high))

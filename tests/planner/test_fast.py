@@ -1,18 +1,28 @@
 """The fast planner: as exact as the paper's, no dearer, and much sooner done."""
 
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
 import pytest
 import torch
+from torch import Tensor
 
+from nerfnav import robots
 from nerfnav.errors import OccupiedError
+from nerfnav.geometry import so3
 from nerfnav.planner.costs import evaluate
 from nerfnav.planner.fast import FastPlanConfig, plan_fast, replan_fast
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.optimize import PlanConfig, plan
 from nerfnav.planner.problem import InitialGuess, PlanProblem
 from nerfnav.planner.quasi_newton import NewtonConfig
+from nerfnav.planner.safety import SafetyConfig, clearance_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep
-from nerfnav.robots.state import RigidState
-from tests.planner.places import ROBOT, Wall, ball
+from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
+from nerfnav.robots.state import Motion, RigidState
+from tests.planner.places import ROBOT, Fog, Wall, ball
 
 START, GOAL = RigidState.at_rest((-0.7, 0.02, 0.4), 0.2), RigidState.at_rest((0.7, 0.0, 0.5), -0.5)
 
@@ -53,10 +63,16 @@ def test_its_cost_is_no_higher_than_that_of_adam():
     assert reference.total == pytest.approx(fast.cost.total, rel=1e-2)  # the same J
 
 
-def test_every_iteration_costs_less_than_the_one_before():
-    totals = [step.cost.total for step in plan_fast(around_the_ball())]
-    assert totals == sorted(totals, reverse=True)
-    assert totals[-1] < totals[0]
+def test_every_iteration_from_one_start_costs_less_than_the_one_before_and_the_last_of_all_the_least():
+    steps = list(plan_fast(around_the_ball()))
+    starts = {step.start_index for step in steps}
+    assert len(starts) > 1
+    for start in starts:
+        totals = [step.cost.total for step in steps if step.start_index == start]
+        assert totals == sorted(totals, reverse=True)
+        assert totals[-1] < totals[0]
+    assert steps[-1].cost.total == min(step.cost.total for step in steps)
+    assert [step.iteration for step in steps] == list(range(len(steps)))
 
 
 def test_a_sealed_goal_has_no_path():
@@ -90,3 +106,57 @@ def test_replanning_after_a_kick_starts_near_and_ends_at_the_goal():
     assert last.outcome is PlanOutcome.CONVERGED
     assert GOAL.local(last.motion.states[-1]).abs().max() < 1e-5
     assert last.cost.total < 2 * first.cost.total + 1
+
+
+def impossible(name: str) -> tuple[PlanProblem, PlanOutcome]:
+    low = RigidState.at_rest((0.7, 0.0, 0.4))
+    big = Quadrotor(QuadrotorConfig(extents=(0.3, 0.3, 0.3)))
+    start = RigidState.at_rest((-0.7, 0.02, 0.4))
+    return {
+        "sealed in": (PlanProblem(Wall(door=0.0), ROBOT, start, low), PlanOutcome.NO_PATH),
+        "too large": (PlanProblem(Wall(door=0.3), big, start, low), PlanOutcome.NO_PATH),
+        "too short": (PlanProblem(Fog(rho=0.0), ROBOT, start, low, steps=5), PlanOutcome.OVER_LIMITS),
+        "no distance": (PlanProblem(ball(), ROBOT, start, start), PlanOutcome.CONVERGED),
+    }[name]
+
+
+@pytest.mark.parametrize("name", ["sealed in", "too large", "too short", "no distance"])
+def test_impossible_tasks_end_soon_in_an_outcome_that_has_a_name(name: str):
+    problem, expected = impossible(name)
+    begun = time.process_time()
+    last = last_of(list(plan_fast(problem)))
+    assert time.process_time() - begun < 2.0
+    assert last.outcome is expected
+    assert torch.isfinite(last.motion.states.position).all() and torch.isfinite(last.motion.actions).all()
+
+
+def test_a_straight_plan_through_a_sealed_wall_is_in_collision():
+    problem = PlanProblem(Wall(door=0.0), ROBOT, START, RigidState.at_rest((0.7, 0.0, 0.4)))
+    config = FastPlanConfig(initial=InitialGuess.STRAIGHT, newton=NewtonConfig(iterations=20))
+    assert last_of(list(plan_fast(problem, config))).outcome is PlanOutcome.IN_COLLISION
+
+
+@pytest.mark.parametrize("make", [plan_fast, lambda problem: plan(problem, PlanConfig(iterations=300))])
+def test_any_differentiable_term_can_be_added(make: Callable[[PlanProblem], Iterator[PlanStep]]):
+    def high(motion: Motion) -> Tensor:
+        return 5 * (motion.states.position[..., 2] - 0.8).square().sum(-1)
+
+    empty = PlanProblem(Fog(rho=0.0), ROBOT, START, GOAL)
+    plain, lifted = (last_of(list(make(one))) for one in (empty, replace(empty, extra_terms=(high,))))
+    assert lifted.motion.states.position[10, 2] > plain.motion.states.position[10, 2] + 0.1
+    assert lifted.cost.extra == pytest.approx(high(lifted.motion).item(), rel=1e-3)
+    assert lifted.cost.total == pytest.approx(
+        lifted.cost.collision + lifted.cost.control + lifted.cost.limits + lifted.cost.extra
+    )
+
+
+def test_a_long_body_turns_where_it_fits_only_turned():
+    couch, across = robots.load("couch"), math.pi / 2
+    start, goal = RigidState.at_rest((-0.7, 0.4, 0.4), across), RigidState.at_rest((0.7, 0.4, 0.4), across)
+    wall = Wall(door=0.28, thickness=0.05)
+    last = last_of(list(plan_fast(PlanProblem(wall, couch, start, goal, 30))))
+    assert last.outcome is PlanOutcome.CONVERGED
+    inside = last.motion.states[last.motion.states.position[:, 0].abs() < 0.1]
+    assert len(inside.position)
+    assert torch.sin(so3.yaw_of(inside.rotation)).abs().max() < 0.3  # along the way through the door
+    assert clearance_of(wall, last.motion, couch.body, SafetyConfig()) > 0.01

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav import robots
 from nerfnav.planner.astar import waypoints_along
 from nerfnav.planner.costs import CostWeights, evaluate
-from nerfnav.planner.objective import Objective
+from nerfnav.planner.objective import Objective, well_spread
 from nerfnav.planner.quasi_newton import NewtonConfig, bfgs, minimise, preconditioner
 from nerfnav.robots.maps import flat_map
 from nerfnav.robots.state import RigidState
@@ -25,7 +26,7 @@ def guess(spread: float = 0.0) -> np.ndarray:
 
 
 def objective() -> Objective:
-    return Objective(ball(), ROBOT, flat_map(ROBOT, START, GOAL, STEPS, DT), STEPS, WEIGHTS)
+    return Objective(ball(), ROBOT, flat_map(ROBOT, START, GOAL, STEPS, DT), WEIGHTS)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05, 1.0])  # the last one leaves the box and runs out of thrust
@@ -50,6 +51,53 @@ def test_the_gradient_is_that_of_finite_differences():
         offset = step * np.eye(len(free))[index]
         slope = (j(free + offset).cost.total - j(free - offset).cost.total) / (2 * step)
         assert slope == pytest.approx(gradient[index], rel=1e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", robots.names())
+@pytest.mark.parametrize("case", ["on the way", "standing still", "half a turn"])
+def test_the_gradient_is_that_of_finite_differences_for_every_robot(name: str, case: str):
+    robot, still = robots.load(name), case == "standing still"
+    start = RigidState.at_rest((-0.5, 0.03, 0.4), 0.0)
+    goal = start if still else RigidState.at_rest((0.5, 0.0, 0.4), 0.3)
+    if case == "half a turn":
+        goal = RigidState.at_rest((0.5, 0.0, 0.4), np.pi)
+    waypoints = waypoints_along(torch.stack([start.position, goal.position]), start, goal, STEPS)
+    free = robot.encode(waypoints, start, goal, DT).double().numpy()
+    if not still:  # at a standstill distances have a kink, and nothing is met there
+        free = free + 0.01 * np.random.default_rng(0).standard_normal(free.shape)
+    j, step = Objective(ball(), robot, flat_map(robot, start, goal, STEPS, DT), WEIGHTS), 1e-6
+    gradient = j(free).gradient
+    assert np.isfinite(gradient).all()
+    generator = np.random.default_rng(1)
+    for _ in range(12):
+        direction = generator.standard_normal(free.shape)
+        slope = (j(free + step * direction).cost.total - j(free - step * direction).cost.total) / (2 * step)
+        assert slope == pytest.approx(gradient @ direction, rel=2e-3, abs=2e-3)
+
+
+def test_thrust_near_zero_keeps_the_gradient_finite():
+    j, free = objective(), guess()
+    free[2 + 2 : 2 + 3 * (STEPS - 4) : 3] = 0.5 - 0.5 * 9.81 * (DT * np.arange(STEPS - 4)) ** 2  # free fall
+    reached = j(free)
+    assert np.isfinite(reached.gradient).all() and np.isfinite(reached.cost.total)
+    assert reached.cost.limits > 0
+
+
+def test_what_was_looked_at_before_does_not_change_j():
+    one, other = guess(), guess(0.1)
+    j, alone = objective(), objective()(one)
+    j(other)
+    again = j(one)
+    assert again.cost == alone.cost
+    np.testing.assert_array_equal(again.gradient, alone.gradient)
+
+
+def test_a_coarse_body_keeps_the_outermost_points():
+    points = ROBOT.body.points_body.double().numpy()
+    corners = well_spread(points, 8)
+    assert len(np.unique(corners, axis=0)) == 8
+    assert (np.abs(corners).max(0) == np.abs(points).max(0)).all()
+    assert len(well_spread(points, 1000)) == len(points)
 
 
 def test_bfgs_explains_the_last_change_of_the_gradient():

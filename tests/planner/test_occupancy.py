@@ -39,7 +39,7 @@ def test_fog_is_free_and_stone_is_not(rho: float, occupied: bool):
 
 def test_space_is_dearer_near_a_wall_and_priceless_inside():
     occupancy = OccupancyMap.of(Wall(door=0.0), ROBOT.body, COARSE)
-    line = occupancy.prices[:, 10, 10]
+    line = occupancy.prices[0, :, 10, 10]
     assert np.isinf(line[len(line) // 2])
     assert line[0] == 1
     free = line[: len(line) // 2][np.isfinite(line[: len(line) // 2])]
@@ -64,3 +64,21 @@ def test_nearest_free_voxels_come_in_order_and_within_reach():
 def test_a_search_that_reaches_over_the_border_stays_in_the_box():
     occupancy = OccupancyMap.of(ball(), ROBOT.body, COARSE)
     assert BOX.contains(occupancy.nearest_free_voxels(torch.tensor([1.1, -1.0, 0.0]), 0.3)).all()
+
+
+def test_a_long_body_has_a_map_for_each_heading_and_fits_a_narrow_door_only_along_it():
+    long = Body.box((0.4, 0.1, 0.1), (9, 3, 3))
+    occupancy = OccupancyMap.of(Wall(door=0.3, thickness=0.05), long, OccupancyConfig())
+    door = occupancy.index(torch.tensor([0.0, 0.5, 0.4]))
+    by_heading = [bool(occupied[tuple(door)]) for occupied in occupancy.by_heading]
+    assert by_heading[0] is False and by_heading[len(by_heading) // 2] is True
+    assert not occupancy.occupied[tuple(door)]
+    assert len(OccupancyMap.of(ball(), ROBOT.body, COARSE).by_heading) == 1
+
+
+def test_a_map_of_one_height_has_that_height_exactly():
+    low, high = (OccupancyMap.of(ball(), ROBOT.body, COARSE, height) for height in (0.37, 0.9))
+    middle = low.index(torch.tensor([0.0, 0.0, 0.37]))
+    assert low.occupied.shape[-1] == 1 and middle[2] == 0
+    assert low.occupied[tuple(middle)] and not high.occupied.any()
+    assert low.centers(torch.from_numpy(middle)[None])[0, 2] == pytest.approx(0.37)

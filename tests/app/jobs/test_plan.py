@@ -20,7 +20,8 @@ def place(field_file: Path) -> Place:
 
 
 def request(**changes: object) -> PlanRequest:
-    return PlanRequest(**{"start": (-0.6, 0.0, 0.5), "goal": (0.6, 0.0, 0.5), "config": QUICK} | changes)
+    ends = {"start": (-0.6, 0.0, 0.5), "goal": (0.6, 0.0, 0.5)}
+    return PlanRequest(**ends | {"planner": "paper", "config": QUICK} | changes)
 
 
 def test_every_iteration_is_told_and_the_last_event_has_the_numbers(place: Place) -> None:
@@ -62,7 +63,7 @@ def test_a_goal_in_the_column_is_refused_with_a_free_point(place: Place) -> None
 
 
 def test_a_name_that_is_no_planner_is_refused(place: Place) -> None:
-    with pytest.raises(UnknownNameError, match="known are: fast, paper"):
+    with pytest.raises(UnknownNameError, match="known are: fast, minsnap, paper"):
         request(planner="luck")
 
 

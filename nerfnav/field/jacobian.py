@@ -1,0 +1,48 @@
+"""Colours of rays and how they change when the camera moves: what pose filters ask of a field.
+
+A camera's motion is (d(centre), d(turn)): its centre moves by d(centre) [m], and it turns by d(turn) [rad] about its
+centre, both in the world's axes. A ray's origin o and direction d then change by
+
+    do = d(centre),   dd = d(turn) x d
+"""
+
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field.field import Field
+from nerfnav.field.render import render_rays
+
+Rays = Float[Tensor, "n 3"]
+Colors = Float[Tensor, "n 3"]
+Jacobian = Float[Tensor, "n 3 6"]
+
+
+@runtime_checkable
+class FastJacobian(Protocol):
+    """A field that has colours and their derivatives faster than autograd."""
+
+    def colors_and_jacobian(self, origins: Rays, directions: Rays) -> tuple[Colors, Jacobian]:
+        """What the function of this name says."""
+        ...
+
+
+def colors_and_jacobian(field: Field, origins: Rays, directions: Rays) -> tuple[Colors, Jacobian]:
+    """Colours of rays (origins [m], unit directions) from one camera, and their derivatives by its motion.
+
+    The first three columns are by d(centre) [1/m], the others by d(turn) [1/rad]. Distances of samples do not move.
+    """
+    if isinstance(field, FastJacobian):
+        return field.colors_and_jacobian(origins, directions)
+    origins, directions = (rays.detach().requires_grad_() for rays in (origins, directions))
+    with torch.enable_grad():
+        color = render_rays(field, origins, directions).color
+        rows = [
+            torch.autograd.grad(color[:, channel].sum(), (origins, directions), retain_graph=channel < 2)
+            for channel in range(3)
+        ]
+    by_origin, by_direction = (torch.stack(parts, 1) for parts in zip(*rows, strict=True))
+    turned = torch.linalg.cross(directions.detach()[:, None].expand_as(by_direction), by_direction)
+    return color.detach(), torch.cat([by_origin, turned], -1)

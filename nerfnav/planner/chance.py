@@ -1,0 +1,79 @@
+"""The chance constraint: a plan whose bound on the probability of a collision stays below what was asked for.
+
+    minimise J  subject to  sum_t sum_b rho(x_b) s(b) <= P
+
+by rounds of heavier weights on collision and more room around the body (a penalty method: Nocedal and Wright,
+"Numerical Optimization", 2006, chapter 17).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import torch
+
+from nerfnav.planner.costs import CostWeights, collision_probability_bound, evaluate
+from nerfnav.planner.fast import FastPlanConfig, improve, plan_fast
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
+
+GOOD = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
+"""Outcomes of plans that can be flown."""
+
+
+@dataclass(frozen=True)
+class ChanceConfig:
+    """How a plan is made safer."""
+
+    rounds: int = 5
+    """At most so many; the last one looks for another way."""
+    factor: float = 3.0
+    """By how much collision weighs more from one round to the next."""
+    room: float = 0.01
+    """By how much the margin around the body grows from one round to the next [m]."""
+
+
+def within_chance(
+    problem: PlanProblem,
+    planned: PlanStep,
+    config: FastPlanConfig,
+    most: float,
+    occupancy: OccupancyMap | None = None,
+) -> Iterator[PlanStep]:
+    """Yield the safest plan so far after each round, the last with the outcome; costs keep the weights of `config`.
+
+    `planned` is the last step of any planner. The outcome is TOO_RISKY where the bound stays above `most`:
+    `safety.safety_of` says by how much.
+    """
+    chance, best = ChanceConfig(), planned
+    risk = _risk(problem, best)
+    for turn in range(1, chance.rounds + 1):
+        if risk <= most or best.outcome not in GOOD:
+            break
+        careful = replace(config, weights=_harder(config.weights, chance, turn))
+        anew = turn == chance.rounds
+        found = last_step(
+            plan_fast(problem, careful, occupancy) if anew else improve(problem, (best.trajectory,), careful)
+        )
+        if found.outcome in GOOD and (now := _risk(problem, found)) < risk:
+            best, risk = _restated(problem, found, config.weights, planned.iteration + turn), now
+        yield replace(best, iteration=planned.iteration + turn, outcome=None)
+    missed = best.outcome in GOOD and risk > most
+    yield replace(best, outcome=PlanOutcome.TOO_RISKY if missed else best.outcome)
+
+
+def _harder(weights: CostWeights, chance: ChanceConfig, turn: int) -> CostWeights:
+    return replace(
+        weights, collision=weights.collision * chance.factor**turn, margin=weights.margin + chance.room * turn
+    )
+
+
+def _risk(problem: PlanProblem, step: PlanStep) -> float:
+    return collision_probability_bound(problem.field, step.motion, problem.robot.body)
+
+
+def _restated(problem: PlanProblem, step: PlanStep, weights: CostWeights, iteration: int) -> PlanStep:
+    """The same plan with its J under the weights that the user knows."""
+    with torch.no_grad():
+        cost = evaluate(problem.field, problem.robot, step.motion, weights).numbers()
+    return replace(step, iteration=iteration, cost=replace(cost, extra=step.cost.extra))

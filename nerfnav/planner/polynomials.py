@@ -1,0 +1,47 @@
+"""Piecewise polynomials in time, with the rows of linear systems that say things about them.
+
+Notation: segment i spans [t_i, t_{i+1}] of length T_i, u = (t - t_i) / T_i in [0, 1], and on it
+
+    p(t) = sum_k c_{i,k} u^k,    d^n p / dt^n = T_i^-n sum_k k (k-1) .. (k-n+1) c_{i,k} u^(k-n)
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class PiecewisePolynomial:
+    """Polynomials on neighbouring spans of time."""
+
+    times: Float[Tensor, " knots"]
+    """Where the segments begin and end [s], rising."""
+    coefficients: Float[Tensor, "segments terms axes"]
+    """c_{i,k} for each axis, float64."""
+
+    def __call__(self, time: Float[Tensor, " n"], order: int = 0) -> Float[Tensor, "n axes"]:
+        """The derivative of that order at times [s]; beyond the ends the first and last polynomial go on."""
+        time = time.double()
+        segment = (torch.searchsorted(self.times, time, right=True) - 1).clamp(0, len(self.coefficients) - 1)
+        spans = self.times.diff()[segment]
+        rows = derivative_rows((time - self.times[segment]) / spans, order, self.coefficients.shape[1])
+        return torch.einsum("nk,nka->na", rows / spans[:, None] ** order, self.coefficients[segment])
+
+
+def derivative_rows(u: Float[Tensor, " n"], order: int, terms: int) -> Float[Tensor, "n {terms}"]:
+    """What each coefficient adds to the derivative d^order / du^order at u."""
+    power = torch.arange(terms, dtype=torch.float64)
+    factor = torch.ones(terms, dtype=torch.float64)
+    for step in range(order):
+        factor = factor * (power - step).clamp_min(0)
+    return factor * u.double()[:, None] ** (power - order).clamp_min(0)
+
+
+def squared_derivative(order: int, terms: int) -> Float[Tensor, "{terms} {terms}"]:
+    """The matrix Q with c' Q c = integral over u of (d^order p / du^order)^2."""
+    power = torch.arange(terms, dtype=torch.float64)
+    factor = derivative_rows(torch.ones(1), order, terms)[0]
+    exponent = (power[:, None] + power - 2 * order + 1).clamp_min(1)
+    return factor[:, None] * factor / exponent

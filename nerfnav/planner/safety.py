@@ -1,0 +1,110 @@
+"""What a plan risks: Eq. 1 step by step, the room that is left, and whether it can be flown at all.
+
+    bound(t) = sum_b rho(x_b) s(b)      P(collision) <= sum_t bound(t)      (Boole's inequality, twice)
+
+All of it is what the field believes, and a bound is no guarantee: a field knows nothing of what no camera saw.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from nerfnav.field.field import Field
+from nerfnav.planner.costs import body_points_world, collision_per_step
+from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import PlanCost, PlanOutcome
+from nerfnav.robots.body import Body
+from nerfnav.robots.limits import limit_uses
+from nerfnav.robots.state import Motion
+
+_CERTAIN = 1.0
+"""Collision term from which on Eq. 1 bounds nothing any more."""
+_BISECTIONS = 12
+
+
+@dataclass(frozen=True)
+class SafetyConfig:
+    """How a plan is judged on the field."""
+
+    samples_per_step: int = 3
+    """Densities taken along each body point's way through a step."""
+    threshold: float = OccupancyConfig.threshold
+    """Density of the level set that clearance is measured to [1/m]."""
+    reach: float = 0.5
+    """How far around the plan dense space is looked for [m]."""
+    voxel: float = 0.02
+    """Distance of the densities that are looked at [m]: nothing thinner is sure to be seen."""
+
+
+@dataclass(frozen=True)
+class Safety:
+    """What a plan risks, by what the field believes."""
+
+    per_step: Float[Tensor, " n"]
+    """Upper bound of the probability of a collision in each step."""
+    bound: float
+    """Their sum, an upper bound of the probability that the plan collides, at most 1. It counts every body point as
+    if it flew alone, so that light fog on many points already brings it to 1."""
+    min_clearance_m: float | None
+    """Smallest distance of a body point from dense space [m], 0 inside it; None where none is within reach."""
+    worst_step: int
+    """The step with the largest bound."""
+
+
+def safety_of(field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None) -> Safety:
+    """Judge one motion on the field."""
+    config = SafetyConfig() if config is None else config
+    with torch.no_grad():
+        steps = collision_per_step(field, motion, body, config.samples_per_step)
+        clearance = clearance_of(field, motion, body, config)
+    return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
+
+
+@torch.no_grad()
+def clearance_of(field: Field, motion: Motion, body: Body, config: SafetyConfig) -> float | None:
+    """Smallest distance of body points from the level set rho = threshold [m], None where none is within reach."""
+    points = body_points_world(motion, body).reshape(-1, 3).to(field.box.lower)
+    if (field.density(points) > config.threshold).any():
+        return 0.0
+    lower = torch.maximum(points.amin(0) - config.reach, field.box.lower)
+    upper = torch.minimum(points.amax(0) + config.reach, field.box.upper)
+    axes = [torch.arange(low, high, config.voxel) for low, high in zip(lower.tolist(), upper.tolist(), strict=True)]
+    nodes = torch.cartesian_prod(*axes).to(points)
+    dense = nodes[field.density(nodes) > config.threshold]
+    if len(dense) == 0:
+        return None
+    distance, index = KDTree(dense.cpu().numpy()).query(points.cpu().numpy(), distance_upper_bound=config.reach)
+    near = torch.from_numpy(np.flatnonzero(distance <= distance.min() + config.voxel))
+    if not np.isfinite(distance.min()):
+        return None
+    free, solid = points[near.to(points.device)], dense[torch.from_numpy(index)[near].to(points.device)]
+    for _ in range(_BISECTIONS):  # where the way to the nearest dense node enters the level set
+        middle = 0.5 * (free + solid)
+        inside = (field.density(middle) > config.threshold)[:, None]
+        free, solid = torch.where(inside, free, middle), torch.where(inside, middle, solid)
+    return (free - points[near.to(points.device)]).norm(dim=-1).min().item()
+
+
+def verdict(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanOutcome) -> PlanOutcome:
+    """`outcome`, or what is wrong with a plan that a search has ended with."""
+    if not np.isfinite(cost.total):
+        return PlanOutcome.DIVERGED
+    if meets_density(problem, motion):
+        return PlanOutcome.IN_COLLISION
+    if any(use.violated for use in limit_uses(problem.robot, motion)):
+        return PlanOutcome.OVER_LIMITS
+    return outcome
+
+
+@torch.no_grad()
+def meets_density(problem: PlanProblem, motion: Motion) -> bool:
+    """Whether the body passes through something dense and Eq. 1 has no hope left."""
+    points = body_points_world(motion, problem.robot.body)
+    if (problem.field.density(points) <= OccupancyConfig.threshold).all():
+        return False
+    return collision_per_step(problem.field, motion, problem.robot.body).sum().item() >= _CERTAIN

@@ -1,0 +1,84 @@
+"""Carrying a plan on in flight, and giving it up in time."""
+
+import pytest
+import torch
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.navigation.planners import FastPlanner
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart, last_step
+from nerfnav.planner.warm_start import WarmStartConfig, carry_on
+from nerfnav.robots.state import Motion, RigidState
+from tests.planner.places import ROBOT, Wall, ball
+
+START, GOAL = RigidState.at_rest((-0.7, 0.02, 0.4)), RigidState.at_rest((0.7, 0.0, 0.4))
+
+
+@pytest.fixture(scope="module")
+def flown() -> Motion:
+    return last_step(plan_fast(PlanProblem(ball(), ROBOT, START, GOAL))).motion
+
+
+def again(last: Motion, goal: RigidState = GOAL, field: object = None, **changes: object) -> list[PlanStep]:
+    start = last.states[1].retract(torch.tensor([0.01, -0.01, 0.01, *[0.0] * 9]))
+    problem = PlanProblem(ball() if field is None else field, ROBOT, start, goal, 19)  # type: ignore[arg-type]
+    return list(carry_on(problem, last, 1, FastPlanConfig(), **changes))  # type: ignore[arg-type]
+
+
+def test_a_plan_that_still_leads_to_the_goal_is_carried_on(flown: Motion):
+    steps = again(flown)
+    assert all(step.restart is None for step in steps)
+    assert steps[-1].outcome is PlanOutcome.CONVERGED
+    assert GOAL.local(steps[-1].motion.states[-1]).abs().max() < 1e-5
+
+
+def test_a_goal_that_moved_is_followed(flown: Motion):
+    goal = RigidState.at_rest((0.0, 0.8, 0.4))
+    last = again(flown, goal)[-1]
+    assert last.restart is Restart.GOAL_MOVED
+    assert last.outcome is PlanOutcome.CONVERGED
+    assert goal.local(last.motion.states[-1]).abs().max() < 1e-5
+
+
+def test_a_plan_that_has_become_dear_is_made_anew_and_the_better_one_is_kept(flown: Motion):
+    steps = again(flown, warm=WarmStartConfig(rise=0.5, slack=0.0))
+    assert steps[-1].restart is Restart.COST_ROSE
+    assert [step.outcome for step in steps[:-1]] == [None] * (len(steps) - 1)
+    assert [step.iteration for step in steps] == list(range(len(steps)))
+    assert steps[-1].cost.total <= min(again(flown)[-1].cost.total, *(step.cost.total for step in steps)) + 1e-6
+
+
+def test_a_plan_through_what_turns_out_to_be_a_wall_is_made_anew(flown: Motion):
+    last = again(flown, field=Wall(door=0.5))[-1]
+    assert last.restart in (Restart.IN_COLLISION, Restart.COST_ROSE)
+    assert last.outcome is PlanOutcome.CONVERGED
+    crossing = last.motion.states.position[last.motion.states.position[:, 0].abs().argmin()]
+    assert abs(crossing[1] - 0.5) < 0.25  # through the door
+
+
+def test_behind_a_sealed_wall_the_robot_is_told_that_no_way_is_left(flown: Motion):
+    last = again(flown, field=Wall(door=0.0))[-1]
+    assert last.restart is not None
+    assert last.outcome in (PlanOutcome.IN_COLLISION, PlanOutcome.NO_PATH)
+
+
+def test_a_plan_that_is_no_number_is_made_anew(flown: Motion):
+    broken = flown.map(torch.clone)
+    broken.actions[5] = float("nan")
+    last = again(broken)[-1]
+    assert last.restart is Restart.UNUSABLE
+    assert last.outcome is PlanOutcome.CONVERGED
+
+
+def test_a_start_that_is_no_number_is_refused(flown: Motion):
+    start = RigidState.at_rest((float("nan"), 0.0, 0.4))
+    with pytest.raises(InvalidInputError, match="position of the start must be finite"):
+        list(carry_on(PlanProblem(ball(), ROBOT, start, GOAL, 19), flown, 1, FastPlanConfig()))
+
+
+def test_the_planner_of_the_loop_says_why_it_planned_anew(flown: Motion):
+    planner = FastPlanner(ball(), ROBOT)
+    moved = RigidState.at_rest((0.0, -0.8, 0.4))
+    assert last_step(planner.replan(flown, flown.states[1], moved, 19, 1)).restart is Restart.GOAL_MOVED
+    assert last_step(planner.replan(flown, flown.states[1], GOAL, 19, 1)).restart is None
