@@ -25,6 +25,8 @@ COMMANDS = {
     "plan": "plan a trajectory through a field",
     "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",
     "export": "write the trajectory of a plan or a flight in another format",
+    "experiment": "run one of the experiments: trials judged on the ground truth, a table, figures",
+    "bench": "time nerfnav against the paper's way on this machine",
     "doctor": "tell what this machine has: threads, GPU, kernels, browser, LieTorch",
 }
 """Name and purpose of every subcommand, in the order of a first visit."""
@@ -70,7 +72,8 @@ def parse(words: Sequence[str]) -> tuple[Any, Any]:
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
-            arguments = tyro.cli(command.Arguments, args=rest, prog=f"nerfnav {name}", config=_STYLE)
+            shape = command.arguments_for(rest) if hasattr(command, "arguments_for") else command.Arguments
+            arguments = tyro.cli(shape, args=rest, prog=f"nerfnav {name}", config=_STYLE)
     except SystemExit as stop:
         if not stop.code:
             raise  # help was asked for and given
@@ -82,7 +85,7 @@ def parse(words: Sequence[str]) -> tuple[Any, Any]:
 def usage() -> str:
     """What `nerfnav --help` prints."""
     lines = ["usage: nerfnav [COMMAND] [OPTIONS]", "", "Robots that navigate inside radiance fields.", "", "commands:"]
-    lines += [f"  {name:<8} {purpose}" for name, purpose in COMMANDS.items()]
+    lines += [f"  {name:<10} {purpose}" for name, purpose in COMMANDS.items()]
     return "\n".join([*lines, "", "`nerfnav COMMAND --help` tells the options; all commands take --json."])
 
 

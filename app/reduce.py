@@ -7,7 +7,8 @@ from app.choice import Choice
 from app.ends import Ends
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
 from app.place import Place
-from app.session import FlightRecord, Job, JobKind, Notice, PlanRecord, Session, opening_ends
+from app.records import FlightRecord, PlanRecord
+from app.session import Job, JobKind, Notice, Session, opening_ends
 from app.sources import title_of, without_folder
 from nerfnav import robots
 from nerfnav.errors import UnknownNameError

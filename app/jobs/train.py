@@ -24,7 +24,7 @@ MOST_VOXELS = 30_000_000
 """Training holds a dozen numbers for each voxel and thread."""
 LEAST_HELD_OUT = 10
 """Photographs of which one is held out."""
-LEAST_IMAGES, IMAGES_PER_CUBIC_METER, MOST_IMAGES = 150, 40, 300
+LEAST_IMAGES, IMAGES_PER_CUBIC_METER, MOST_IMAGES = 150, 60, 420
 """Photographs that show a place from everywhere."""
 
 

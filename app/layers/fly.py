@@ -6,7 +6,8 @@ import viser
 import viser.transforms as tf
 
 from app.layers.nodes import Bodies, Line, positions, quaternions, robot_shape
-from app.session import FlightRecord, Session
+from app.records import FlightRecord
+from app.session import Session
 from app.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav.estimator.belief import Belief
 from nerfnav.robots.robot import Robot

@@ -7,8 +7,9 @@ import viser
 
 from app.messages import Cancel, Command, Pause, Resume, StartFlight, StepOnce, View
 from app.panels.choice import ChoiceList
+from app.records import FlightRecord
 from app.registry import ESTIMATORS
-from app.session import FlightRecord, JobKind, Session
+from app.session import JobKind, Session
 from app.widgets import note, number, table, warning
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots.state import ATTITUDE, POSITION

@@ -8,8 +8,9 @@ from viser import uplot
 
 from app.messages import Cancel, Command, StartPlan
 from app.panels.choice import ChoiceList
+from app.records import CostHistory, PlanRecord
 from app.registry import PLANNERS
-from app.session import CostHistory, JobKind, PlanRecord, Session
+from app.session import JobKind, Session
 from app.theme import HIT, STALE, TRUTH, css
 from app.widgets import legend, note, number, table, warning
 

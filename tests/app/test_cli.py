@@ -8,16 +8,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
+import trimesh
 
 from app.cli import COMMANDS, main, parse
 from nerfnav.errors import NerfnavError
 
 Capture = pytest.CaptureFixture[str]
 FROM, TO = ["--start", "-0.6", "0", "0.5"], ["--goal", "0.6", "0.1", "0.5", "1.57"]
-QUICK = ["--config.iterations", "5"]
-QUICK_FLIGHT = ["--config.plan.iterations", "20", "--config.replan.iterations", "5"]
+QUICK = ["--planner", "paper", "--config.iterations", "5"]
+QUICK_FLIGHT = ["--planner", "paper", "--config.plan.iterations", "20", "--config.replan.iterations", "5"]
 QUICK_FLIGHT += ["--config.filter.descent.iterations", "3"]
 
 
@@ -78,7 +80,8 @@ def test_scenes_lists_the_ten_tasks_of_the_authors_and_the_headline(capsys: Capt
     listed = {scene["name"]: scene for scene in printed(["scenes"], capsys)["scenes"]}
     assert {"stonehenge", "blocks"} <= set(listed)
     tasks = listed["stonehenge"]["tasks"]
-    assert len(tasks) == 11
+    assert len(tasks) == 16
+    assert [tasks[10]["robot"], tasks[11]["robot"]] == ["quadrotor", "diffdrive"]
     assert tasks[0]["start"] == [0.55, -0.02, 0.05]
     assert tasks[10]["goal"] == [-0.4, 0.55, 0.16]
     code, out, _ = run(["scenes"], capsys)
@@ -96,6 +99,27 @@ def test_info_tells_what_a_field_holds(field_file: Path, capsys: Capture) -> Non
     code, out, _ = run(["info", str(field_file)], capsys)
     assert code == 0
     assert "30 dB" in out
+
+
+def test_info_judges_the_shape_of_a_field_by_a_mesh_and_takes_a_picture(
+    field_file: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    mesh = tmp_path / "column.ply"
+    column = trimesh.creation.box((0.4, 0.4, 1.0)).apply_translation([0, 0, 0.5])
+    floor = trimesh.creation.box((2.0, 2.0, 0.05)).apply_translation([0, 0, 0.025])
+    trimesh.util.concatenate([column, floor]).export(mesh)
+    picture = tmp_path / "picture.png"
+    told = printed(["info", str(field_file), "--mesh", str(mesh), "--png", str(picture)], capsys)
+    geometry = told["geometry"]
+    assert geometry["voxel_m"] == told["voxel_m"]
+    assert geometry["surface_points"] > 0 and geometry["free_points"] > 0
+    assert geometry["free_clear"] == 1
+    assert 0.05 < geometry["surface_depth_1"] < 0.5  # the field has the column and no floor
+    assert cv2.imread(str(picture)).std() > 1
+    assert "no mesh file" in refused(["info", str(field_file), "--mesh", "atlantis"], capsys)
+    words = tmp_path / "words.ply"
+    words.write_text("no mesh at all")
+    assert "cannot be read as a mesh" in refused(["info", str(field_file), "--mesh", str(words)], capsys)
 
 
 def test_doctor_finds_working_kernels(capsys: Capture) -> None:
@@ -118,6 +142,12 @@ def test_plan_prints_the_numbers_of_its_contract_and_writes_its_files(
         "mesh_overlap_m3": None,
         "max_thrust_n": None,
         "max_body_rate": None,
+        "duration_s": None,
+        "limits": {
+            name: dict.fromkeys(("least", "most", "lower", "upper", "violated"))
+            for name in ("thrust", "tilt", "speed", "body rate")
+        },
+        "safety": dict.fromkeys(("bound", "bound_per_step_max", "min_clearance_m", "worst_step")),
     }
     assert plan["iterations"] == 5
     assert plan["mesh_overlap_m3"] is None, "this field has no ground truth"
@@ -130,8 +160,35 @@ def test_plan_prints_the_numbers_of_its_contract_and_writes_its_files(
 
 
 def test_a_plan_in_a_bundled_scene_is_judged_on_its_mesh(capsys: Capture) -> None:
-    plan = printed(["plan", "stonehenge", "--task", "0", "--config.iterations", "2"], capsys)
+    plan = printed(["plan", "stonehenge", "--task", "0", "--planner", "paper", "--config.iterations", "2"], capsys)
     assert isinstance(plan["mesh_overlap_m3"], float)
+
+
+def test_settings_are_those_of_the_planner_that_is_asked_for(field_file: Path, capsys: Capture) -> None:
+    words = ["plan", str(field_file), *FROM, *TO]
+    few = printed([*words, "--config.newton.iterations", "2"], capsys)
+    assert few["outcome"] == "iteration_limit"
+    same = printed([*words, "--planner=paper", "--config.iterations", "3"], capsys)
+    assert same["iterations"] == 3
+    assert "--config.iterations" in refused([*words, "--config.iterations", "3"], capsys)
+
+
+def test_the_duration_can_be_given_or_found(field_file: Path, capsys: Capture) -> None:
+    words = ["plan", str(field_file), *FROM, *TO, "--duration"]
+    assert printed([*words, "1.25"], capsys)["duration_s"] == pytest.approx(1.25)
+    found = printed([*words, "auto"], capsys)
+    assert found["duration_s"] < 2
+    assert not any(limit["violated"] for limit in found["limits"].values())
+    assert "duration must be a number above 0" in refused([*words, "-1"], capsys)
+
+
+def test_a_bound_that_cannot_be_met_is_said_to_be_missed_by_how_much(field_file: Path, capsys: Capture) -> None:
+    words = ["plan", str(field_file), *FROM, *TO, "--max-collision"]
+    safe = printed([*words, "0.5"], capsys)
+    assert safe["outcome"] == "converged" and safe["collision_probability_bound"] <= 0.5
+    risky = printed([*words, "1e-12"], capsys)
+    assert risky["outcome"] == "too_risky"
+    assert risky["safety"]["missed_by"] == pytest.approx(risky["collision_probability_bound"], rel=1e-6)
 
 
 def test_without_json_a_plan_is_told_in_words(field_file: Path, capsys: Capture) -> None:
@@ -151,6 +208,7 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
         "final_position_error_m": None,
         "mesh_collision_steps": None,
         "estimation": dict.fromkeys(("position_rmse_m", "rotation_rmse_rad", "velocity_rmse", "nees_mean")),
+        "recoveries": dict.fromkeys(("widened", "relocalised", "lost")),
         "timing_ms": {f"{part}_p{share}": None for part in ("replan", "filter", "step") for share in (50, 95)},
     }
     assert flight["outcome"] in ("reached", "collided", "diverged", "timeout")
@@ -192,16 +250,16 @@ def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, c
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["nonsense"], "no command named 'nonsense'; known are: doctor, export, fly"),
-        (["plan", "atlantis"], "no scene or field file named 'atlantis'; known are: blocks, stonehenge"),
-        (["fly", "atlantis"], "known are: blocks, stonehenge"),
-        (["serve", "atlantis"], "known are: blocks, stonehenge"),
-        (["train", "atlantis", "--out", "x.npz"], "known are: blocks, stonehenge"),
+        (["nonsense"], "no command named 'nonsense'; known are: bench, "),
+        (["plan", "atlantis"], "no scene or field file named 'atlantis'; known are: blocks, church, "),
+        (["fly", "atlantis"], "known are: blocks, church, playground, stonehenge"),
+        (["serve", "atlantis"], "known are: blocks, church, playground, stonehenge"),
+        (["train", "atlantis", "--out", "x.npz"], "known are: blocks, church, playground, stonehenge"),
         (["info", "missing.npz"], "there is no field file missing.npz"),
         (["plan", "missing.npz"], "there is no field file missing.npz"),
-        (["plan", "stonehenge", "--task", "11"], "stonehenge has tasks 0 to 10, not 11"),
+        (["plan", "stonehenge", "--task", "16"], "stonehenge has tasks 0 to 15, not 16"),
         (["plan", "stonehenge", "--task", "two"], "'two'"),
-        (["plan", "stonehenge", "--robot", "submarine"], "no robot named 'submarine'; known are: quadrotor"),
+        (["plan", "stonehenge", "--robot", "submarine"], "no robot named 'submarine'; known are: couch, "),
         (["plan", "stonehenge", "--planner", "luck"], "no planner named 'luck'; known are: "),
         (["fly", "stonehenge", "--estimator", "luck"], "no estimator named 'luck'; known are: "),
         (["plan", "stonehenge", "--start", "0", "0"], "an end is X Y Z or X Y Z YAW, not 2 numbers"),
@@ -211,7 +269,7 @@ def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, c
         (["plan", "stonehenge", "--dt", "nan"], "--dt must be a finite number, not nan"),
         (["plan", "stonehenge", "--dt", "-1"], "dt must be a number above 0, not -1"),
         (["plan", "stonehenge", "--steps", "2"], "a quadrotor needs at least 4 steps"),
-        (["plan", "stonehenge", "--config.learning-rate", "inf"], "--config.learning-rate must be a finite number"),
+        (["plan", "stonehenge", "--config.weights.control", "inf"], "--config.weights.control must be a finite number"),
         (["plan", "stonehenge", "--start", "9", "0", "0.2", *TO], "outside the field, which spans x -1.30 to 1.30"),
         (["plan", "stonehenge", *FROM, *TO, "--bogus"], "Unrecognized options: --bogus"),
         (["train", "blocks"], "Missing from nerfnav train: --out"),

@@ -13,7 +13,8 @@ from app.panels import fly as fly_panel
 from app.panels import plan as plan_panel
 from app.panels.export import export_table, subject
 from app.panels.status import activity
-from app.session import CostHistory, FlightRecord, PlanRecord, Session
+from app.records import CostHistory, FlightRecord, PlanRecord
+from app.session import Session
 from app.surface import unlit_glb, without_specks
 from app.theme import branded, linear
 from app.widgets import number, table

@@ -11,8 +11,9 @@ from app import messages as m
 from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.events import JobFailed, JobFinished, Progress
+from app.records import CostHistory, PlanRecord
 from app.reduce import reduce
-from app.session import CostHistory, JobKind, PlanRecord, Session
+from app.session import JobKind, Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.scene import Task

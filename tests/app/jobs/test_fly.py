@@ -19,7 +19,7 @@ from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
 
-ROUTE = PlanRequest((-0.6, -0.6, 0.5), (0.6, -0.6, 0.5), config=PlanConfig(iterations=5))
+ROUTE = PlanRequest((-0.6, -0.6, 0.5), (0.6, -0.6, 0.5), planner="paper", config=PlanConfig(iterations=5))
 BLIND = FlyRequest(ROUTE, open_loop=True, config=NavigateConfig(replan=PlanConfig(iterations=2)))
 
 

@@ -93,7 +93,7 @@ def test_what_a_scene_needs_grows_with_its_size() -> None:
 
 
 def test_a_source_that_is_no_scene_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="known are: blocks, stonehenge"):
+    with pytest.raises(UnknownNameError, match="known are: blocks, church, playground, stonehenge"):
         next(run(TrainRequest("atlantis", tmp_path / "f.npz")))
     mesh = tmp_path / "mesh.glb"
     mesh.touch()

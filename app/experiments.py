@@ -1,0 +1,35 @@
+"""What `nerfnav experiment NAME` knows. A new experiment is a file in nerfnav/experiments and an entry here."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from nerfnav.experiments import correlation, planners
+from nerfnav.experiments.study import ExperimentStep, Study
+from nerfnav.world.scene import Task
+from scenes import stonehenge
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment."""
+
+    run: Callable[[Study], Iterator[ExperimentStep]]
+    """What does it."""
+    purpose: str
+    """What it shows, for people."""
+    place: str = "stonehenge"
+    """Where it happens unless another place is asked for: name of a scene, or path of a field."""
+    tasks: tuple[Task, ...] | None = None
+    """Flights in that place; None: those of its scene."""
+
+
+EXPERIMENTS = {
+    "planners": Experiment(
+        planners.run,
+        "nerfnav, minimum snap and RRT on the same flights: collision cost, effort, failures",
+        tasks=stonehenge.EXPERIMENT_TASKS,
+    ),
+    "collision-correlation": Experiment(
+        correlation.run, "collision loss in the field against true overlap, over the iterations of plans"
+    ),
+}

@@ -1,0 +1,104 @@
+"""Experiment: many trials, a table, figures, and the numbers that sum them up."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from app.events import JobEvents, JobFinished, JobStarted, Progress
+from app.experiments import EXPERIMENTS, Experiment
+from app.jobs.outputs import OutputError, json_line, prepare_folder, write_text
+from app.place import open_place
+from app.registry import named
+from nerfnav.errors import InvalidInputError
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.study import Results, Row, Study, TrialDone
+from nerfnav.world.scene import Task
+
+
+@dataclass(frozen=True)
+class ExperimentRequest:
+    """What to find out."""
+
+    name: str
+    """Of the experiment."""
+    place: str | None = None
+    """Scene or field to do it in; None: the experiment's own."""
+    trials: int | None = None
+    """How many trials; None: as many as the experiment needs."""
+    seed: int = 0
+    """Of everything random."""
+    jobs: int | None = None
+    """Trials at the same time."""
+    ray: str | None = None
+    """Address of a Ray cluster that does the trials; None: this machine."""
+    out: Path | None = None
+    """Folder for results.json, the table and the figures; None writes nothing."""
+
+
+def run(request: ExperimentRequest) -> JobEvents:
+    """Yield how far it is, then the summary and what was written. Raises NerfnavError for bad requests."""
+    experiment = named("experiment", request.name, EXPERIMENTS)
+    out = None if request.out is None else prepare_folder(request.out)
+    yield JobStarted("experiment")
+    yield Progress("opening the field", 0.0)
+    place = request.place or experiment.place
+    open_here = partial(open_arena, place)
+    tasks = _tasks(experiment, place, open_here())
+    study = Study(open_here, tasks, request.trials, request.seed, request.jobs, request.ray)
+    results: Results | None = None
+    for step in experiment.run(study):
+        if isinstance(step, TrialDone):
+            yield Progress(f"{step.label}, {step.done} of {step.total}", step.done / max(1, step.total))
+        else:
+            results = step
+    assert results is not None, "an experiment ends with its results"
+    yield JobFinished("experiment", results.summary, () if out is None else save(out, request.name, results))
+
+
+@cache
+def open_arena(place: str) -> Arena:
+    """A scene with its trained field, opened once in each process. Raises InvalidInputError without a ground truth."""
+    opened = open_place(place)
+    if opened.scene is None:
+        raise InvalidInputError(f"experiments are judged on a ground truth, and {place} has none: name a scene")
+    return Arena(opened.scene, opened.field)
+
+
+def save(folder: Path, name: str, results: Results) -> tuple[Path, ...]:
+    """Write results.json, the table as NAME.csv, and each figure as a PNG."""
+    content = {"experiment": name, "summary": results.summary, "rows": list(results.rows)}
+    files = [write_text(folder / "results.json", json_line(content) + "\n")]
+    if results.rows:
+        files.append(write_text(folder / f"{name}.csv", table_text(results.rows)))
+    return (*files, *(save_figure(folder / f"{title}.png", figure) for title, figure in results.figures.items()))
+
+
+def table_text(rows: Sequence[Row]) -> str:
+    """CSV of lines that all have the same names."""
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(
+        {name: f"{cell:.9g}" if isinstance(cell, float) else cell for name, cell in row.items()} for row in rows
+    )
+    return stream.getvalue()
+
+
+def save_figure(path: Path, figure: Figure) -> Path:
+    """Write a PNG."""
+    try:
+        figure.savefig(path)
+    except OSError as error:
+        raise OutputError(f"cannot write the file {path}: {error.strerror}") from error
+    return path
+
+
+def _tasks(experiment: Experiment, place: str, arena: Arena) -> tuple[Task, ...]:
+    """The experiment's own flights where it happens in its own place, else those of the scene."""
+    own = experiment.tasks if place == experiment.place else None
+    return arena.scene.tasks if own is None else own

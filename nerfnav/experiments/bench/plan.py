@@ -1,0 +1,77 @@
+"""A plan from scratch: A* and 2,500 iterations of Adam in plain torch against the fast planner, A* included."""
+
+import statistics
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import torch
+
+from nerfnav import robots
+from nerfnav.compiled import threads
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.bench.comparison import Comparison, interleaved
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.optimize import PlanConfig, plan
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import last_step
+
+THREADS, TORCH_THREADS = 2, 1
+"""Threads of compiled kernels, and of torch: on small tensors, which is all that both planners have, it is slower with
+two than with one."""
+
+
+def problems_of(arena: Arena, tasks: int) -> tuple[PlanProblem, ...]:
+    """The first tasks of the arena's scene, each for the robot that it is for."""
+    return tuple(
+        PlanProblem(arena.field, robots.load(task.robot), task.start_state, task.goal_state)
+        for task in arena.scene.tasks[:tasks]
+    )
+
+
+@contextmanager
+def both_threads() -> Iterator[int]:
+    """Give kernels and torch as many threads inside the block as planners are timed with; yields those of kernels."""
+    before = torch.get_num_threads()
+    with threads(THREADS) as used:
+        torch.set_num_threads(TORCH_THREADS)
+        try:
+            yield used
+        finally:
+            torch.set_num_threads(before)
+
+
+def measure(
+    arena: Arena, tasks: int = 10, rounds: int = 1, fast_per_round: int = 5, iterations: int | None = None
+) -> Comparison:
+    """Time both on the arena's first tasks; times and the ratio are medians over the tasks.
+
+    `iterations` of Adam replace the paper's 2,500 where a quick look will do. The detail has, for each task, the ratio
+    of the times and of the final J, fast over paper, and the worst of the latter.
+    """
+    paper = PlanConfig.paper() if iterations is None else PlanConfig(iterations=iterations)
+    problems = problems_of(arena, tasks)
+    with both_threads() as used:
+        found = [_compare(problem, paper, rounds, fast_per_round) for problem in problems]
+    detail = {"max_j_ratio": max(row[2] for row in found), "torch_threads": float(TORCH_THREADS)}
+    detail["median_ratio"] = statistics.median(slow / fast for slow, fast, _ in found)
+    for number, (slow, fast, ratio) in enumerate(found):
+        detail |= {f"task_{number}_time_ratio": slow / fast, f"task_{number}_j_ratio": ratio}
+    slow_ms, fast_ms, _ = zip(*found, strict=True)
+    return Comparison("plan", statistics.median(slow_ms), statistics.median(fast_ms), used, detail)
+
+
+def _compare(problem: PlanProblem, paper: PlanConfig, rounds: int, per_round: int) -> tuple[float, float, float]:
+    """Times of both [ms] and the ratio of their final J."""
+    occupancy = OccupancyMap.of(problem.field, problem.robot.body)
+    totals: dict[str, float] = {}
+
+    def slow() -> None:
+        totals["paper"] = last_step(plan(problem, paper, occupancy)).cost.total
+
+    def fast() -> None:
+        totals["fast"] = last_step(plan_fast(problem, FastPlanConfig(weights=paper.weights), occupancy)).cost.total
+
+    fast()  # compiled, and the map's prices made
+    slow_ms, fast_ms = interleaved(slow, fast, rounds, per_round)
+    return slow_ms, fast_ms, totals["fast"] / totals["paper"]

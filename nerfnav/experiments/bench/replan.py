@@ -1,0 +1,87 @@
+"""The rest of a plan after a push: 250 iterations of Adam in plain torch against the fast planner."""
+
+import statistics
+import time
+from collections.abc import Iterator
+
+import torch
+
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.bench.comparison import Comparison, interleaved
+from nerfnav.experiments.bench.plan import both_threads, problems_of
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.hot_start import hot_start
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.optimize import PlanConfig, replan
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import PlanStep, last_step
+from nerfnav.planner.warm_start import carry_on
+from nerfnav.robots.state import Motion
+
+_KICK_M, _KICK_RAD = 0.02, 0.02
+"""How a robot is pushed in one step, as in the paper: 2 cm, 0.02 rad; half of that on the rates."""
+
+
+def measure(
+    arena: Arena, tasks: int = 10, rounds: int = 3, fast_per_round: int = 5, iterations: int = 250
+) -> Comparison:
+    """Push a robot off its plan after the first step and plan the rest again, on the arena's first tasks.
+
+    `paper_ms` is the time of 250 iterations. The detail has the median time ratio to the same J (the time that the
+    fast planner takes to come as low as Adam has come) and the worst ratio of the final J.
+    """
+    generator = torch.Generator().manual_seed(0)
+    with both_threads() as used:
+        pushed = [_pushed(problem, generator) for problem in problems_of(arena, tasks)]
+        occupancy = OccupancyMap.of(arena.field, pushed[0][0].robot.body)
+        found = [_compare(*one, occupancy, (rounds, fast_per_round, iterations)) for one in pushed]
+    slow_ms, fast_ms, same_ms, ratios = zip(*found, strict=True)
+    detail = {
+        "max_j_ratio": max(ratios),
+        "median_ratio": statistics.median(slow / fast for slow, fast in zip(slow_ms, fast_ms, strict=True)),
+        "same_j_ms": statistics.median(same_ms),
+        "same_j_ratio": statistics.median(slow / same for slow, same in zip(slow_ms, same_ms, strict=True)),
+    }
+    return Comparison("replan", statistics.median(slow_ms), statistics.median(fast_ms), used, detail)
+
+
+def _pushed(problem: PlanProblem, generator: torch.Generator) -> tuple[PlanProblem, Motion]:
+    """What is left to plan after one step that ended elsewhere, and the plan so far."""
+    motion = last_step(plan_fast(problem)).motion
+    scale = torch.tensor([_KICK_M] * 3 + [_KICK_M / 2] * 3 + [_KICK_RAD] * 3 + [_KICK_RAD / 2] * 3)
+    start = motion.states[1].retract(scale * torch.randn(12, generator=generator))
+    return PlanProblem(problem.field, problem.robot, start, problem.goal, problem.steps - 1, problem.dt), motion
+
+
+def _compare(
+    problem: PlanProblem, motion: Motion, occupancy: OccupancyMap, effort: tuple[int, int, int]
+) -> tuple[float, float, float, float]:
+    """Times of Adam, of the fast planner, and of the latter to the J of the former [ms], and the ratio of their J."""
+    rounds, per_round, iterations = effort
+    paper = PlanConfig(iterations=iterations)
+    config = FastPlanConfig(weights=paper.weights)
+    last: dict[str, PlanStep] = {}
+
+    def slow() -> None:
+        trajectory = hot_start(motion, problem.start, problem.goal, problem.robot, steps=problem.steps)
+        last["paper"] = last_step(replan(problem, trajectory, paper))
+
+    def fast() -> None:
+        last["fast"] = last_step(carry_on(problem, motion, 1, config, occupancy))
+
+    fast()
+    slow_ms, fast_ms = interleaved(slow, fast, rounds, per_round)
+    paper_total = last["paper"].cost.total
+    same_ms = statistics.median(
+        _until(carry_on(problem, motion, 1, config, occupancy), paper_total) for _ in range(per_round)
+    )
+    return slow_ms, fast_ms, same_ms, last["fast"].cost.total / paper_total
+
+
+def _until(steps: Iterator[PlanStep], total: float) -> float:
+    """Time of a planner [ms] until its J is at most `total`; all of its time where it ends above."""
+    begun = time.perf_counter()
+    for step in steps:
+        if step.cost.total <= total:
+            break
+    return 1e3 * (time.perf_counter() - begun)

@@ -1,0 +1,103 @@
+"""What an iteration of the fast planner costs for motions and bodies of several sizes, and what more starts cost."""
+
+import itertools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.bench.plan import both_threads, problems_of
+from nerfnav.experiments.figures import COLORS, bars, panels
+from nerfnav.planner.astar import SearchConfig
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.objective import Objective
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
+from nerfnav.planner.steps import last_step
+from nerfnav.robots.body import Body
+from nerfnav.robots.maps import flat_map
+from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Times of the fast planner on one machine."""
+
+    waypoints: np.ndarray
+    """(n) time steps of the motions."""
+    body_points: np.ndarray
+    """(n) points of the bodies."""
+    iteration_ms: np.ndarray
+    """(n) time of J and its gradient [ms]."""
+    one_start_ms: float
+    """Median time of plans from the best way alone [ms]."""
+    all_starts_ms: float
+    """Median time of plans from `starts` first guesses [ms]."""
+    starts: int
+    """How many first guesses are compared."""
+    threads: int
+    """Threads that the planner had."""
+
+    @property
+    def linearity(self) -> float:
+        """Share of the variance of the times that a straight line in waypoints x body points explains (R squared)."""
+        return float(np.corrcoef(self.waypoints * self.body_points, self.iteration_ms)[0, 1] ** 2)
+
+
+def measure(arena: Arena, repeats: int = 30, tasks: int = 10) -> Scaling:
+    """Time single iterations over sizes, on the first task, and whole plans on the first tasks."""
+    with both_threads() as used:
+        problems = problems_of(arena, tasks)
+        sizes = list(itertools.product((10, 20, 40, 80), ((3, 3, 2), (5, 5, 2), (7, 7, 3), (10, 10, 4))))
+        rows = [(steps, *_iteration(problems[0], steps, counts, repeats)) for steps, counts in sizes]
+        occupancy = OccupancyMap.of(arena.field, problems[0].robot.body)
+        many, one = FastPlanConfig(), FastPlanConfig(search=SearchConfig.single())
+        times = [
+            [_median_ms(lambda: last_step(plan_fast(problem, config, occupancy)), 3) for problem in problems]  # noqa: B023
+            for config in (one, many)
+        ]
+    steps, points, spent = (np.array(column) for column in zip(*rows, strict=True))
+    search = many.search
+    starts = len(search.roundings) + search.ways - 1 + search.straight
+    return Scaling(steps, points, spent, float(np.median(times[0])), float(np.median(times[1])), starts, used)
+
+
+def picture(scaling: Scaling) -> Figure:
+    """Time of an iteration against its size, and of plans from one start and from many."""
+    figure, (iterations, starts) = panels(("An iteration", "A plan"))
+    size = scaling.waypoints * scaling.body_points
+    for index, count in enumerate(np.unique(scaling.body_points)):
+        of = scaling.body_points == count
+        iterations.plot(size[of], scaling.iteration_ms[of], "o-", color=COLORS[index % len(COLORS)], label=f"{count}")
+    iterations.set_xlabel("waypoints x body points")
+    iterations.set_ylabel("ms")
+    iterations.legend(title="body points", fontsize=8, frameon=False)
+    bars(starts, {"1 start": scaling.one_start_ms, f"{scaling.starts} starts": scaling.all_starts_ms}, "ms")
+    return figure
+
+
+def _iteration(
+    problem: PlanProblem, steps: int, counts: tuple[int, int, int], repeats: int
+) -> tuple[int, float]:
+    """Number of body points, and median time of J and its gradient on the straight way [ms]."""
+    robot = Quadrotor(QuadrotorConfig(point_counts=counts))
+    sized = replace(problem, robot=robot, steps=steps, dt=2.0 / steps)
+    guess = first_guess(sized, InitialGuess.STRAIGHT, FastPlanConfig().occupancy).trajectories[0]
+    flat = flat_map(robot, sized.start, sized.goal, steps, sized.dt)
+    objective = Objective(sized.field, robot, flat, FastPlanConfig().weights)
+    free = guess.free.double().numpy()
+    body: Body = robot.body
+    return len(body.points_body), _median_ms(lambda: objective(free), repeats)
+
+
+def _median_ms(call: Callable[[], object], repeats: int) -> float:
+    call()
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - begun)
+    return 1e3 * float(np.median(times))

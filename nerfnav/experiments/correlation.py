@@ -1,0 +1,156 @@
+"""Does the collision loss mean collision? Loss against true overlap, over the iterations of plans from bad starts.
+
+Each plan begins on the shortest way that A* finds for a robot of half the size, however near to what it passes, so
+that the real body reaches into it, and is then improved by the paper's Adam, which is slow enough to be watched.
+At every watched iteration
+
+    loss      sum over steps and body points of rho(x_b) s(b), paper Eq. 1, in the field
+    overlap   volume that the body shares with the true solids, integrated along the way [m^3 m]
+
+Spearman's rank correlation is taken over the iterations from the start to the first one that touches nothing (all of
+them where none does): afterwards the overlap is 0 throughout, and ranks among equals mean nothing. The correlation
+over all watched iterations, ties included, is told beside it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.stats import rankdata
+
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.figures import COLORS, panels
+from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.planner.astar import find_path, smooth_path, waypoints_along
+from nerfnav.planner.costs import CostWeights, collision_per_step
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.optimize import PlanConfig, replan
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots.body import Body
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.state import Motion
+from nerfnav.world.contact import judge
+from nerfnav.world.scene import Task
+
+_ROBOT = Quadrotor()
+_SAMPLES = 10
+"""Densities taken along each body point's way through a step, about 1 cm apart."""
+_FEWEST = 4
+"""Watched iterations before the plan is free, of which a correlation can be told."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """One trial: a plan, and when to look at it."""
+
+    task: Task
+    """From where to where."""
+    iterations: int = 300
+    """Steps of Adam."""
+    every: int = 4
+    """Steps from one look to the next."""
+    size: float = 0.5
+    """Size of the robot that the bad start suits, as a share of the real one's."""
+
+
+def run(study: Study) -> Iterator[ExperimentStep]:
+    """Watch a plan of every task; those that never touch anything, or have no way, count for nothing."""
+    watches = [Watch(task) for task in study.first(study.tasks, "tasks")]
+    tables = yield from run_trials(study, "watching plans", watch, watches)
+    rows = tuple(row for table in tables for row in table)
+    yield Results(summary_of(rows), rows, {"correlation": picture(rows)})
+
+
+def watch(arena: Arena, item: Watch) -> list[Row]:
+    """Loss and overlap of every watched iteration; none where there is no way for the smaller one."""
+    start = _bad_start(arena, item)
+    if start is None:
+        return []
+    problem = PlanProblem(arena.field, _ROBOT, start.start, start.goal, start.steps, start.dt)
+    config = PlanConfig(iterations=item.iterations, weights=CostWeights(samples_per_step=_SAMPLES, margin=0.0))
+    rows = []
+    for step in replan(problem, start, config):
+        if step.iteration % item.every == 0 or step.outcome is not None:
+            loss = collision_per_step(arena.field, step.motion, _ROBOT.body, _SAMPLES).sum().item()
+            overlap = overlap_along(arena, step.motion)
+            rows.append({"task": item.task.name, "iteration": step.iteration, "loss": loss, "overlap_m4": overlap})
+    return rows
+
+
+def overlap_along(arena: Arena, motion: Motion) -> float:
+    """Volume shared with the solids, integrated along the way [m^3 m]."""
+    report = judge(arena.scene, _ROBOT.body, motion.states)
+    way = report.poses.position.diff(dim=0).norm(dim=-1).double()
+    return ((report.overlap_m3[1:] + report.overlap_m3[:-1]) / 2 * way).sum().item()
+
+
+def summary_of(rows: Sequence[Row]) -> Row:
+    """The correlations, and what is left of the overlap."""
+    plans = [
+        np.array([(row["loss"], row["overlap_m4"]) for row in rows if row["task"] == name]) for name in _names(rows)
+    ]
+    hit = [plan for plan in plans if plan[:, 1].max() > 0]
+    until_free = [plan[: _first_free(plan) + 1] for plan in hit]
+    each = [_spearman(part) for part in until_free if len(part) >= _FEWEST]
+    return {
+        "plans": len(plans),
+        "plans_that_touched": len(hit),
+        "plans_correlated": len(each),
+        "spearman_median": float(np.median(each)) if each else None,
+        "spearman_least": min(each, default=None),
+        "spearman_pooled": _spearman(np.concatenate(until_free)) if until_free else None,
+        "spearman_all_iterations": _spearman(np.concatenate(plans)) if hit else None,
+        "final_overlap_m4_max": max((float(plan[-1, 1]) for plan in plans), default=None),
+        "final_overlaps": sum(bool(plan[-1, 1] > 0) for plan in plans),
+    }
+
+
+def picture(rows: Sequence[Row]) -> Figure:
+    """Loss against overlap, and both over the iterations of the plan that overlapped most."""
+    figure, (cloud, course) = panels(("Every watched iteration", "One plan"), height=3.8)
+    worst = max(rows, key=lambda row: row["overlap_m4"], default=None)
+    for index, name in enumerate(_names(rows)):
+        mine = [row for row in rows if row["task"] == name and row["overlap_m4"] > 0]
+        color = COLORS[index % len(COLORS)]
+        cloud.plot([r["overlap_m4"] for r in mine], [r["loss"] for r in mine], ".", color=color, markersize=4)
+    cloud.set(xscale="log", yscale="log", xlabel="overlap along the way [m$^4$]", ylabel="collision loss")
+    if worst is not None:
+        mine = [row for row in rows if row["task"] == worst["task"]]
+        when = [row["iteration"] for row in mine]
+        course.plot(when, [row["loss"] / mine[0]["loss"] for row in mine], color=COLORS[0], label="loss")
+        course.plot(when, [row["overlap_m4"] / worst["overlap_m4"] for row in mine], color=COLORS[1], label="overlap")
+        course.set(xlabel="iteration", ylabel="share of the start's / the largest")
+        course.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def _names(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(row["task"] for row in rows))
+
+
+def _first_free(plan: np.ndarray) -> int:
+    """Index of the first look (loss, overlap) at which nothing is touched any more; the last one if there is none."""
+    free = np.flatnonzero(plan[:, 1] == 0)
+    return int(free[0]) if len(free) else len(plan) - 1
+
+
+def _spearman(plan: np.ndarray) -> float:
+    return float(np.corrcoef(rankdata(plan[:, 0]), rankdata(plan[:, 1]))[0, 1])
+
+
+def _bad_start(arena: Arena, item: Watch) -> Trajectory | None:
+    start, goal, steps, dt = item.task.start_state, item.task.goal_state, 20, 0.1
+    path = find_path(_map_for_less(arena, item.size), start.position, goal.position)
+    if path is None:
+        return None
+    waypoints = waypoints_along(smooth_path(path), start, goal, steps)
+    return Trajectory(_ROBOT.encode(waypoints, start, goal, dt), start, goal, steps, dt)
+
+
+@lru_cache(maxsize=2)
+def _map_for_less(arena: Arena, size: float) -> OccupancyMap:
+    x, y, z = (size * edge for edge in _ROBOT.body.extents)
+    return OccupancyMap.of(arena.field, Body.box((x, y, z), (1, 1, 1)), OccupancyConfig(clearance_weight=0.0))
