@@ -4,7 +4,7 @@
     repeat:  first action of the plan -> picture -> filter (Eqs. 3-8) -> plan from the posterior mean, hot-started
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TypeVar
@@ -17,6 +17,7 @@ from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.steps import FilterOutcome
+from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.planners import Planner
 from nerfnav.navigation.recovery import Recovery, RecoveryConfig, Relocaliser, recover
 from nerfnav.navigation.simulator import Simulator
@@ -81,6 +82,8 @@ class Mission:
     """Length of a time step [s] (paper: 0.1)."""
     plan: Motion | None = None
     """A first plan that is already made, from the start to the goal; None: plan now."""
+    orders: Callable[[], Orders] = Orders
+    """Asked at the beginning of each time step for what has changed meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +100,15 @@ class Pilot:
 
 @dataclass(frozen=True)
 class _Flight:
-    """What does not change during a flight."""
+    """What does not change during a flight, but for a gust of wind."""
 
     mission: Mission
     simulator: Simulator
     pilot: Pilot
     config: NavigateConfig
     generator: torch.Generator
+    gust: StateNoise | None = None
+    """Of this time step alone."""
 
 
 def navigate(
@@ -123,12 +128,15 @@ def navigate(
     flight = _Flight(mission, simulator, pilot, config, generator)
     step = yield from _begin(flight)
     yield step
-    touched, lost = False, 0
+    touched, lost, course = False, 0, Course(mission.goal)
     while step.outcome is None:
-        step = yield from (_drift(step, flight) if config.open_loop else _advance(step, flight, lost))
+        orders = mission.orders()
+        course = course.heeding(orders, step.index)
+        world = replace(flight, gust=orders.gust)
+        step = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, lost))
         touched |= step.touched
         lost = lost + 1 if step.recovery is Recovery.WIDENED else 0
-        outcome = EpisodeOutcome.DIVERGED if step.recovery is Recovery.LOST else _judge(step, flight)
+        outcome = EpisodeOutcome.DIVERGED if step.recovery is Recovery.LOST else _judge(step, flight, course)
         if outcome is not None and touched:
             outcome = EpisodeOutcome.COLLIDED
         step = replace(step, outcome=outcome)
@@ -157,11 +165,13 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
     return NavigationStep(0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome)
 
 
-def _advance(last: NavigationStep, flight: _Flight, lost: int) -> Generator[LoopEvent, None, NavigationStep]:
+def _advance(
+    last: NavigationStep, flight: _Flight, course: Course, lost: int
+) -> Generator[LoopEvent, None, NavigationStep]:
     """One turn of Algorithm 1, after `lost` pictures in a row that disagreed."""
     mission, simulator, index = flight.mission, flight.simulator, last.index + 1
     action = last.plan.actions[0]
-    touched = simulator.act(action, mission.dt)
+    touched = simulator.act(action, mission.dt, flight.gust)
     image = simulator.look()
     update, filter_ms = yield from _timed(
         flight.pilot.estimator.update(last.belief, image, action, mission.dt, flight.generator)
@@ -172,10 +182,11 @@ def _advance(last: NavigationStep, flight: _Flight, lost: int) -> Generator[Loop
         belief, recovery = yield from recover(
             belief, image, lost + 1, flight.config.recovery, flight.pilot.relocaliser
         )
-    left = mission.steps if recovery is Recovery.RELOCALISED else len(last.plan.actions) - 1
+    elsewhere = recovery is Recovery.RELOCALISED or course.since == last.index > 0
+    left = mission.steps if elsewhere else len(last.plan.actions) - 1
     planned, replan_ms = yield from _timed(
         flight.pilot.planner.replan(
-            last.plan, belief.mean, mission.goal, max(left, flight.config.minimum_horizon), executed=1
+            last.plan, belief.mean, course.goal, max(left, flight.config.minimum_horizon), executed=1
         )
     )
     return NavigationStep(
@@ -189,7 +200,7 @@ def _drift(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, 
     yield from ()
     simulator, dt, index = flight.simulator, flight.mission.dt, last.index + 1
     action = last.plan.actions[0]
-    touched = simulator.act(action, dt)
+    touched = simulator.act(action, dt, flight.gust)
     belief = predict(last.belief, action, simulator.robot, dt, flight.config.filter.process_noise)
     rest = Motion(last.plan.states[1:], last.plan.actions[1:], dt)
     return NavigationStep(
@@ -197,16 +208,16 @@ def _drift(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, 
     )
 
 
-def _judge(step: NavigationStep, flight: _Flight) -> EpisodeOutcome | None:
+def _judge(step: NavigationStep, flight: _Flight, course: Course) -> EpisodeOutcome | None:
     """Whether the flight is over, collisions aside."""
     mission, config = flight.mission, flight.config
     if not _is_finite(step.plan):
         return EpisodeOutcome.NO_PLAN
     if config.open_loop and len(step.plan.actions):
         return None
-    if (step.belief.mean.position - mission.goal.position).norm() < config.goal_tolerance_m:
+    if (step.belief.mean.position - course.goal.position).norm() < config.goal_tolerance_m:
         return EpisodeOutcome.REACHED
-    late = step.index >= config.timeout_factor * mission.steps
+    late = step.index - course.since >= config.timeout_factor * mission.steps
     return EpisodeOutcome.TIMEOUT if late or config.open_loop else None
 
 

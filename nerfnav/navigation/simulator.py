@@ -41,12 +41,13 @@ class Simulator:
     contact: ContactFunction | None = None
     """Says whether the body touched anything on its way; None where there is no ground truth."""
 
-    def act(self, action: Float[Tensor, " a"], dt: float) -> bool:
-        """Apply an action for `dt` [s]; tells whether the body touched anything, and flies on even so."""
+    def act(self, action: Float[Tensor, " a"], dt: float, gust: StateNoise | None = None) -> bool:
+        """Apply an action for `dt` [s], and a gust where there is one; tells whether the body touched anything."""
         before = self.state
         self.state = self.robot.step(before, action, dt)
-        if self.noise is not None:
-            self.state = self.state.retract(self.noise.sample(self.generator))
+        for disturbance in (self.noise, gust):
+            if disturbance is not None:
+                self.state = self.state.retract(disturbance.sample(self.generator))
         return self.contact is not None and self.contact(before, self.state)
 
     def look(self) -> UInt8[Tensor, "height width 3"]:

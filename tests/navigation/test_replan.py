@@ -9,7 +9,9 @@ import pytest
 import torch
 
 from nerfnav.errors import OccupiedError
+from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
@@ -179,3 +181,33 @@ def test_the_paper_preset_assumes_a_tenth_of_the_identity():
     torch.testing.assert_close(paper.filter.process_noise.covariance(), 0.1 * torch.eye(12))
     assert paper.plan.iterations == 2500 and paper.replan.iterations == 250
     assert ROBOT.minimum_steps <= paper.minimum_horizon
+
+
+def test_a_goal_that_moves_in_flight_is_flown_to():
+    moved = RigidState.at_rest((-0.4, 0.5, 0.3))
+    asked = []
+
+    def orders() -> Orders:
+        asked.append(None)
+        return Orders(goal=moved) if len(asked) > 3 else Orders()
+
+    planner = StraightPlanner()
+    steps = steps_of(fly(planner, mission=replace(MISSION, orders=orders)))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    assert (steps[-1].truth.position - moved.position).norm() < CONFIG.goal_tolerance_m + 0.01
+    assert planner.horizons[4] == MISSION.steps, "there is time for the whole way to the new goal"
+    assert len(steps) > MISSION.steps
+
+
+def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():
+    gust = StateNoise(0.3, 0.0, 0.0, 0.0)
+    asked = []
+
+    def orders() -> Orders:
+        asked.append(None)
+        return Orders(gust=gust if len(asked) == 3 else None)
+
+    steps = steps_of(fly(mission=replace(MISSION, orders=orders)))
+    off = [(step.truth.position - before.plan.states[1].position).norm() for before, step in pairwise(steps)]
+    assert off[2] > 0.1
+    assert max(off[:2] + off[3:]) < 0.02

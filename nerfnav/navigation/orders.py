@@ -1,0 +1,39 @@
+"""What may change while a robot flies: where it is to arrive, and what disturbs it."""
+
+from dataclasses import dataclass, replace
+
+import torch
+
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.robots.state import RigidState
+
+
+@dataclass(frozen=True)
+class Orders:
+    """What is asked of the flight for its next time step."""
+
+    goal: RigidState | None = None
+    """Where it shall arrive from now on; None: where it is going already."""
+    gust: StateNoise | None = None
+    """A disturbance that comes on top of the usual one in this time step."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where a flight is going."""
+
+    goal: RigidState
+    """Where it shall arrive."""
+    since: int = 0
+    """The time step at which this became the goal."""
+
+    def heeding(self, orders: Orders, index: int) -> "Course":
+        """The course after orders that came at time step `index`."""
+        goal = orders.goal
+        if goal is None or _same(goal, self.goal):
+            return self
+        return replace(self, goal=goal, since=index)
+
+
+def _same(one: RigidState, other: RigidState) -> bool:
+    return torch.equal(one.position, other.position) and torch.equal(one.rotation, other.rotation)
