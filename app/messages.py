@@ -8,6 +8,7 @@ import numpy as np
 from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.events import JobEvent
+from app.flying import FlightSettings
 from app.place import Place
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import RigidState
@@ -41,6 +42,18 @@ class Choose:
     """Take another robot, planner or estimator."""
 
     choice: Choice
+
+
+@dataclass(frozen=True)
+class SetFlight:
+    """Fly otherwise: the noise and the seed from the next flight on, the speed at once."""
+
+    settings: FlightSettings
+
+
+@dataclass(frozen=True)
+class Gust:
+    """Push the flying robot, once."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +105,8 @@ Command = (
     | ChooseTask
     | OpenPlace
     | Choose
+    | SetFlight
+    | Gust
     | StartPlan
     | StartFlight
     | Cancel

@@ -6,12 +6,13 @@ from app import messages as m
 from app.choice import Choice
 from app.ends import Ends
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
+from app.flying import FlightSettings
 from app.place import Place
 from app.records import FlightRecord, PlanRecord
 from app.session import Job, JobKind, Notice, Session, opening_ends
 from app.sources import title_of, without_folder
 from nerfnav import robots
-from nerfnav.errors import UnknownNameError
+from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanOutcome, PlanStep
@@ -84,6 +85,13 @@ def _command(session: Session, command: m.Command) -> Session:
             return _open(session, what)
         case m.Choose(choice):
             return _choose(session, session.place, choice)
+        case m.SetFlight(settings):
+            return _set_flight(session, settings)
+        case m.Gust():
+            job = session.job
+            if job is None or job.kind is not JobKind.FLY:
+                return session
+            return replace(session, job=replace(job, gusts=job.gusts + 1))
         case m.StartPlan():
             return _begin(session, JobKind.PLAN)
         case m.StartFlight():
@@ -121,6 +129,15 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
     return _settled(replace(_cancel(chosen), plan=None, flight=None, view=None), other)
 
 
+def _set_flight(session: Session, settings: FlightSettings) -> Session:
+    try:
+        settings.check()
+    except InvalidInputError as error:
+        return noticed(session, "Not taken", f"{str(error).capitalize()}.", bad=True)
+    job = None if session.job is None else replace(session.job, pace=settings.pace)
+    return replace(session, flying=settings, job=job)
+
+
 def _settled(session: Session, place: Place) -> Session:
     """The session in a place, at the ends of the first task that is there for the robot."""
     tasks = place.tasks
@@ -136,13 +153,23 @@ def _move_end(session: Session, place: Place, move: m.MoveEnd) -> Session:
     if end == session.ends.of(move.which):
         return session
     problems = {which: problem for which, problem in session.problems.items() if which is not move.which}
-    return replace(session, ends=session.ends.moved(move.which, end), task=None, problems=problems)
+    ends = session.ends.moved(move.which, end)
+    return replace(session, ends=ends, task=None, problems=problems, flight=_followed(session, ends))
+
+
+def _followed(session: Session, ends: Ends) -> FlightRecord | None:
+    """The flight after an end was moved: while it is under way, it goes where the goal is now."""
+    flight, job = session.flight, session.job
+    if flight is None or job is None or job.kind is not JobKind.FLY:
+        return flight
+    return replace(flight, ends=Ends(flight.ends.start, ends.goal))
 
 
 def _begin(session: Session, kind: JobKind) -> Session:
     if session.job is not None:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
+    job = replace(job, pace=session.flying.pace)
     begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1, flight=None)
     if kind is JobKind.PLAN:
         return replace(begun, plan=PlanRecord(session.ends))

@@ -10,6 +10,7 @@ from enum import Enum
 
 from app.choice import Choice
 from app.ends import End, Ends, Which
+from app.flying import FlightSettings
 from app.messages import EndQuestion, PlanQuestion, Question, View, ViewQuestion
 from app.place import Place
 from app.records import FlightRecord, PlanRecord
@@ -48,6 +49,10 @@ class Job:
     """Whether to hold once the flight has reported `steps_granted` time steps."""
     steps_granted: int = 0
     """How far a paused flight may go; it holds at once where it has gone that far."""
+    pace: float = 0.0
+    """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
+    gusts: int = 0
+    """How many gusts a flight was asked to endure so far."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +77,8 @@ class Session:
     """Scene name or field file that is opened."""
     choice: Choice = field(default_factory=Choice)
     """Which robot, planner and estimator."""
+    flying: FlightSettings = field(default_factory=FlightSettings)
+    """How flights are flown."""
     place: Place | None = None
     """None while it is being opened."""
     surface: bytes | None = None

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import torch
 from app.choice import Choice
 from app.ends import Ends
 from app.events import JobFinished
+from app.helm import Helm
 from app.jobs import fly, plan, scene
 from app.jobs.fly import CAMERA, FlyRequest
 from app.jobs.plan import PlanRequest
@@ -38,7 +39,8 @@ class NavigationWork:
     plans: Mapping[str, PlanConfig | FastPlanConfig] = field(default_factory=dict)
     """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
-    """How a flight is flown; its `plan` gives way to the above."""
+    """How a flight is flown; its `plan` gives way to the above, its noise to what the session has."""
+    _helm: Helm | None = None
 
     def begin(self, session: Session, job: Job) -> Iterator[Any]:
         """The events of a job."""
@@ -49,13 +51,23 @@ class NavigationWork:
         if job.kind is JobKind.PLAN:
             return plan.run(route, session.place)
         made = job.first_plan.latest if job.first_plan is not None else None
+        self._helm = Helm(job)
+        flying = session.flying
         request = FlyRequest(
             route,
             plan=None if made is None else made.motion,
             estimator=session.choice.estimator,
-            config=self.navigate,
+            open_loop=flying.open_loop,
+            seed=flying.seed,
+            config=replace(self.navigate, noise=flying.noise),
+            orders=self._helm.orders,
         )
         return fly.run(request, session.place)
+
+    def follow(self, session: Session) -> None:
+        """Let a flight know what the session wants of it now."""
+        if self._helm is not None:
+            self._helm.follow(session)
 
     def answer(self, session: Session, question: Question) -> Answer:
         """Whether the robot fits at an end, or what the field looks like from a state."""

@@ -34,6 +34,10 @@ class Work(Protocol):
         """The answer to a question of the page."""
         ...
 
+    def follow(self, session: Session) -> None:
+        """Let the running job know of the session as it is now."""
+        ...
+
 
 class Worker:
     """Runs the wanted job on a thread of its own and posts what it yields."""
@@ -83,8 +87,14 @@ class Worker:
             while not self._stopping:
                 if self._wanted is not None and self._has_work(self._wanted):
                     return self._wanted
-                self._changed.wait()
+                self._changed.wait(self._rest_s(self._wanted))
             return None
+
+    def _rest_s(self, session: Session | None) -> float | None:
+        """How long there is nothing to do unless the session changes [s]; None where that is for good."""
+        if self._running is None or session is None or session.job is None:
+            return None
+        return self._running.rest_s(session.job) or None
 
     def _has_work(self, session: Session) -> bool:
         running, job = self._running, session.job
@@ -128,6 +138,7 @@ class Worker:
     def _advance(self, session: Session) -> None:
         running, job = self._running, session.job
         if running is not None and job is not None and running.may_go_on(job):
+            self._work.follow(session)
             self._post(Reported(running.id, running.next_event()))
 
 
@@ -139,18 +150,29 @@ class _Running:
         self._name = job.kind.value
         self._ended = False
         self._time_steps = 0
-        self._events = self._begun(job, work, session)
+        self._step_s, self._step_began, self._begun_at = 0.0, 0.0, 0.0
+        self._between_steps = True
+        self._events = self._begin(job, work, session)
 
     @staticmethod
-    def _begun(job: Job, work: Work, session: Session) -> Generator[Any, None, None]:
+    def _begin(job: Job, work: Work, session: Session) -> Generator[Any, None, None]:
         yield from work.begin(session, job)
 
     def may_go_on(self, job: Job) -> bool:
         """Whether there is a next step, and the job is not held before it."""
-        return not self._ended and not (job.paused and self._time_steps >= job.steps_granted)
+        held = job.paused and self._time_steps >= job.steps_granted
+        return not self._ended and not held and self.rest_s(job) == 0
+
+    def rest_s(self, job: Job) -> float:
+        """How long to wait before the next time step, so that a flight is not faster than its pace [s]."""
+        if job.pace <= 0 or self._time_steps == 0:
+            return 0.0
+        return max(0.0, self._step_began + self._step_s / job.pace - time.monotonic())
 
     def next_event(self) -> Any:
         """What the job yields next; the end and failures of a job are events too."""
+        if self._between_steps:
+            self._begun_at, self._between_steps = time.monotonic(), False
         try:
             event = next(self._events)
         except StopIteration:
@@ -161,7 +183,9 @@ class _Running:
             _log.exception("the job %s broke", self._name)
             event = JobFailed(self._name, _describe(error))
         self._ended = isinstance(event, JobCancelled | JobFailed | JobFinished)
-        self._time_steps += isinstance(event, NavigationStep)
+        if isinstance(event, NavigationStep):
+            self._time_steps += 1
+            self._step_s, self._step_began, self._between_steps = event.plan.dt, self._begun_at, True
         return event
 
     def close(self) -> None:

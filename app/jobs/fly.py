@@ -1,6 +1,6 @@
 """Fly: Algorithm 1 in a simulated world, from a plan to an episode."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from nerfnav.export.tables import csv_text, episode_table, json_text
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import Camera, Pose
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate, with_room
 from nerfnav.navigation.simulator import CameraFunction, Simulator
 from nerfnav.navigation.steps import LoopEvent, NavigationStep
@@ -48,6 +49,8 @@ class FlyRequest:
     """Seed of everything random: noise, first belief, choice of pixels."""
     config: NavigateConfig = field(default_factory=NavigateConfig)
     """How the flight is flown; its `plan` gives way to the settings of the route."""
+    orders: Callable[[], Orders] = Orders
+    """Asked at each time step for what has changed on the way."""
     out: Path | None = None
     """Folder for the episode and trajectory.csv, trajectory.json; None writes nothing."""
 
@@ -110,7 +113,7 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     simulator = Simulator(
         place.robot, route.start_state, _camera(place), generator, noise=config.noise, contact=contact
     )
-    mission = Mission(route.goal_state, route.steps, route.dt, request.plan)
+    mission = Mission(route.goal_state, route.steps, route.dt, request.plan, request.orders)
     return navigate(mission, simulator, pilot, config, generator)
 
 

@@ -6,6 +6,7 @@ from typing import Protocol
 import viser
 
 from app.messages import Command
+from app.panels.camera import CameraPanel
 from app.panels.ends import EndsPanel
 from app.panels.export import ExportPanel
 from app.panels.fly import FlyPanel
@@ -26,7 +27,7 @@ class Panel(Protocol):
 
 def panels(server: viser.ViserServer, post: Callable[[Command], None], uploads: Uploads) -> tuple[Panel, ...]:
     """Put up all panels; `post` takes what the user asks, `uploads` what the user brings."""
-    made: list[Panel] = [StatusPanel(server)]
+    made: list[Panel] = [StatusPanel(server), CameraPanel(server)]
     tabs = server.gui.add_tab_group()
     with tabs.add_tab("Scene", viser.Icon.MAP_2):
         made += [PlacePanel(server, post, uploads), EndsPanel(server, post)]

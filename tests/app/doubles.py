@@ -108,6 +108,9 @@ class ScriptedWork:
         finally:
             self.closed.append(job.id)
 
+    def follow(self, session: Session) -> None:
+        """Scripts go their way."""
+
     def answer(self, session: Session, question: Question) -> Answer:
         """All ends are free, all views are grey."""
         self.asked.append(question)

@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 import scenes
 from app import messages as m
 from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.events import JobFailed, JobFinished, Progress
+from app.flying import GUST, FlightSettings
+from app.helm import Helm
 from app.records import CostHistory, PlanRecord
 from app.reduce import reduce
 from app.session import JobKind, Session
@@ -319,3 +322,46 @@ def test_slow_planners_do_not_follow_the_hand(opened: Session) -> None:
     session = after(session, m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
     session = after(session, *(m.EndReport(m.EndQuestion(which, session.ends.of(which)), None) for which in Which))
     assert not any(isinstance(question, m.PlanQuestion) for question in session.questions)
+
+
+@pytest.mark.parametrize(
+    "bad", [FlightSettings(seed=-1), FlightSettings(position_noise_m=math.nan), FlightSettings(pace=1e9)]
+)
+def test_settings_that_no_flight_can_have_are_refused_with_a_notice(opened: Session, bad: FlightSettings) -> None:
+    told = after(opened, m.SetFlight(bad))
+    assert told.flying == opened.flying
+    assert told.trouble is not None and "must be" in told.trouble.body
+
+
+def test_the_pace_counts_at_once_and_noise_from_the_next_flight_on(opened: Session) -> None:
+    flying = after(planned(opened), m.StartFlight(), m.SetFlight(FlightSettings(pace=1.0, position_noise_m=0.0)))
+    assert flying.job is not None and flying.job.pace == 1.0
+    assert flying.flying.noise.position_m == 0.0
+
+
+def test_a_gust_is_for_a_flight_under_way(opened: Session) -> None:
+    assert after(opened, m.Gust()) is opened
+    flying = after(planned(opened), m.StartFlight(), m.Gust(), m.Gust())
+    assert flying.job is not None and flying.job.gusts == 2
+
+
+def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: Session) -> None:
+    flying = after(planned(opened), m.StartFlight())
+    assert flying.job is not None and flying.flight is not None
+    helm = Helm(flying.job)
+    there = End((0.4, -0.4, 0.4))
+    dragged = after(flying, m.MoveEnd(Which.GOAL, there))
+    helm.follow(dragged)
+    assert torch.equal(helm.orders().goal.position, opened.ends.goal.state().position)  # type: ignore[union-attr]
+    assert dragged.flight is not None and not dragged.flight_is_stale
+    free = after(dragged, m.EndReport(m.EndQuestion(Which.GOAL, there), None))
+    helm.follow(free)
+    assert torch.equal(helm.orders().goal.position, there.state().position)  # type: ignore[union-attr]
+
+
+def test_each_gust_is_felt_once(opened: Session) -> None:
+    flying = after(planned(opened), m.StartFlight())
+    assert flying.job is not None
+    helm = Helm(flying.job)
+    helm.follow(after(flying, m.Gust()))
+    assert [helm.orders().gust for _ in range(3)] == [GUST, None, None]

@@ -43,7 +43,7 @@ name => {
 
 _TAB_OF_BUTTON = {
     **dict.fromkeys(("Plan", "Cancel"), "Plan"),
-    **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop"), "Fly"),
+    **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop", "Gust"), "Fly"),
     **dict.fromkeys(("CSV", "JSON", "Reset"), "Export"),
 }
 
