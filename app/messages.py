@@ -1,17 +1,15 @@
-"""What the session reacts to: commands of the user, questions that the page raises and the worker answers."""
+"""What the session reacts to: commands of the user, reports of jobs, answers to its questions, the time."""
 
-from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
+from dataclasses import dataclass
 
 from app.choice import Choice
-from app.ends import End, Ends, Which
+from app.ends import End, Which
 from app.events import JobEvent
 from app.flying import FlightSettings
+from app.look import Eye, Look
 from app.place import Place
-from nerfnav.planner.steps import PlanStep
-from nerfnav.robots.state import RigidState
+from app.questions import Answer, Vector
+from app.runs.commands import RunCommand
 
 
 @dataclass(frozen=True)
@@ -42,6 +40,46 @@ class Choose:
     """Take another robot, planner or estimator."""
 
     choice: Choice
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Let the next click into the scene put an end there; None: let clicks be clicks."""
+
+    which: Which | None
+
+
+@dataclass(frozen=True)
+class Point:
+    """A click into the scene."""
+
+    origin: Vector
+    """Where the ray of the click begins [m]."""
+    direction: Vector
+    """Where it goes, of any length."""
+
+
+@dataclass(frozen=True)
+class SetLook:
+    """Draw the place otherwise."""
+
+    look: Look
+
+
+@dataclass(frozen=True)
+class Looked:
+    """Somebody looks from somewhere else."""
+
+    client: int
+    """Which tab."""
+    eye: Eye
+
+
+@dataclass(frozen=True)
+class Left:
+    """A tab was closed."""
+
+    client: int
 
 
 @dataclass(frozen=True)
@@ -105,6 +143,11 @@ Command = (
     | ChooseTask
     | OpenPlace
     | Choose
+    | Aim
+    | Point
+    | SetLook
+    | Looked
+    | Left
     | SetFlight
     | Gust
     | StartPlan
@@ -114,6 +157,7 @@ Command = (
     | Resume
     | StepOnce
     | Reset
+    | RunCommand
     | Tell
 )
 
@@ -143,67 +187,10 @@ class Reported:
 
 
 @dataclass(frozen=True)
-class EndQuestion:
-    """Does the robot fit here?"""
-
-    which: Which
-    end: End
-
-
-@dataclass(frozen=True)
-class EndReport:
-    """Whether the robot fits at an end."""
-
-    question: EndQuestion
-    problem: str | None
-    """One sentence, or None where all is well."""
-
-
-@dataclass(frozen=True)
-class ViewQuestion:
-    """What does the field look like to a robot's camera?"""
-
-    key: tuple[Any, ...]
-    """What the view is of; two questions of one key have the same answer."""
-    states: tuple[RigidState, ...] = field(compare=False)
-    """From where it looks."""
-
-
-@dataclass(frozen=True)
-class PlanQuestion:
-    """What is the plan between these ends now?"""
-
-    ends: Ends
-    choice: Choice
-
-
-@dataclass(frozen=True)
-class Replanned:
-    """A plan that followed the hand."""
-
-    question: PlanQuestion
-    steps: tuple[PlanStep, ...] = field(compare=False)
-    """Its iterations; empty where there is no plan."""
-    summary: dict[str, Any] = field(compare=False)
-    """The job's numbers."""
-
-
-@dataclass(frozen=True)
 class Tick:
     """Some time has passed."""
 
     seconds: float
 
 
-@dataclass(frozen=True)
-class View:
-    """The field as a robot's camera would see it."""
-
-    question: ViewQuestion
-    images: tuple[np.ndarray, ...] = field(compare=False)
-    """One for each state, (height, width, 3), sRGB bytes."""
-
-
-Question = EndQuestion | ViewQuestion | PlanQuestion
-Answer = EndReport | View | Replanned
 Message = Command | Reported | Answer | Tick

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.messages import View
+from app.questions import View
 from app.records import FlightRecord
 from app.theme import BELIEF, HIT
 from nerfnav.estimator.steps import FilterStep

@@ -1,23 +1,29 @@
 """How the session moves on: one pure function of a session and a message, `session = reduce(session, message)`."""
 
+import math
 from dataclasses import replace
 
 from app import messages as m
+from app import questions as q
+from app.answers import answered
+from app.changes import moved, noticed
 from app.choice import Choice
 from app.ends import Ends
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
 from app.flying import FlightSettings
+from app.look import Look
 from app.place import Place
 from app.records import FlightRecord, PlanRecord
-from app.session import Job, JobKind, Notice, Session, opening_ends
+from app.runs.changes import commanded, rolled, source_elsewhere
+from app.runs.commands import CompareRun, DeleteRun, OpenRun, PlayBack, RenameRun, Scrub
+from app.runs.questions import RunsReport
+from app.session import Job, JobKind, Session, opening_ends
 from app.sources import title_of, without_folder
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanOutcome, PlanStep
-
-_NOTICES_KEPT = 5
 
 
 def reduce(session: Session, message: m.Message) -> Session:
@@ -27,31 +33,17 @@ def reduce(session: Session, message: m.Message) -> Session:
             # a cancelled job may still report: it is no longer the one that is wanted
             wanted = session.job is not None and session.job.id == job
             return _report(session, event) if wanted else session
-        case m.EndReport(question, problem):
-            if session.ends.of(question.which) != question.end:
-                return session
-            return replace(session, problems={**session.problems, question.which: problem})
-        case m.View():
-            return replace(session, view=message)
-        case m.Replanned():
-            return _replanned(session, message)
+        case (
+            q.EndReport() | q.View() | q.Replanned() | q.Landed() | q.EyeView() | q.SpaceView() | q.SliceView()
+            | RunsReport()
+        ):
+            return answered(session, message)
         case m.Tick(seconds):
-            return _passed(session, seconds)
+            return rolled(_passed(session, seconds), seconds)
         case m.Tell(title, body, bad):
             return noticed(session, title, body, bad)
         case _:
             return _command(session, message)
-
-
-def _replanned(session: Session, answer: m.Replanned) -> Session:
-    """The plan between the ends as they are now; an answer for earlier ends comes too late."""
-    asked = answer.question
-    if session.job is not None or (asked.ends, asked.choice) != (session.ends, session.choice):
-        return session
-    plan = PlanRecord(session.ends, summary=answer.summary)
-    for step in answer.steps:
-        plan = plan.with_step(step)
-    return replace(session, plan=plan)
 
 
 def _passed(session: Session, seconds: float) -> Session:
@@ -63,28 +55,35 @@ def _passed(session: Session, seconds: float) -> Session:
     return replace(session, plan=replace(plan, replayed=share if share < 1 else None))
 
 
-def noticed(session: Session, title: str, body: str, bad: bool = False) -> Session:
-    """The session with one more notice."""
-    number = session.notices[-1].id + 1 if session.notices else 0
-    notice = Notice(number, title, body, bad, session.jobs_begun)
-    return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])
-
-
 def _command(session: Session, command: m.Command) -> Session:
     if session.place is None:  # nothing can be asked before the place is open, but to give it up
         if isinstance(command, m.OpenPlace):
             return _open(session, command.what)
         return _cancel(session) if isinstance(command, m.Cancel) and session.before is not None else session
     match command:
-        case m.MoveEnd():
-            return _move_end(session, session.place, command)
+        case m.MoveEnd(which, end):
+            return moved(session, session.place, which, end)
         case m.ChooseTask(name):
             ends = opening_ends(session.place, name)
             return session if ends is None else replace(session, task=name, home=name, ends=ends, problems={})
         case m.OpenPlace(what):
             return _open(session, what)
+        case OpenRun(name) if (source := source_elsewhere(session, name)) is not None:
+            return commanded(_open(session, source), command)
+        case OpenRun() | CompareRun() | RenameRun() | DeleteRun() | Scrub() | PlayBack():
+            return commanded(session, command)
         case m.Choose(choice):
             return _choose(session, session.place, choice)
+        case m.Aim(which):
+            return replace(session, aiming=which)
+        case m.Point(origin, direction):
+            return _pointed(session, origin, direction)
+        case m.SetLook(look):
+            return _set_look(session, look)
+        case m.Looked(client, eye):
+            return replace(session, sights=session.sights.looked(client, eye)) if eye.is_sound else session
+        case m.Left(client):
+            return replace(session, sights=session.sights.left(client))
         case m.SetFlight(settings):
             return _set_flight(session, settings)
         case m.Gust():
@@ -112,6 +111,7 @@ def _open(session: Session, what: str) -> Session:
     session = replace(session, before=None) if session.place is not None else session
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
     opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
+    opening = replace(opening, runs=session.runs.elsewhere())
     # a place that was never open is nothing to go back to
     return replace(opening, before=session if session.place is not None else session.before)
 
@@ -129,6 +129,21 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
     return _settled(replace(_cancel(chosen), plan=None, flight=None, view=None), other)
 
 
+def _pointed(session: Session, origin: q.Vector, direction: q.Vector) -> Session:
+    """The session that looks where a click lands, if an end is to be put there."""
+    if session.aiming is None or not all(map(math.isfinite, (*origin, *direction))) or not any(direction):
+        return session
+    return replace(session, clicked=q.PointQuestion(session.aiming, origin, direction), aiming=None)
+
+
+def _set_look(session: Session, look: Look) -> Session:
+    try:
+        look.check()
+    except InvalidInputError as error:
+        return noticed(session, "Not taken", f"{str(error).capitalize()}.", bad=True)
+    return replace(session, look=look)
+
+
 def _set_flight(session: Session, settings: FlightSettings) -> Session:
     try:
         settings.check()
@@ -143,26 +158,10 @@ def _settled(session: Session, place: Place) -> Session:
     tasks = place.tasks
     name = tasks[0].name if tasks else None
     ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
-    return replace(session, place=place, task=name, home=name, ends=ends, problems={})
-
-
-def _move_end(session: Session, place: Place, move: m.MoveEnd) -> Session:
-    if not move.end.is_finite:
-        return noticed(session, "Not a number", f"The {move.which.value} needs finite numbers.", bad=True)
-    end = move.end.kept_inside(place.field.box, margin=place.robot.body.radius)
-    if end == session.ends.of(move.which):
-        return session
-    problems = {which: problem for which, problem in session.problems.items() if which is not move.which}
-    ends = session.ends.moved(move.which, end)
-    return replace(session, ends=ends, task=None, problems=problems, flight=_followed(session, ends))
-
-
-def _followed(session: Session, ends: Ends) -> FlightRecord | None:
-    """The flight after an end was moved: while it is under way, it goes where the goal is now."""
-    flight, job = session.flight, session.job
-    if flight is None or job is None or job.kind is not JobKind.FLY:
-        return flight
-    return replace(flight, ends=Ends(flight.ends.start, ends.goal))
+    return replace(
+        session, place=place, task=name, home=name, ends=ends, problems={}, offers={}, aiming=None, clicked=None,
+        sights=session.sights.elsewhere(),
+    )  # fmt: skip
 
 
 def _begin(session: Session, kind: JobKind) -> Session:

@@ -17,10 +17,12 @@ import viser
 
 from app.guard import guarded_server
 from app.layers.ends import EndsLayer
+from app.layers.eyes import EyesLayer
 from app.layers.fly import FlyLayer
 from app.layers.notices import NoticesLayer
 from app.layers.plan import PlanLayer
 from app.layers.scene import SceneLayer
+from app.layers.sights import SightsLayer
 from app.messages import Message, Reported, Tick
 from app.net import check_address
 from app.panels.tabs import panels
@@ -104,6 +106,8 @@ class App:
         dress(server)
         layers: tuple[Shows, ...] = (
             SceneLayer(server),
+            SightsLayer(server),
+            EyesLayer(server, self.post),
             EndsLayer(server, self.post),
             PlanLayer(server),
             FlyLayer(server),
@@ -154,7 +158,7 @@ class App:
     def _next(self) -> Message | None:
         """The next message, or that a frame has passed where something moves by itself."""
         try:
-            return self._inbox.get(timeout=_FRAME_S if self._session.replaying else None)
+            return self._inbox.get(timeout=_FRAME_S if self._session.moves else None)
         except queue.Empty:
             return Tick(_FRAME_S)
 

@@ -1,8 +1,8 @@
 """The app's whole state as one frozen value.
 
-The session says what is wanted of the worker (`job`, `questions`) and everything that the page shows. No other place
-holds state: a reloaded page and a second tab show the same, and the logic is tested without a browser. `app.reduce`
-moves it from one message to the next.
+The session says what is wanted of the worker (`job`, and `app.asking`) and everything that the page shows. No other
+place holds state: a reloaded page and a second tab show the same, and the logic is tested without a browser.
+`app.reduce` moves it from one message to the next.
 """
 
 from dataclasses import dataclass, field
@@ -11,13 +11,14 @@ from enum import Enum
 from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.flying import FlightSettings
-from app.messages import EndQuestion, PlanQuestion, Question, View, ViewQuestion
+from app.look import Look
 from app.place import Place
+from app.questions import PointQuestion, View
 from app.records import FlightRecord, PlanRecord
+from app.runs.state import Runs
+from app.sights import Sights
 from nerfnav.planner.steps import PlanOutcome
 
-REAL_TIME = ("fast",)
-"""Planners that are quick enough to plan again while the hand still holds an end."""
 _FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
 
 
@@ -91,6 +92,16 @@ class Session:
     """Start and goal."""
     problems: dict[Which, str | None] = field(default_factory=dict)
     """What keeps the robot from an end, None where nothing does; absent while it is being looked at."""
+    offers: dict[Which, End] = field(default_factory=dict)
+    """Where the robot would fit near an end at which it does not."""
+    aiming: Which | None = None
+    """Which end the next click into the scene puts down."""
+    clicked: PointQuestion | None = None
+    """A click whose landing is being looked for."""
+    look: Look = field(default_factory=Look)
+    """What the page draws of the place."""
+    sights: Sights = field(default_factory=Sights)
+    """What was computed for that."""
     job: Job | None = None
     """What the worker is to do."""
     jobs_begun: int = 0
@@ -101,6 +112,8 @@ class Session:
     """The last flight."""
     view: View | None = None
     """The field's rendering of the last view that was asked for."""
+    runs: Runs = field(default_factory=Runs)
+    """Stored flights, and the timeline."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
     before: "Session | None" = None
@@ -134,40 +147,24 @@ class Session:
         return self.plan is not None and self.plan.replayed is not None
 
     @property
+    def moves(self) -> bool:
+        """Whether something changes with time alone."""
+        return self.replaying or self.runs.timeline.playing
+
+    @property
     def flight_is_stale(self) -> bool:
         """Whether start or goal have moved since the flight began."""
         return self.flight is not None and self.flight.ends != self.ends
 
     @property
+    def shown_flight(self) -> FlightRecord | None:
+        """The flight, as much of it as the timeline shows."""
+        return self.runs.shown(self.flight)
+
+    @property
     def steps_reported(self) -> int:
         """Time steps of the flight so far, the start included."""
         return len(self.flight.steps) if self.flight is not None else 0
-
-    @property
-    def questions(self) -> tuple[Question, ...]:
-        """What the page would like to know of the place now."""
-        if self.place is None:
-            return ()
-        asked: list[Question] = [
-            EndQuestion(which, self.ends.of(which)) for which in Which if which not in self.problems
-        ]
-        flight = self.flight
-        if flight is not None and flight.steps:
-            seen = ViewQuestion(("flight", self.jobs_begun, len(flight.steps)), (flight.steps[-1].belief.mean,))
-        else:
-            seen = ViewQuestion(("ends", self.ends), (self.ends.start.state(), self.ends.goal.state()))
-            if self._wants_plan_again:
-                asked.append(PlanQuestion(self.ends, self.choice))
-        if self.view is None or self.view.question != seen:
-            asked.append(seen)
-        return tuple(asked)
-
-
-    @property
-    def _wants_plan_again(self) -> bool:
-        """Whether the ends of a plan were moved and the robot fits at both: it follows the hand."""
-        free = len(self.problems) == len(Which) and not any(self.problems.values())
-        return self.plan_is_stale and self.job is None and free and self.choice.planner in REAL_TIME
 
 
 def opening_ends(place: Place, task: str | None) -> Ends | None:

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -11,6 +12,7 @@ from trimesh.visual.color import ColorVisuals
 
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
+_CUTS = 100  # heights at which a surface can be cut
 
 
 def without_specks(mesh: trimesh.Trimesh, least_faces: int) -> trimesh.Trimesh:
@@ -31,7 +33,7 @@ def without_specks(mesh: trimesh.Trimesh, least_faces: int) -> trimesh.Trimesh:
 def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
     """A mesh with vertex colours as binary glTF that viewers show as it is, without light (KHR_materials_unlit)."""
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f4")
-    faces = np.ascontiguousarray(mesh.faces, dtype="<u4")
+    faces, below = _by_height(vertices, np.asarray(mesh.faces))
     # colours of glTF are linear; 16 bits, or dark ones show bands
     srgb = _vertex_colors(mesh) / 255.0
     curved = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
@@ -49,7 +51,7 @@ def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
         {"bufferView": 1, "componentType": _UINT16, "normalized": True, "count": len(vertices), "type": "VEC4"},
         {"bufferView": 2, "componentType": _UINT32, "count": faces.size, "type": "SCALAR"},
     ]
-    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0}
+    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "extras": {"below": below}}
     return _glb(
         {
             "asset": {"version": "2.0"},
@@ -67,13 +69,45 @@ def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
     )
 
 
+def dressed(glb: bytes, opacity: float, clip: float) -> bytes:
+    """A surface from `unlit_glb`, less opaque (0 to 1), and without what is above a share `clip` of its height."""
+    document, binary = _parts(glb)
+    (primitive,) = document["meshes"][0]["primitives"]
+    indices = document["accessors"][primitive["indices"]]
+    # the faces stand in the order of their heights: what is cut off are the last ones
+    indices["count"] = max(3, 3 * primitive["extras"]["below"][round(_CUTS * clip)])
+    if opacity < 1:
+        document["materials"][0] |= {
+            "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, opacity]}
+        }  # fmt: skip
+    return _glb(document, binary)
+
+
+def _by_height(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[int]]:
+    """Faces in the order of their highest vertices, and how many are below each percent of the height."""
+    if len(faces) == 0:
+        return np.zeros((0, 3), "<u4"), [0] * (_CUTS + 1)
+    height = vertices[faces, 2].max(1)
+    order = np.argsort(height, kind="stable")
+    cuts = np.linspace(vertices[:, 2].min(), vertices[:, 2].max(), _CUTS + 1)
+    below = np.searchsorted(height[order], cuts, side="right")
+    return np.ascontiguousarray(faces[order], dtype="<u4"), [*below[:-1].tolist(), len(faces)]
+
+
 def _vertex_colors(mesh: trimesh.Trimesh) -> np.ndarray:
     """sRGB bytes (n, 3)."""
     assert isinstance(mesh.visual, ColorVisuals), "only vertex colours are shown as they are"
     return np.asarray(mesh.visual.vertex_colors)[:, :3]
 
 
-def _glb(document: dict[str, object], binary: bytes) -> bytes:
+def _parts(glb: bytes) -> tuple[dict[str, Any], bytes]:
+    """The JSON and the data of a binary glTF that `_glb` has made."""
+    (length,) = struct.unpack_from("<I", glb, 12)
+    document = json.loads(glb[20 : 20 + length])
+    return document, glb[20 + length + 8 :][: document["buffers"][0]["byteLength"]]
+
+
+def _glb(document: dict[str, Any], binary: bytes) -> bytes:
     """The container of binary glTF: a header, a chunk of JSON, a chunk of data, each padded to 4 bytes."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)

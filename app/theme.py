@@ -66,10 +66,10 @@ def dress(server: viser.ViserServer) -> None:
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(_PANEL_WIDTH)
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
-    server.scene.set_background_image(_night(), format="png")
+    server.scene.set_background_image(night(), format="png")
 
 
-def _night(rows: int = 256) -> np.ndarray:
+def night(rows: int = 256) -> np.ndarray:
     """A still, dark gradient behind the scene."""
     share = np.linspace(0, 1, rows)[:, None, None]
     column = (1 - share) * np.array(_NIGHT_TOP) + share * np.array(_NIGHT_BOTTOM)

@@ -5,29 +5,35 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-import torch
-
+from app import sensing
 from app.choice import Choice
 from app.ends import Ends
 from app.events import JobFinished
 from app.helm import Helm
 from app.jobs import fly, plan, scene
-from app.jobs.fly import CAMERA, FlyRequest
+from app.jobs.fly import FlyRequest
 from app.jobs.plan import PlanRequest
-from app.messages import Answer, EndQuestion, EndReport, PlanQuestion, Question, Replanned, View, ViewQuestion
-from app.place import Place, occupancy_of
+from app.place import Place
+from app.questions import (
+    Answer,
+    EndQuestion,
+    EyeQuestion,
+    PlanQuestion,
+    PointQuestion,
+    Question,
+    Replanned,
+    SliceQuestion,
+    SpaceQuestion,
+    ViewQuestion,
+)
+from app.runs.questions import RunsQuestion, RunsReport, report
+from app.runs.shelf import Shelf
 from app.session import Job, JobKind, Session
 from nerfnav.errors import NerfnavError
-from nerfnav.field.render import render_image
-from nerfnav.geometry.camera import FORWARD_MOUNT
 from nerfnav.navigation.replan import NavigateConfig
-from nerfnav.planner.ends import nearest_free
 from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
-from nerfnav.robots.state import RigidState
 
 
 @dataclass
@@ -40,6 +46,8 @@ class NavigationWork:
     """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
     """How a flight is flown; its `plan` gives way to the above, its noise to what the session has."""
+    shelf: Shelf | None = field(default_factory=Shelf)
+    """Where flights are kept; None keeps none."""
     _helm: Helm | None = None
 
     def begin(self, session: Session, job: Job) -> Iterator[Any]:
@@ -61,6 +69,9 @@ class NavigationWork:
             seed=flying.seed,
             config=replace(self.navigate, noise=flying.noise),
             orders=self._helm.orders,
+            source=session.what,
+            task=session.task,
+            out=None if self.shelf is None else self.shelf.new(session.place.name),
         )
         return fly.run(request, session.place)
 
@@ -70,14 +81,26 @@ class NavigationWork:
             self._helm.follow(session)
 
     def answer(self, session: Session, question: Question) -> Answer:
-        """Whether the robot fits at an end, or what the field looks like from a state."""
+        """What the page would like to know of the place."""
         place = session.place
         assert place is not None, "there are no questions before the place is open"
-        if isinstance(question, ViewQuestion):
-            return View(question, tuple(view_from(place, state) for state in question.states))
-        if isinstance(question, PlanQuestion):
-            return self._replanned(question, place)
-        return EndReport(question, problem_at(place, question, occupancy_of(place, OccupancyConfig())))
+        match question:
+            case PlanQuestion():
+                return self._replanned(question, place)
+            case EndQuestion():
+                return sensing.end_report(place, question)
+            case PointQuestion():
+                return sensing.landing(place, question)
+            case ViewQuestion():
+                return sensing.view(place, question)
+            case EyeQuestion():
+                return sensing.eye_view(place, question)
+            case SpaceQuestion():
+                return sensing.space_view(place, question)
+            case RunsQuestion():
+                return RunsReport(question) if self.shelf is None else report(self.shelf, question)
+            case SliceQuestion():
+                return sensing.slice_view(place, question)
 
     def _replanned(self, question: PlanQuestion, place: Place) -> Replanned:
         steps, summary = [], {}
@@ -95,21 +118,3 @@ class NavigationWork:
         return PlanRequest(
             start.position, goal.position, start.yaw, goal.yaw, planner=choice.planner, config=config
         )
-
-
-def problem_at(place: Place, question: EndQuestion, occupancy: OccupancyMap) -> str | None:
-    """Why the robot cannot be at this end, or None."""
-    body, state = place.robot.body, question.end.state()
-    if body_density(place.field, body, state) <= occupancy.config.threshold:
-        return None
-    nearest = nearest_free(place.field, body, state, occupancy)
-    if nearest is None:
-        return f"the {question.which.value} is in occupied space, far from any free point."
-    x, y, z = nearest.tolist()
-    return f"the {question.which.value} is in occupied space; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
-
-
-def view_from(place: Place, state: RigidState) -> np.ndarray:
-    """The field as the robot's camera would see it, sRGB bytes."""
-    rendering = render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT))
-    return (255 * rendering.color.clamp(0, 1)).round().to(torch.uint8).numpy()

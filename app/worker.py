@@ -13,8 +13,10 @@ from typing import Any, Protocol
 
 import torch
 
+from app.asking import questions_of
 from app.events import JobCancelled, JobFailed, JobFinished
-from app.messages import Answer, Question, Reported, Tell
+from app.messages import Reported, Tell
+from app.questions import Answer, Question
 from app.session import Job, Session
 from nerfnav.errors import NerfnavError
 from nerfnav.navigation.steps import NavigationStep
@@ -61,7 +63,7 @@ class Worker:
         """From now on, do what `session` wants."""
         with self._changed:
             self._wanted = session
-            self._answered.intersection_update(session.questions)
+            self._answered.intersection_update(questions_of(session))
             self._changed.notify()
 
     def stop(self, timeout_s: float = 10.0) -> None:
@@ -116,7 +118,7 @@ class Worker:
         busy = self._running is not None and session.job is not None and self._running.may_go_on(session.job)
         if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
             return None
-        return next((question for question in session.questions if question not in self._answered), None)
+        return next((question for question in questions_of(session) if question not in self._answered), None)
 
     def _answer_one(self) -> None:
         with self._changed:

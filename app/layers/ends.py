@@ -1,13 +1,14 @@
 """Start and goal: a body to drag about, with its name."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import viser
 
 from app.ends import End, Which
 from app.layers.nodes import robot_shape, yaw_quaternion
-from app.messages import MoveEnd
+from app.messages import Command, MoveEnd, Point
 from app.session import Session
 from app.theme import GOAL, HIT, START
 from nerfnav.robots.robot import Robot
@@ -20,10 +21,14 @@ _COLORS = {Which.START: START, Which.GOAL: GOAL}
 class EndsLayer:
     """Shows start and goal once the place is open."""
 
-    def __init__(self, server: viser.ViserServer, post: Callable[[MoveEnd], None]) -> None:
-        """`post` takes what the user drags."""
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user drags, and where the user clicks."""
         self._server, self._post = server, post
         self._handles: dict[Which, _Handle] = {}
+
+        @server.scene.on_click()
+        def _(event: viser.SceneClickEvent) -> None:
+            post(Point(_vector(event.ray_origin), _vector(event.ray_direction)))
 
     def show(self, session: Session) -> None:
         """Put the handles where start and goal are."""
@@ -40,7 +45,7 @@ class EndsLayer:
 class _Handle:
     """One end: a gizmo with the robot's body and a label."""
 
-    def __init__(self, server: viser.ViserServer, which: Which, robot: Robot, post: Callable[[MoveEnd], None]) -> None:
+    def __init__(self, server: viser.ViserServer, which: Which, robot: Robot, post: Callable[[Command], None]) -> None:
         self._which, self._post, self._end = which, post, End()
         self._robot = robot
         self._dragged = False
@@ -74,11 +79,7 @@ class _Handle:
     async def _moved(self, event: viser.TransformControlsEvent) -> None:
         """Runs on the server's event loop, so that moves keep their order."""
         self._dragged = event.phase != "end"
-        position = np.asarray(event.target.position, dtype=np.float64)
-        if position.shape != (3,):  # a page can send anything
-            position = np.full(3, np.nan)
-        x, y, z = position.tolist()
-        self._post(MoveEnd(self._which, End((x, y, z), self._end.yaw)))
+        self._post(MoveEnd(self._which, End(_vector(event.target.position), self._end.yaw)))
 
     def show(self, end: End, blocked: bool) -> None:
         """Put the handle at `end`; while a user drags it, that user's hand is ahead of the session."""
@@ -89,3 +90,10 @@ class _Handle:
         self._body.wxyz = yaw_quaternion(end.yaw)
         self._body.color = HIT if blocked else _COLORS[self._which]
         self._label.text = f"{self._which.value}: no room" if blocked else self._which.value
+
+
+def _vector(numbers: Any) -> tuple[float, float, float]:
+    """Three numbers, not a number where the page has sent something else."""
+    values = np.asarray(numbers, dtype=np.float64)
+    x, y, z = values.tolist() if values.shape == (3,) else 3 * [np.nan]
+    return x, y, z

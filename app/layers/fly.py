@@ -5,16 +5,16 @@ import trimesh
 import viser
 import viser.transforms as tf
 
-from app.layers.nodes import Bodies, Line, positions, quaternions, robot_shape
-from app.records import FlightRecord
+from app.layers.nodes import Bodies, Fan, Line, positions, quaternions, robot_shape
 from app.session import Session
 from app.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav.estimator.belief import Belief
 from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import POSITION, RigidState
+from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
 
 _CHI_95 = 2.7955
 """Square root of the 95 % quantile of the chi-squared distribution with three degrees of freedom."""
+_NOSE, _RIM = 0.2, 12  # length [m] and number of the lines that show where the nose may point
 _LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
 
 
@@ -29,19 +29,20 @@ class FlyLayer:
         ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
         self._covariance = Bodies(server, "/flight/covariance", ball, BELIEF, opacity=0.3)
         self._means = Bodies(server, "/flight/means", ball, BELIEF, opacity=None)
+        self._nose = Fan(server, "/flight/attitude", BELIEF, 0.004)
         self._hits = Bodies(server, "/flight/hits", ball, HIT, opacity=0.9)
         shape = robot_shape((0.1, 0.1, 0.04))
         self._robot = Bodies(server, "/flight/robot", shape, TRUTH, opacity=None)
         self._ghost = Bodies(server, "/flight/ghost", shape, BELIEF, opacity=0.5)
         self._shaped: Robot | None = None
-        self._shown: FlightRecord | None = None
+        self._shown: tuple[int, float] | None = None
 
     def show(self, session: Session) -> None:
         """Draw the flight as far as it has gone."""
-        flight = session.flight
-        if flight is self._shown or session.place is None:
+        flight, scale = session.shown_flight, session.look.ellipsoid
+        if self._shown == (id(flight), scale) or session.place is None:
             return
-        self._shown = flight
+        self._shown = id(flight), scale
         if self._shaped is not session.place.robot:
             self._shaped = session.place.robot
             for bodies in (self._robot, self._ghost):
@@ -53,7 +54,8 @@ class FlyLayer:
             self._belief.show(_path([step.belief.mean for step in steps]))
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
-            self._covariance.show(*ellipsoids([step.belief for step in steps]))
+            self._covariance.show(*ellipsoids([step.belief for step in steps], scale))
+            self._nose.show(cone(steps[-1].belief, scale) if steps else None)
             # dots, for a good estimate's line lies within the line of the truth
             self._means.show(*_balls([step.belief.mean for step in steps], radius=0.014))
             self._hits.show(*_balls([step.truth for step in steps if step.touched], radius=0.025))
@@ -62,16 +64,31 @@ class FlyLayer:
             self._ghost.show(*_placed(guess or (steps[-1].belief.mean if steps else None)))
 
 
-def ellipsoids(beliefs: list[Belief]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions."""
+def ellipsoids(beliefs: list[Belief], scale: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions.
+
+    `scale` makes them larger than that, for the eye.
+    """
     if not beliefs:
         return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
     centers = np.stack([belief.mean.position.detach().numpy() for belief in beliefs])
     covariances = np.stack([belief.covariance[POSITION, POSITION].detach().double().numpy() for belief in beliefs])
     variances, axes = np.linalg.eigh(covariances)
     axes[np.linalg.det(axes) < 0, :, 0] *= -1  # a mirrored frame is no rotation
-    half = np.maximum(_CHI_95 * np.sqrt(np.maximum(variances, 0)), _LEAST_AXIS)
+    half = np.maximum(scale * _CHI_95 * np.sqrt(np.maximum(variances, 0)), _LEAST_AXIS)
     return centers, tf.SO3.from_matrix(axes).wxyz, half
+
+
+def cone(belief: Belief, scale: float = 1.0) -> np.ndarray:
+    """Segments (n, 2, 3) [m] from the believed position to where its nose may point, on the rim of the 95 % region."""
+    variances, axes = np.linalg.eigh(belief.covariance[ATTITUDE, ATTITUDE].detach().double().numpy())
+    half = scale * _CHI_95 * axes * np.sqrt(np.maximum(variances, 0))
+    angles = np.linspace(0, 2 * np.pi, _RIM, endpoint=False)
+    circle = np.stack([np.cos(angles), np.sin(angles)], -1)
+    rim = np.concatenate([circle @ half[:, pair].T for pair in ([0, 1], [1, 2], [0, 2])])
+    turned = belief.mean.rotation.double().numpy() @ tf.SO3.exp(rim).as_matrix()
+    start = belief.mean.position.detach().double().numpy()
+    return np.stack([np.broadcast_to(start, (len(turned), 3)), start + _NOSE * turned[:, :, 0]], 1)
 
 
 def _path(states: list[RigidState]) -> np.ndarray | None:

@@ -62,6 +62,22 @@ class Line:
         self._node.visible = points is not None and len(points) > 1
 
 
+class Fan:
+    """Lines that begin where they like, in one colour."""
+
+    def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
+        """`thickness` is in metres."""
+        self._node = server.scene.add_line_segments(
+            name, _SOMEWHERE, np.array(color, dtype=np.uint8), thickness=thickness, visible=False
+        )
+
+    def show(self, lines: np.ndarray | None) -> None:
+        """Draw segments (n, 2, 3) [m], or nothing."""
+        if lines is not None and len(lines):
+            self._node.points = lines.astype(np.float32)
+        self._node.visible = lines is not None and len(lines) > 0
+
+
 class Trail:
     """Earlier lines, the older the fainter."""
 

@@ -3,7 +3,9 @@
 import numpy as np
 import viser
 
+from app.look import Backdrop
 from app.session import Session
+from app.surface import dressed
 from nerfnav.geometry.box import Box
 
 
@@ -12,7 +14,8 @@ class SceneLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._shown: bytes | None = None
+        self._shown: tuple[bytes | None, float, float] | None = None
+        self._node: viser.GlbHandle | None = None
         self._framed: Box | None = None
 
     def show(self, session: Session) -> None:
@@ -20,13 +23,22 @@ class SceneLayer:
         if session.place is not None and self._framed is not session.place.field.box:
             self._framed = session.place.field.box
             frame(self._server, self._framed)
-        if self._shown is session.surface:
-            return
-        self._shown = session.surface
-        if session.surface is None:  # another place is being opened
-            self._server.scene.remove_by_name("/field")
+        look, surface = session.look, session.surface
+        if self._shown != (surface, look.opacity, look.clip):
+            self._shown = surface, look.opacity, look.clip
+            self._draw(None if surface is None else dressed(surface, look.opacity, look.clip))
+        if self._node is not None:
+            self._node.visible = look.backdrop is Backdrop.SURFACE
+
+    def _draw(self, glb: bytes | None) -> None:
+        if glb is None:  # another place is being opened
+            if self._node is not None:
+                self._node.remove()
+            self._node = None
+        elif self._node is None:
+            self._node = self._server.scene.add_glb("/field", glb, cast_shadow=False, receive_shadow=False)
         else:
-            self._server.scene.add_glb("/field", session.surface, cast_shadow=False, receive_shadow=False)
+            self._node.glb_data = glb
 
 
 def frame(server: viser.ViserServer, box: Box) -> None:

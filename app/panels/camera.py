@@ -3,8 +3,8 @@
 import numpy as np
 import viser
 
-from app.messages import View
 from app.pictures import beside, difference, step_of, with_pixels
+from app.questions import View
 from app.records import FlightRecord
 from app.session import Session
 from app.widgets import note
@@ -38,7 +38,7 @@ class CameraPanel:
         if self._shown == shown:
             return
         self._shown = shown
-        caption, picture = compose(view, session.flight)
+        caption, picture = compose(view, session.shown_flight)
         self._caption.content = note(caption)
         self._picture.image = picture
         self._picture.visible = True

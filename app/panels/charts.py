@@ -26,7 +26,7 @@ class ChartsPanel:
 
     def show(self, session: Session) -> None:
         """Draw the flight as far as it has gone."""
-        flight = session.flight
+        flight = session.shown_flight
         if flight is self._shown:
             return
         self._shown = flight

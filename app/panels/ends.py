@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from app.ends import End, Which
-from app.messages import ChooseTask, Command, MoveEnd
+from app.messages import Aim, ChooseTask, Command, MoveEnd
 from app.session import Session
 from app.widgets import fine, note, warning
 from nerfnav.geometry.box import Box
@@ -25,11 +25,21 @@ class EndsPanel:
         )
         self._task.on_update(self._choose)
         self._numbers = {which: _EndNumbers(server, which, post) for which in Which}
+        self._aim = server.gui.add_button_group(
+            "Click to place", tuple(which.value for which in Which), hint="Then click into the scene"
+        )
         self._said = server.gui.add_html(note("Opening…"))
+        self._offers = {which: _Offer(server, which, post) for which in Which}
+        self._aim.on_click(self._take_aim)
 
     async def _choose(self, event: viser.GuiEvent) -> None:
         if event.client is not None and self._task.value != _BY_HAND:
             self._post(ChooseTask(self._task.value))
+
+    async def _take_aim(self, event: viser.GuiEvent) -> None:
+        known = {which.value: which for which in Which}
+        if event.client is not None and event.target.value in known:
+            self._post(Aim(known[event.target.value]))
 
     def show(self, session: Session) -> None:
         """Put the session's numbers into the widgets."""
@@ -43,10 +53,14 @@ class EndsPanel:
         for which, numbers in self._numbers.items():
             numbers.show(session.ends.of(which), place.field.box)
         self._said.content = describe(session)
+        for which, offer in self._offers.items():
+            offer.show(session.offers.get(which))
 
 
 def describe(session: Session) -> str:
     """What is known of the ends, as HTML."""
+    if session.aiming is not None:
+        return note(f"Click into the scene where the {session.aiming.value} shall be.")
     problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
     if problems:
         return warning(" ".join(problem[0].upper() + problem[1:] for problem in problems))
@@ -54,6 +68,25 @@ def describe(session: Session) -> str:
         return note("Checking whether the robot fits…")
     start, goal = (np.array(session.ends.of(which).position) for which in Which)
     return fine(f"The robot fits at both ends, {np.linalg.norm(goal - start):.2f} m apart.")
+
+
+class _Offer:
+    """A button that moves an end to where the robot fits; hidden while it fits."""
+
+    def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
+        self._end: End | None = None
+        self._button = server.gui.add_button(
+            f"Move the {which.value} to the nearest free point", color="gray", icon=viser.Icon.MAGNET, visible=False
+        )
+
+        @self._button.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            if self._end is not None:
+                post(MoveEnd(which, self._end))
+
+    def show(self, end: End | None) -> None:
+        self._end = end
+        self._button.visible = end is not None
 
 
 class _EndNumbers:

@@ -10,6 +10,8 @@ from app.panels.camera import CameraPanel
 from app.panels.ends import EndsPanel
 from app.panels.export import ExportPanel
 from app.panels.fly import FlyPanel
+from app.panels.look import LookPanel
+from app.panels.palette import Palette
 from app.panels.place import PlacePanel
 from app.panels.plan import PlanPanel
 from app.panels.status import StatusPanel
@@ -27,10 +29,10 @@ class Panel(Protocol):
 
 def panels(server: viser.ViserServer, post: Callable[[Command], None], uploads: Uploads) -> tuple[Panel, ...]:
     """Put up all panels; `post` takes what the user asks, `uploads` what the user brings."""
-    made: list[Panel] = [StatusPanel(server), CameraPanel(server)]
+    made: list[Panel] = [StatusPanel(server), CameraPanel(server), Palette(server, post)]
     tabs = server.gui.add_tab_group()
     with tabs.add_tab("Scene", viser.Icon.MAP_2):
-        made += [PlacePanel(server, post, uploads), EndsPanel(server, post)]
+        made += [PlacePanel(server, post, uploads), EndsPanel(server, post), LookPanel(server, post)]
     with tabs.add_tab("Plan", viser.Icon.ROUTE):
         made += [PlanPanel(server, post)]
     with tabs.add_tab("Fly", viser.Icon.DRONE):

@@ -8,8 +8,11 @@ import numpy as np
 import torch
 
 from app.events import JobFinished, Progress
-from app.messages import Answer, EndQuestion, EndReport, PlaceOpened, Question, View
+from app.messages import PlaceOpened
 from app.place import Place
+from app.questions import Answer, EndQuestion, EndReport, Question, View
+from app.runs.questions import RunsQuestion, RunsReport, report
+from app.runs.shelf import Shelf
 from app.session import Job, JobKind, Session
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.steps import FilterStep
@@ -94,6 +97,7 @@ class ScriptedWork:
     scripts: dict[JobKind, list[Any]] = field(default_factory=dict)
     asked: list[Question] = field(default_factory=list)
     closed: list[int] = field(default_factory=list)
+    shelf: Shelf | None = None
 
     def begin(self, session: Session, job: Job) -> Iterator[Any]:
         """Yield the script; an exception in it is raised."""
@@ -112,7 +116,9 @@ class ScriptedWork:
         """Scripts go their way."""
 
     def answer(self, session: Session, question: Question) -> Answer:
-        """All ends are free, all views are grey."""
+        """All ends are free, all views are grey, and the shelf is as it is."""
+        if isinstance(question, RunsQuestion):
+            return report(self.shelf, question) if self.shelf is not None else RunsReport(question)
         self.asked.append(question)
         if isinstance(question, EndQuestion):
             return EndReport(question, None)

@@ -6,7 +6,7 @@ import torch
 import trimesh
 
 from app.ends import End, Ends
-from app.layers.fly import ellipsoids
+from app.layers.fly import cone, ellipsoids
 from app.layers.nodes import quaternions, robot_shape, segments
 from app.panels import ends as ends_panel
 from app.panels import fly as fly_panel
@@ -15,7 +15,7 @@ from app.panels.export import export_table, subject
 from app.panels.status import activity
 from app.records import CostHistory, FlightRecord, PlanRecord
 from app.session import Session
-from app.surface import unlit_glb, without_specks
+from app.surface import dressed, unlit_glb, without_specks
 from app.theme import branded, linear
 from app.widgets import number, table
 from nerfnav.estimator.belief import Belief
@@ -87,12 +87,23 @@ def test_the_surface_reads_back_as_the_same_mesh_with_linear_colours_and_no_ligh
     glb = unlit_glb(mesh)
     back = trimesh.load(trimesh.util.wrap_as_stream(glb), file_type="glb", force="mesh", process=False)
     np.testing.assert_allclose(back.vertices, mesh.vertices, atol=1e-6)
-    np.testing.assert_array_equal(back.faces, mesh.faces)
+    assert sorted(back.faces.tolist()) == sorted(mesh.faces.tolist())
     start = len(glb) - 4 * mesh.faces.size - 8 * len(mesh.vertices)
     stored = np.frombuffer(glb[start : start + 8 * len(mesh.vertices)], "<u2").reshape(-1, 4)
     np.testing.assert_allclose(stored[:, :3] / 257, linear(colors), atol=0.51)
     assert (stored[:, 3] == 65535).all()
     assert b"KHR_materials_unlit" in glb and len(glb) % 4 == 0
+
+
+def test_a_surface_can_be_cut_at_a_height_and_made_transparent() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    ball.visual.vertex_colors = np.full((len(ball.vertices), 4), 200, np.uint8)
+    half = trimesh.load(trimesh.util.wrap_as_stream(dressed(unlit_glb(ball), 0.5, 0.5)), file_type="glb", force="mesh")
+    assert half.vertices[half.faces, 2].max() <= 1e-6
+    assert len(half.faces) == (ball.vertices[ball.faces, 2].max(1) <= 1e-6).sum()
+    whole = trimesh.load(trimesh.util.wrap_as_stream(dressed(unlit_glb(ball), 1.0, 1.0)), file_type="glb", force="mesh")
+    assert len(whole.faces) == len(ball.faces)
+    assert b'"alphaMode": "BLEND"' in dressed(unlit_glb(ball), 0.5, 1.0)
 
 
 def test_specks_are_left_out_of_the_surface_and_large_parts_stay_as_they_are() -> None:
@@ -159,3 +170,17 @@ def test_html_from_data_is_escaped() -> None:
 )
 def test_numbers_read_well(value: float, unit: str, text: str) -> None:
     assert number(value, unit) == text
+
+
+def test_the_cone_of_the_attitude_holds_what_the_covariance_says_and_grows_with_the_scale() -> None:
+    std = torch.tensor([0.02, 0.05, 0.1])
+    covariance = torch.diag(torch.cat([torch.full((6,), 1e-4), std.square(), torch.full((3,), 1e-4)]))
+    belief = Belief(RigidState.at_rest((0.0, 0.0, 1.0)), covariance)
+    lines = cone(belief)
+    assert np.allclose(lines[:, 0], [0, 0, 1])
+    tips = (lines[:, 1] - lines[:, 0]) / np.linalg.norm(lines[:, 1] - lines[:, 0], axis=-1, keepdims=True)
+    # yaw moves the nose sideways, pitch up and down; 2.7955 standard deviations hold 95 % of three numbers
+    assert np.abs(tips[:, 1]).max() == pytest.approx(np.sin(2.7955 * 0.1), rel=1e-3)
+    assert np.abs(tips[:, 2]).max() == pytest.approx(np.sin(2.7955 * 0.05), rel=1e-3)
+    wider = cone(belief, 2.0)
+    assert np.abs(wider[:, 1, 1]).max() > 1.8 * np.abs(lines[:, 1, 1]).max()

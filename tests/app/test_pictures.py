@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from app.messages import View, ViewQuestion
 from app.panels.camera import compose
 from app.panels.charts import error_curves, time_curves
 from app.pictures import beside, difference, with_pixels
+from app.questions import View, ViewQuestion
 from app.records import FlightRecord
 from app.theme import BELIEF, HIT
 from tests.app.doubles import filter_step, flight_step

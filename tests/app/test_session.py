@@ -9,6 +9,8 @@ import torch
 
 import scenes
 from app import messages as m
+from app import questions as q
+from app.asking import questions_of
 from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.events import JobFailed, JobFinished, Progress
@@ -16,6 +18,7 @@ from app.flying import GUST, FlightSettings
 from app.helm import Helm
 from app.records import CostHistory, PlanRecord
 from app.reduce import reduce
+from app.runs.changes import runs_questions
 from app.session import JobKind, Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
@@ -40,8 +43,9 @@ def reports(session: Session, *events: object) -> Session:
 
 @pytest.fixture(scope="module")
 def opened() -> Session:
-    """A session whose place is open and idle."""
-    return reports(Session.opening("balls"), m.PlaceOpened(balls_place()), JobFinished("open"))
+    """A session whose place is open and idle, and whose shelf is known to be empty."""
+    session = reports(Session.opening("balls"), m.PlaceOpened(balls_place()), JobFinished("open"))
+    return after(session, *(q.RunsReport(question) for question in runs_questions(session)))
 
 
 def planned(session: Session) -> Session:
@@ -186,23 +190,23 @@ def test_reset_forgets_plan_and_flight_and_stops_the_job(opened: Session) -> Non
 
 
 def test_the_page_asks_about_ends_and_views_until_it_is_answered(opened: Session) -> None:
-    questions = opened.questions
-    assert {type(question) for question in questions} == {m.EndQuestion, m.ViewQuestion}
+    questions = questions_of(opened)
+    assert {type(question) for question in questions} == {q.EndQuestion, q.ViewQuestion}
     session = opened
     for question in questions:
         answer = (
-            m.EndReport(question, None)
-            if isinstance(question, m.EndQuestion)
-            else m.View(question, (np.zeros((2, 2, 3)),))
+            q.EndReport(question, None)
+            if isinstance(question, q.EndQuestion)
+            else q.View(question, (np.zeros((2, 2, 3)),))
         )
         session = after(session, answer)
-    assert session.questions == ()
+    assert questions_of(session) == ()
     moved = after(session, m.MoveEnd(Which.GOAL, End((0.6, -0.6, 0.4))))
-    assert {getattr(question, "which", "view") for question in moved.questions} == {Which.GOAL, "view"}
+    assert {getattr(question, "which", "view") for question in questions_of(moved)} == {Which.GOAL, "view"}
 
 
 def test_an_answer_about_an_end_that_has_moved_since_is_dropped(opened: Session) -> None:
-    late = m.EndReport(m.EndQuestion(Which.GOAL, End((9, 9, 9))), "in a stone")
+    late = q.EndReport(q.EndQuestion(Which.GOAL, End((9, 9, 9))), "in a stone")
     assert after(opened, late) == opened
 
 
@@ -300,19 +304,19 @@ def test_a_plan_that_was_made_in_an_instant_is_shown_again_slowly(opened: Sessio
 
 def test_a_plan_follows_its_moved_end_once_the_robot_is_known_to_fit(opened: Session) -> None:
     moved = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    asked = m.PlanQuestion(moved.ends, moved.choice)
-    assert asked not in moved.questions
-    fits = after(moved, *(m.EndReport(m.EndQuestion(which, moved.ends.of(which)), None) for which in Which))
-    assert asked in fits.questions
+    asked = q.PlanQuestion(moved.ends, moved.choice)
+    assert asked not in questions_of(moved)
+    fits = after(moved, *(q.EndReport(q.EndQuestion(which, moved.ends.of(which)), None) for which in Which))
+    assert asked in questions_of(fits)
     step = plan_step(moved.ends, 0, PlanOutcome.CONVERGED)
-    again = after(fits, m.Replanned(asked, (step,), {"wall_s": 0.02}))
+    again = after(fits, q.Replanned(asked, (step,), {"wall_s": 0.02}))
     assert again.plan is not None and again.plan.latest is step and not again.plan_is_stale
-    assert asked not in again.questions and not again.replaying
+    assert asked not in questions_of(again) and not again.replaying
 
 
 def test_a_plan_for_earlier_ends_comes_too_late(opened: Session) -> None:
     first = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    late = m.Replanned(m.PlanQuestion(first.ends, first.choice), (plan_step(first.ends, 0),), {})
+    late = q.Replanned(q.PlanQuestion(first.ends, first.choice), (plan_step(first.ends, 0),), {})
     second = after(first, m.MoveEnd(Which.GOAL, End((0.4, -0.5, 0.4))))
     assert after(second, late) is second
 
@@ -320,8 +324,8 @@ def test_a_plan_for_earlier_ends_comes_too_late(opened: Session) -> None:
 def test_slow_planners_do_not_follow_the_hand(opened: Session) -> None:
     session = after(quickly_planned(opened), m.Choose(replace(opened.choice, planner="paper")))
     session = after(session, m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    session = after(session, *(m.EndReport(m.EndQuestion(which, session.ends.of(which)), None) for which in Which))
-    assert not any(isinstance(question, m.PlanQuestion) for question in session.questions)
+    session = after(session, *(q.EndReport(q.EndQuestion(which, session.ends.of(which)), None) for which in Which))
+    assert not any(isinstance(question, q.PlanQuestion) for question in questions_of(session))
 
 
 @pytest.mark.parametrize(
@@ -354,7 +358,7 @@ def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: 
     helm.follow(dragged)
     assert torch.equal(helm.orders().goal.position, opened.ends.goal.state().position)  # type: ignore[union-attr]
     assert dragged.flight is not None and not dragged.flight_is_stale
-    free = after(dragged, m.EndReport(m.EndQuestion(Which.GOAL, there), None))
+    free = after(dragged, q.EndReport(q.EndQuestion(Which.GOAL, there), None))
     helm.follow(free)
     assert torch.equal(helm.orders().goal.position, there.state().position)  # type: ignore[union-attr]
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from app import messages as m
+from app.asking import questions_of
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
 from app.flying import FlightSettings
 from app.reduce import reduce
@@ -76,7 +77,7 @@ def loop_for() -> Iterator[Callable[[ScriptedWork], Loop]]:
 def test_the_worker_opens_the_place_and_answers_the_page(loop_for: Callable[[ScriptedWork], Loop]) -> None:
     work = ScriptedWork()
     loop = loop_for(work)
-    loop.until(lambda: loop.session.place is not None and loop.session.questions == ())
+    loop.until(lambda: loop.session.place is not None and questions_of(loop.session) == ())
     loop.settle()
     assert len(work.asked) == len(set(work.asked)) == 3
 
@@ -158,7 +159,7 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
     loop = loop_for(work)
     loop.settle()
     loop.take(m.StartPlan(), m.MoveEnd(m.Which.GOAL, m.End((0.5, -0.5, 0.5))))
-    loop.until(lambda: loop.session.questions == ())
+    loop.until(lambda: questions_of(loop.session) == ())
     assert loop.session.job is not None
 
 

@@ -1,0 +1,63 @@
+"""What is drawn of the place."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import viser
+
+from app.look import Backdrop, Look
+from app.messages import Command, SetLook
+from app.session import Session
+
+_BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
+_SHOWN_AT_FIRST = 0.3  # share of the height of a slice that was not drawn yet
+
+
+class LookPanel:
+    """The widgets of `Look`, but for what belongs to flights."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._post, self._look = post, Look()
+        with server.gui.add_folder("View", expand_by_default=False):
+            gui = server.gui
+            self._backdrop: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+                "Field", list[str](_BACKDROPS), hint="The surface is quick; the field itself is what the robot sees"
+            )
+            self._opacity = gui.add_slider("Opacity [%]", 5.0, 100.0, 5.0, 100.0, hint="Of the surface")
+            self._clip = gui.add_slider("Cut above [%]", 5.0, 100.0, 5.0, 100.0, hint="Of the height of the place")
+            self._truth = gui.add_checkbox("Ground truth", False, hint="The mesh that flights are judged by")
+            self._occupied = gui.add_checkbox("Occupied", False, hint="Where the robot's body does not fit")
+            self._unknown = gui.add_checkbox("Unknown", False, hint="What no camera saw: planners keep out of it")
+            self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
+            self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
+        self._bind(self._backdrop, lambda now, value: replace(now, backdrop=_BACKDROPS.get(str(value), now.backdrop)))
+        self._bind(self._opacity, lambda now, value: replace(now, opacity=0.01 * float(value)))
+        self._bind(self._clip, lambda now, value: replace(now, clip=0.01 * float(value)))
+        self._bind(self._truth, lambda now, value: replace(now, truth=bool(value)))
+        self._bind(self._occupied, lambda now, value: replace(now, occupied=bool(value)))
+        self._bind(self._unknown, lambda now, value: replace(now, unknown=bool(value)))
+        self._bind(self._sliced, lambda now, value: replace(now, slice=_SHOWN_AT_FIRST if value else None))
+        self._bind(self._height, lambda now, value: replace(now, slice=0.01 * float(value)))
+
+    def _bind(self, widget: Any, change: Callable[[Look, Any], Look]) -> None:
+        async def take(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._post(SetLook(change(self._look, widget.value)))
+
+        widget.on_update(take)
+
+    def show(self, session: Session) -> None:
+        """Put the session's look into the widgets."""
+        look = self._look = session.look
+        place = session.place
+        self._backdrop.value = look.backdrop.value
+        self._opacity.value, self._clip.value = round(100 * look.opacity), round(100 * look.clip)
+        self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE
+        self._truth.value, self._occupied.value, self._unknown.value = look.truth, look.occupied, look.unknown
+        self._truth.visible = place is not None and place.scene is not None
+        self._unknown.visible = False
+        self._sliced.value, self._height.visible = look.slice is not None, look.slice is not None
+        if look.slice is not None:
+            self._height.value = round(100 * look.slice)

@@ -1,0 +1,127 @@
+"""Answers about a place: where a robot fits, where a click lands, what the field looks like from anywhere."""
+
+import math
+
+import numpy as np
+import torch
+import viser.transforms as tf
+
+from app.ends import End
+from app.jobs.fly import CAMERA
+from app.place import Place, occupancy_of
+from app.questions import (
+    EndQuestion,
+    EndReport,
+    EyeQuestion,
+    EyeView,
+    Landed,
+    PointQuestion,
+    SliceQuestion,
+    SliceView,
+    Space,
+    SpaceQuestion,
+    SpaceView,
+    View,
+    ViewQuestion,
+)
+from nerfnav.field.render import Rendering, render_image, render_rays
+from nerfnav.geometry import so3
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from nerfnav.planner.ends import nearest_free_pose
+from nerfnav.planner.occupancy import OccupancyConfig, body_density
+from nerfnav.robots.state import RigidState
+
+_LEAST_OPACITY = 0.5  # of a ray that has met something
+_FAR = 150.0  # [m] where there is nothing: as far as the page can tell
+_SLICE_CELLS = 240
+_SLICE_DENSITY = 20.0  # [1/m] at which a slice is at its strongest
+_FROM_CV = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # the page's cameras look along +z, ours along -z
+
+
+def end_report(place: Place, question: EndQuestion) -> EndReport:
+    """Whether the robot can be at an end, and the nearest one at which it can."""
+    body, state, name = place.robot.body, question.end.state(), question.which.value
+    occupancy = occupancy_of(place, OccupancyConfig())
+    if body_density(place.field, body, state) <= occupancy.config.threshold:
+        return EndReport(question, None)
+    nearest = nearest_free_pose(place.field, body, state, occupancy)
+    if nearest is None:
+        return EndReport(question, f"the {name} is in occupied space, far from any free point.")
+    x, y, z = nearest.position.tolist()
+    offer = End((x, y, z), so3.yaw_of(nearest.rotation).item())
+    problem = f"the {name} is in occupied space; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
+    return EndReport(question, problem, offer)
+
+
+def landing(place: Place, question: PointQuestion) -> Landed:
+    """Where the robot would stand or hover if it were put on what a click has met."""
+    origin = torch.tensor(question.origin)
+    direction = torch.nn.functional.normalize(torch.tensor(question.direction), dim=0)
+    rendering = render_rays(place.field, origin[None], direction[None])
+    if rendering.opacity.item() < _LEAST_OPACITY:
+        return Landed(question, None)
+    met = origin + rendering.depth.item() * direction
+    # as high above it as the body and what it keeps clear of
+    x, y, z = (met + torch.tensor([0.0, 0.0, 0.5 * place.robot.body.extents[2] + 0.05])).tolist()
+    return Landed(question, (x, y, z))
+
+
+def view(place: Place, question: ViewQuestion) -> View:
+    """The field as the robot's camera would see it."""
+    return View(question, tuple(view_from(place, state) for state in question.states))
+
+
+def view_from(place: Place, state: RigidState) -> np.ndarray:
+    """The field as the robot's camera would see it from a state, sRGB bytes."""
+    return _picture(render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT)))
+
+
+def eye_view(place: Place, question: EyeQuestion) -> EyeView:
+    """The field as it looks from the camera of somebody's tab."""
+    eye, width = question.eye, question.width
+    height = max(1, round(width / eye.aspect))
+    across = 2 * math.degrees(math.atan(eye.aspect * math.tan(eye.fov / 2)))
+    camera = Camera.from_fov(width, height, across)
+    rotation = torch.from_numpy(tf.SO3(np.array(eye.wxyz)).normalize().as_matrix()).float() @ _FROM_CV
+    rendering = render_image(place.field, camera, Pose(rotation, torch.tensor(eye.position)))
+    along = -camera.directions(camera.pixels())[:, 2].reshape(height, width)
+    depth = torch.where(rendering.opacity > _LEAST_OPACITY, rendering.depth * along, _FAR)
+    return EyeView(question, _picture(rendering), depth.numpy())
+
+
+def _picture(rendering: Rendering) -> np.ndarray:
+    return (255 * rendering.color.clamp(0, 1)).round().to(torch.uint8).numpy()
+
+
+def space_view(place: Place, question: SpaceQuestion) -> SpaceView:
+    """The outermost voxels of a part of space."""
+    occupancy = occupancy_of(place, OccupancyConfig())
+    spacing = occupancy.spacing.mean().item()
+    assert question.space is Space.OCCUPIED, "only what is occupied can be shown"
+    inside = occupancy.by_heading.any(0)
+    indices = torch.from_numpy(np.argwhere(_shell(inside.numpy())))
+    return SpaceView(question, occupancy.centers(indices).numpy(), spacing)
+
+
+def _shell(inside: np.ndarray) -> np.ndarray:
+    """Voxels (nx, ny, nz) that are inside and have a neighbour that is not."""
+    padded = np.pad(inside, 1, constant_values=True)  # the wall of the box is no surface
+    core = np.ones_like(inside)
+    for axis in range(3):
+        for step in (-1, 1):
+            core &= np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1]
+    return inside & ~core
+
+
+def slice_view(place: Place, question: SliceQuestion) -> SliceView:
+    """The density at one height, the denser the brighter and the less transparent."""
+    box = place.field.box
+    size = box.size
+    cells = [max(2, round(_SLICE_CELLS * float(size[axis] / size[:2].max()))) for axis in (0, 1)]
+    x, y = (box.lower[axis] + size[axis] * (torch.arange(cells[axis]) + 0.5) / cells[axis] for axis in (0, 1))
+    points = torch.cartesian_prod(x, y, box.lower[2:] + question.share * size[2:])
+    density = place.field.density(points).reshape(cells)
+    dense = (1 - torch.exp(-density / _SLICE_DENSITY)).numpy()
+    # from a faint blue through red to yellow, as heat maps go
+    color = np.stack([dense**0.5, dense**1.5, 0.5 * (1 - dense), 0.25 + 0.75 * dense], -1)
+    return SliceView(question, np.round(255 * color).astype(np.uint8))
