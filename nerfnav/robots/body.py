@@ -1,20 +1,32 @@
 """What a robot's body is made of: points to sample densities at, and a solid to judge against a mesh."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
 import torch
+import trimesh
 from jaxtyping import Float
 from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+
+_SMALLEST, _LARGEST = 0.005, 5.0
+"""Longest edge of a body [m] below or above which its mesh is surely in other units."""
+_MOST_POINTS = 5000
+"""Body points from which on planning takes seconds."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A solid box around the body's origin, and points that fill it."""
+    """A solid around the body's origin, and points that fill it."""
 
     extents: tuple[float, float, float]
-    """Edge lengths along the body's x, y, z [m]."""
+    """Edge lengths along the body's x, y, z of the solid, or of the box around it [m]."""
     points_body: Float[Tensor, "b 3"]
     """Points of the body at which density is asked for [m]."""
+    solid: trimesh.Trimesh | None = None
+    """Its closed surface in the body's axes [m]; None: the whole box."""
 
     @classmethod
     def box(cls, extents: tuple[float, float, float], counts: tuple[int, int, int]) -> "Body":
@@ -25,13 +37,75 @@ class Body:
         ]
         return cls(extents, torch.cartesian_prod(*axes))
 
-    def grown(self, margin: float) -> "Body":
-        """The same body with every face moved outwards by `margin` [m], its points spread accordingly."""
-        x, y, z = (edge + 2 * margin for edge in self.extents)
+    @classmethod
+    def from_mesh(cls, source: trimesh.Trimesh | Path | str, spacing: float = 0.02, *, hull: bool = False) -> "Body":
+        """A body of any shape: a closed mesh [m], or a file of one, filled with points about `spacing` [m] apart.
+
+        The middle of its bounding box becomes the body's origin; x is forward and z up. With `hull` the body is the
+        mesh's convex hull, which any mesh has. Raises InvalidInputError for what is no such mesh, or absurdly large.
+        """
+        mesh = _checked(_read(source) if isinstance(source, Path | str) else source, spacing)
+        mesh = (mesh.convex_hull if hull else mesh).copy()
+        if not mesh.is_watertight:
+            raise InvalidInputError("a body's mesh must be closed, or nothing is inside: close it, or take its hull")
+        mesh.apply_translation(-mesh.bounds.mean(0))
+        x, y, z = (float(edge) for edge in mesh.extents)
+        return cls((x, y, z), torch.from_numpy(_filling(mesh, spacing)).float(), mesh)
+
+    def grown(self, margin: float, *, upright: bool = True) -> "Body":
+        """The same body with every face of its box moved outwards by `margin` [m], all else spread accordingly.
+
+        Without `upright` top and bottom stay where they are.
+        """
+        rise = margin if upright else 0.0
+        x, y, z = (edge + 2 * more for edge, more in zip(self.extents, (margin, margin, rise), strict=True))
         stretch = torch.tensor([x, y, z]) / torch.tensor(self.extents)
-        return Body((x, y, z), self.points_body * stretch.to(self.points_body))
+        solid = None if self.solid is None else self.solid.copy().apply_scale(stretch.tolist())
+        return Body((x, y, z), self.points_body * stretch.to(self.points_body), solid)
 
     @property
     def radius(self) -> float:
         """Half of the box's diagonal [m]: the body fits into this ball in every attitude."""
         return 0.5 * sum(edge * edge for edge in self.extents) ** 0.5
+
+
+def _read(path: Path | str) -> trimesh.Trimesh:
+    try:
+        return trimesh.load_mesh(path)
+    except (OSError, ValueError, NotImplementedError) as error:
+        raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
+
+
+def _checked(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise InvalidInputError("a body's mesh must have triangles, and this one has none")
+    if not np.isfinite(mesh.vertices).all():
+        raise InvalidInputError("the corners of a body's mesh must be finite numbers")
+    size = float(mesh.extents.max())
+    if not _SMALLEST <= size <= _LARGEST:
+        raise InvalidInputError(
+            f"a body's mesh must be {_SMALLEST:g} to {_LARGEST:g} m long, not {size:g} m: is it in other units?"
+        )
+    if not spacing > 0:
+        raise InvalidInputError(f"the spacing of body points must be above 0 m, not {spacing}")
+    if float(np.prod(mesh.extents / spacing + 1)) > _MOST_POINTS:
+        raise InvalidInputError(
+            f"a body {size:g} m long with points {spacing:g} m apart would have more than {_MOST_POINTS} of them: "
+            "take a larger spacing"
+        )
+    return mesh
+
+
+def _filling(mesh: trimesh.Trimesh, spacing: float) -> np.ndarray:
+    """Points (b, 3) on the surface and inside of a mesh around the origin, in a fixed order."""
+    corners, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, spacing)[:2]
+    # of the surface, the point nearest to each node of a grid; of the inside, the middles of cells, clear of flat faces
+    counts = np.ceil(mesh.extents / spacing).astype(int)
+    axes = [edge * ((np.arange(n) + 0.5) / n - 0.5) for edge, n in zip(mesh.extents, counts, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    surface = corners[np.unique(faces)]
+    cell = np.round(surface / spacing).astype(int)
+    nearness = np.linalg.norm(surface - cell * spacing, axis=-1)
+    order = np.lexsort((nearness, *cell.T))
+    _, first = np.unique(cell[order], axis=0, return_index=True)
+    return np.concatenate([surface[order[first]], grid[mesh.contains(grid)]])

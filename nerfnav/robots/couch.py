@@ -22,7 +22,7 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
-from nerfnav.robots.ground import about_z, check_ground_ends, heading, row, spatial, wrapped
+from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrapped
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.robot import Limit, Robot
 from nerfnav.robots.state import Motion, RigidState
@@ -41,11 +41,11 @@ class CouchConfig:
     """Edge lengths of the body [m]."""
     point_counts: tuple[int, int, int] = (13, 5, 5)
     """Body points along each edge at which density is asked for: 2.5 cm apart."""
-    max_speed: float = 2.0
+    max_speed: float = 3.0
     """[m/s]"""
-    max_yaw_rate: float = 4.0
+    max_yaw_rate: float = 6.0
     """[rad/s]"""
-    max_force: float = 10.0
+    max_force: float = 15.0
     """[N]"""
 
     @property
@@ -60,7 +60,7 @@ class Couch(Robot):
 
     name = "couch"
     action_names = ("force_x_n", "force_y_n", "torque_z_nm")
-    minimum_steps = 2
+    minimum_steps = 3
     planar = True
 
     def __init__(self, config: CouchConfig | None = None) -> None:
@@ -143,6 +143,10 @@ class Couch(Robot):
     def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:
         """Squared excess over the bounds."""
         return penalty(self, motion)
+
+    def settled(self, state: RigidState, before: RigidState) -> RigidState:
+        """Level, and at the height that it had."""
+        return on_the_ground(state, before)
 
     def check_ends(self, start: RigidState, goal: RigidState) -> None:
         """Both ends must be level and at one height."""

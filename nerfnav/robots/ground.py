@@ -28,6 +28,16 @@ def check_ground_ends(name: str, start: RigidState, goal: RigidState) -> None:
         )
 
 
+def on_the_ground(state: RigidState, before: RigidState) -> RigidState:
+    """The nearest state that is level and moves in the plane, at the height of `before`."""
+    return RigidState(
+        spatial(state.position[..., :2], before.position[..., 2]),
+        spatial(state.velocity[..., :2], 0.0),
+        so3.from_yaw(heading(state)),
+        about_z(state.body_rate[..., 2]),
+    )
+
+
 def wrapped(angle: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
     """The same angle [rad] in -pi to pi."""
     return torch.atan2(torch.sin(angle), torch.cos(angle))

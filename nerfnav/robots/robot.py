@@ -6,6 +6,7 @@ change `free` without constraints.
 """
 
 from abc import ABC, abstractmethod
+from copy import copy
 from dataclasses import dataclass
 
 import torch
@@ -48,6 +49,16 @@ class Robot(ABC):
     bounds: tuple[Limit, ...] = ()
     """What it can do at most."""
 
+    def with_body(self, body: Body) -> "Robot":
+        """The same robot, mass and inertia included, in another shape."""
+        other = copy(self)
+        other.body = body
+        return other
+
+    def body_with_room(self, margin: float) -> Body:
+        """The body with so much room around it [m]; a robot on the ground needs none above what it stands on."""
+        return self.body.grown(margin, upright=not self.planar)
+
     @abstractmethod
     def step(self, state: RigidState, action: Float[Tensor, "*batch a"], dt: float) -> RigidState:
         """The state after `dt` [s] under an action: f(x, u), differentiable."""
@@ -75,8 +86,11 @@ class Robot(ABC):
         """Raise InvalidInputError, in one sentence, for ends that no motion of this robot can join (default: any)."""
         return
 
-    def settled(self, state: RigidState) -> RigidState:
-        """The nearest state that the robot can be in, wherever noise has pushed it; any state by default."""
+    def settled(self, state: RigidState, before: RigidState) -> RigidState:
+        """The nearest state that the robot can be in after `before`, wherever noise or an estimate puts it.
+
+        Any state by default.
+        """
         return state
 
     def limits(self, motion: Motion) -> Float[Tensor, "*batch"]:

@@ -2,73 +2,81 @@
 
 import numpy as np
 import pytest
-import torch
 
-from nerfnav.robots.flat_map import TorchFlatMap
+from nerfnav.robots.flat_map import FlatMap, TorchFlatMap
 from nerfnav.robots.maps import flat_map
 from nerfnav.robots.quadrotor import Quadrotor
-from nerfnav.robots.quadrotor_map import QuadrotorMap
+from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import RigidState
+from tests.robots.motions import DT, EVERY, STEPS, ends, free_numbers
 
-STEPS, DT = 12, 0.1
+SPREADS = (0.0, 0.05, 0.5, 3.0)
+"""How much free numbers are disturbed; with the last, the quadrotor tumbles through every attitude."""
+TOLERANCE = {"quadrotor": 1e-6, "couch": 1e-12, "diffdrive": 1e-9}
+"""Largest difference, as a share of the largest number."""
 
-
-def ends() -> tuple[RigidState, RigidState]:
-    """Two states that move and tumble."""
-    generator = torch.Generator().manual_seed(0)
-    states = [RigidState.at_rest((0.0, 0.0, 0.5), 0.4), RigidState.at_rest((0.8, 0.5, 0.3), -2.0)]
-    first, second = (state.retract(0.2 * torch.randn(12, generator=generator)) for state in states)
-    return first, second
-
-
-def free_numbers(spread: float) -> np.ndarray:
-    """Free numbers of a flight between the ends, more or less disturbed."""
-    start, goal = ends()
-    share = torch.linspace(0, 1, STEPS + 1)[:, None]
-    positions = (1 - share) * start.position + share * goal.position
-    free = Quadrotor().encode(torch.cat([positions, -share], -1), start, goal, DT).double().numpy()
-    return free + spread * np.random.default_rng(1).standard_normal(free.shape)
+each_robot = pytest.mark.parametrize("robot", EVERY.values(), ids=EVERY)
+each_spread = pytest.mark.parametrize("spread", SPREADS)
 
 
-def both() -> tuple[QuadrotorMap, TorchFlatMap]:
-    robot = Quadrotor()
-    compiled = flat_map(robot, *ends(), STEPS, DT)
-    assert isinstance(compiled, QuadrotorMap)
-    return compiled, TorchFlatMap(robot, *ends(), STEPS, DT)
-
-
-@pytest.mark.parametrize("spread", [0.0, 0.05, 0.5, 3.0])  # the last one tumbles through every attitude
-def test_the_compiled_motion_is_that_of_torch(spread: float):
-    compiled, reference = both()
+def both(robot: Robot, spread: float) -> tuple[FlatMap, FlatMap]:
+    """The compiled map and the one of autograd, at the same free numbers."""
+    between = ends(robot)
+    compiled, reference = flat_map(robot, *between, STEPS, DT), TorchFlatMap(robot, *between, STEPS, DT)
+    assert not isinstance(compiled, TorchFlatMap)
     for flat in (compiled, reference):
-        flat.forward(free_numbers(spread))
+        flat.forward(free_numbers(robot, between, spread).numpy())
+    return compiled, reference
+
+
+def assert_near(found: np.ndarray, expected: np.ndarray, tolerance: float) -> None:
+    np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance * max(1.0, np.abs(expected).max()))
+
+
+@each_robot
+@each_spread
+def test_the_compiled_motion_is_that_of_torch(robot: Robot, spread: float):
+    compiled, reference = both(robot, spread)
     for name in ("position", "velocity", "rotation", "rate", "action"):
-        np.testing.assert_allclose(getattr(compiled, name), getattr(reference, name), rtol=1e-6, atol=1e-6)
+        assert_near(getattr(compiled, name), getattr(reference, name), TOLERANCE[robot.name])
 
 
-@pytest.mark.parametrize("spread", [0.0, 0.05, 0.5, 3.0])
-def test_the_compiled_adjoint_is_autograd(spread: float):
+@each_robot
+@each_spread
+def test_the_compiled_adjoint_is_autograd(robot: Robot, spread: float):
     generator = np.random.default_rng(2)
     by_position, by_rotation = generator.standard_normal((2, STEPS + 1, 3))
-    by_action = generator.standard_normal((STEPS, 4))
-    gradients = []
-    for flat in both():
-        flat.forward(free_numbers(spread))
-        gradients.append(flat.backward(by_position.copy(), by_rotation.copy(), by_action.copy()))
-    np.testing.assert_allclose(gradients[0], gradients[1], rtol=1e-6, atol=1e-6 * np.abs(gradients[1]).max())
+    by_action = generator.standard_normal((STEPS, len(robot.action_names)))
+    found, expected = (
+        flat.backward(by_position.copy(), by_rotation.copy(), by_action.copy()) for flat in both(robot, spread)
+    )
+    assert_near(found, expected, TOLERANCE[robot.name])
 
 
+@each_robot
 @pytest.mark.parametrize("spread", [0.05, 3.0])
-def test_the_compiled_limits_and_their_derivatives_are_those_of_torch(spread: float):
+def test_the_compiled_limits_and_their_derivatives_are_those_of_torch(robot: Robot, spread: float):
     costs, slopes = [], []
-    for flat in both():
-        flat.forward(free_numbers(spread))
-        costs.append(flat.limits(3.0))
+    for flat in both(robot, spread):
         nothing = np.zeros((STEPS + 1, 3))
-        slopes.append(flat.backward(nothing.copy(), nothing.copy(), np.zeros((STEPS, 4))))
+        costs.append(flat.limits(3.0))
+        slopes.append(flat.backward(nothing.copy(), nothing.copy(), np.zeros((STEPS, len(robot.action_names)))))
     assert costs[0] == pytest.approx(costs[1], rel=1e-6)
-    np.testing.assert_allclose(slopes[0], slopes[1], rtol=1e-6, atol=1e-6 * np.abs(slopes[1]).max())
+    assert_near(slopes[0], slopes[1], TOLERANCE[robot.name])
     assert costs[0] > 0 or spread < 1
+
+
+@each_robot
+def test_a_map_forgets_the_limits_of_the_motion_before(robot: Robot):
+    compiled, reference = both(robot, 3.0)
+    compiled.limits(3.0)
+    again = free_numbers(robot, ends(robot), 0.05).numpy()
+    slopes = []
+    for flat in (compiled, reference):
+        flat.forward(again)
+        ones = np.ones((STEPS + 1, 3))
+        slopes.append(flat.backward(ones.copy(), ones.copy(), np.ones((STEPS, len(robot.action_names)))))
+    assert_near(slopes[0], slopes[1], TOLERANCE[robot.name])
 
 
 def test_free_fall_and_hover_stay_finite():
