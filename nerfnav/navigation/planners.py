@@ -30,7 +30,10 @@ class Planner(Protocol):
     def replan(
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
-        """Plan from `start` with the rest of `last`, of which `executed` steps are done, as hot start."""
+        """Plan from `start` with the rest of `last`, of which `executed` steps are done, as hot start.
+
+        `start` is an estimate: what the robot cannot be in, such as a cart in the air, is read as the nearest it can.
+        """
         ...
 
 
@@ -60,6 +63,7 @@ class PaperPlanner:
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
+        start = self.robot.settled(start, last.states[0])
         trajectory = hot_start(last, start, goal, self.robot, executed=executed, steps=steps)
         problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt, self.extra_terms)
         return replan(problem, trajectory, self.again)
@@ -91,5 +95,6 @@ class FastPlanner:
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
+        start = self.robot.settled(start, last.states[0])
         problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt, self.extra_terms)
         return carry_on(problem, last, executed, self.again, self.occupancy)

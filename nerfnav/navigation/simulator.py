@@ -48,6 +48,7 @@ class Simulator:
         for disturbance in (self.noise, gust):
             if disturbance is not None:
                 self.state = self.state.retract(disturbance.sample(self.generator))
+        self.state = self.robot.settled(self.state, before)
         return self.contact is not None and self.contact(before, self.state)
 
     def look(self) -> UInt8[Tensor, "height width 3"]:

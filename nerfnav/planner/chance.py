@@ -2,8 +2,9 @@
 
     minimise J  subject to  sum_t sum_b rho(x_b) s(b) <= P
 
-by rounds of heavier weights on collision and more room around the body (a penalty method: Nocedal and Wright,
-"Numerical Optimization", 2006, chapter 17).
+by rounds of heavier weights on collision (a penalty method: Nocedal and Wright, "Numerical Optimization", 2006, chapter
+17). The body has no room around it meanwhile: the bound is on the body as it is, and a larger one, kept clear of
+light fog that the bound knows nothing of, meets more fog with the points that count.
 """
 
 from collections.abc import Iterator
@@ -25,12 +26,10 @@ GOOD = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
 class ChanceConfig:
     """How a plan is made safer."""
 
-    rounds: int = 5
-    """At most so many; the last one looks for another way."""
-    factor: float = 3.0
-    """By how much collision weighs more from one round to the next."""
-    room: float = 0.01
-    """By how much the margin around the body grows from one round to the next [m]."""
+    improving: tuple[float, ...] = (10.0, 100.0, 1000.0)
+    """By how much more collision weighs in the rounds that improve the plan there is."""
+    anew: tuple[float, ...] = (100.0,)
+    """The same for the rounds that look for another way then."""
 
 
 def within_chance(
@@ -46,26 +45,21 @@ def within_chance(
     `safety.safety_of` says by how much.
     """
     chance, best = ChanceConfig(), planned
-    risk = _risk(problem, best)
-    for turn in range(1, chance.rounds + 1):
+    risk, weighed = _risk(problem, best), (*chance.improving, *chance.anew)
+    for turn, factor in enumerate(weighed, 1):
         if risk <= most or best.outcome not in GOOD:
             break
-        careful = replace(config, weights=_harder(config.weights, chance, turn))
-        anew = turn == chance.rounds
+        weights = replace(config.weights, collision=factor * config.weights.collision, margin=0.0)
+        careful = replace(config, weights=weights)
+        improving = turn <= len(chance.improving)
         found = last_step(
-            plan_fast(problem, careful, occupancy) if anew else improve(problem, (best.trajectory,), careful)
+            improve(problem, (best.trajectory,), careful) if improving else plan_fast(problem, careful, occupancy)
         )
         if found.outcome in GOOD and (now := _risk(problem, found)) < risk:
             best, risk = _restated(problem, found, config.weights, planned.iteration + turn), now
         yield replace(best, iteration=planned.iteration + turn, outcome=None)
     missed = best.outcome in GOOD and risk > most
     yield replace(best, outcome=PlanOutcome.TOO_RISKY if missed else best.outcome)
-
-
-def _harder(weights: CostWeights, chance: ChanceConfig, turn: int) -> CostWeights:
-    return replace(
-        weights, collision=weights.collision * chance.factor**turn, margin=weights.margin + chance.room * turn
-    )
 
 
 def _risk(problem: PlanProblem, step: PlanStep) -> float:

@@ -81,7 +81,7 @@ class Terms:
 def evaluate(field: Field, robot: Robot, motion: Motion, weights: CostWeights) -> Terms:
     """All terms of J, weighted."""
     gamma = motion.actions.new_tensor(robot.action_weights)
-    met = collision_per_step(field, motion, robot.body.grown(weights.margin), weights.samples_per_step).sum(-1)
+    met = collision_per_step(field, motion, robot.body_with_room(weights.margin), weights.samples_per_step).sum(-1)
     strayed = weights.limits * robot.limits(motion) + weights.outside * outside(field.box, motion)
     return Terms(weights.collision * met, weights.control * control(motion, gamma), strayed)
 
@@ -101,12 +101,22 @@ def collision_per_step(
     The way of each body point through a step is cut into `samples_per_step` equal parts, and the density is taken in
     the middle of each.
     """
+    return _met(field, motion, body, samples_per_step).sum(-1)
+
+
+def point_exposure(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> Float[Tensor, "*batch b"]:
+    """sum_t rho(x_b) s(b) of every body point: the optical depth along its way, the hits to be expected."""
+    return _met(field, motion, body, samples_per_step).sum(-2)
+
+
+def _met(field: Field, motion: Motion, body: Body, samples_per_step: int) -> Float[Tensor, "*batch n b"]:
+    """rho(x_b) s(b) of every step and body point."""
     points = body_points_world(motion, body)
     before, moved = points[..., :-1, :, :], points.diff(dim=-3)
     travelled = (moved.square().sum(-1) + _STANDSTILL).sqrt()
     fractions = (torch.arange(samples_per_step, dtype=points.dtype, device=points.device) + 0.5) / samples_per_step
     along = before[..., None, :] + fractions[:, None] * moved[..., None, :]
-    return (field.density(along).mean(-1) * travelled).sum(-1)
+    return field.density(along).mean(-1) * travelled
 
 
 def control(motion: Motion, gamma: Float[Tensor, " a"]) -> Float[Tensor, "*batch"]:

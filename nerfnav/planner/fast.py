@@ -26,8 +26,11 @@ from nerfnav.planner.quasi_newton import NewtonConfig, minimise, preconditioner
 from nerfnav.planner.safety import verdict
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.maps import flat_map
 
+_FIRMER = (10.0, 100.0)
+"""How much more limits weigh, in turn, for a plan that ends beyond them."""
 _FINER = 4
 """How many times as many densities are taken to choose between finalists: a body must not slip through a wall."""
 
@@ -82,9 +85,9 @@ def plan_fast(
 ) -> Iterator[PlanStep]:
     """Plan from scratch; yields every iteration with the full J, the last with the best trajectory and the outcome.
 
-    J falls from one step to the next of the same `start_index`. `occupancy` saves making the map again where the
-    caller has it. Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between,
-    at the first step.
+    J falls from one step to the next of the same `start_index`, but for the last where it must rise to keep limits.
+    `occupancy` saves making the map again where the caller has it. Raises InvalidInputError, OutsideBoxError or
+    OccupiedError for ends that cannot be planned between, at the first step.
     """
     config = FastPlanConfig() if config is None else config
     guesses = first_guesses(problem, config.initial, occupancy or config.occupancy, config.search)
@@ -124,6 +127,7 @@ def improve(
         latest[winner] = found
         yield desk.record(winner, found[0])
     best, settled = latest[winner]
+    best = desk.within_limits(best)
     outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
     last = desk.record(winner, best)
     yield replace(last, outcome=verdict(problem, last.motion, last.cost, outcome))
@@ -139,13 +143,14 @@ class _Desk:
         start, goal = ends.start.to(torch.float64), ends.goal.to(torch.float64)
         extra = Extra(problem.extra_terms, lambda free: robot.motion(free, start, goal, ends.steps, ends.dt))
         weights, scout = config.weights, config.scout
-        terms = extra if problem.extra_terms else None
+        self._extra = terms = extra if problem.extra_terms else None
         self.objective = Objective(problem.field, robot, self._flat, weights, extra=terms)
         light = replace(
             weights, collision=scout.collision * weights.collision, samples_per_step=scout.samples_per_step
         )
         self._light = Objective(problem.field, robot, self._flat, light, scout.points, terms)
         fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)
+        self._problem, self._weights = problem, weights
         self._fine = Objective(problem.field, robot, self._flat, fine, extra=terms)
         self.scales = robot.free_scales(trajectory.free).double().numpy()
 
@@ -161,6 +166,23 @@ class _Desk:
         found = {index: _last(islice(search, scout.heat)) for index, search in enumerate(searches)}
         ahead = sorted(found, key=lambda index: _rank(found[index]))[: scout.survivors]
         return {index: self.objective(_last(searches[index], found[index]).free) for index in ahead}
+
+    def within_limits(self, reached: Evaluation) -> Evaluation:
+        """The same where it keeps the robot's limits, else what heavier weights on them lead to, where that does.
+
+        Penalties end a little beyond what they bound.
+        """
+        tried = reached
+        for firmer in (1.0, *_FIRMER):
+            if firmer > 1:
+                weights = replace(self._weights, limits=firmer * self._weights.limits)
+                firm = Objective(self._problem.field, self._problem.robot, self._flat, weights, extra=self._extra)
+                inverse = preconditioner(firm.effort_gradient, tried.free, self.scales, self._config.newton.prior)
+                tried = _last(minimise(firm, tried.free, self.scales, self._config.newton, inverse))
+            self._flat.forward(tried.free)
+            if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):
+                return self.objective(tried.free) if firmer > 1 else reached
+        return reached
 
     def fine_total(self, reached: Evaluation) -> float:
         """J with so many densities that nothing is missed between them."""

@@ -71,7 +71,7 @@ class Objective:
         self._map, self._weights, self._extra = flat_map, weights, extra
         fast = isinstance(field, FastDensity)  # asked once: it takes as long as the densities of a coarse body
         self._density = field.density_and_gradient if fast else partial(density_and_gradient, field)
-        points_body = robot.body.grown(weights.margin).points_body.double().numpy()
+        points_body = robot.body_with_room(weights.margin).points_body.double().numpy()
         self._points_body = points_body if points is None else well_spread(points_body, points)
         parts = weights.samples_per_step
         self._fractions = (np.arange(parts) + 0.5) / parts

@@ -34,6 +34,8 @@ class NewtonConfig:
     """Ends when the last `patience` iterations improved J by less than this share of it."""
     patience: int = 8
     """See tolerance."""
+    least: float = 0.01
+    """J below which shares are taken of this [1]: to stand still costs nothing, and there is no share of that."""
 
 
 def minimise(
@@ -70,7 +72,7 @@ def minimise(
         now = following
         history.append(now.cost.total)
         settled = len(history) > config.patience and (
-            history[-1 - config.patience] - history[-1] <= config.tolerance * abs(history[-1])
+            history[-1 - config.patience] - history[-1] <= config.tolerance * max(abs(history[-1]), config.least)
         )
         yield now, settled
         if settled:

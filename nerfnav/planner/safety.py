@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.field.field import Field
-from nerfnav.planner.costs import body_points_world, collision_per_step
+from nerfnav.planner.costs import body_points_world, collision_per_step, point_exposure
 from nerfnav.planner.occupancy import OccupancyConfig
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import PlanCost, PlanOutcome
@@ -23,7 +23,7 @@ from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion
 
 _CERTAIN = 1.0
-"""Collision term from which on Eq. 1 bounds nothing any more."""
+"""Hits to be expected along the way of one body point."""
 _BISECTIONS = 12
 
 
@@ -103,8 +103,11 @@ def verdict(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanO
 
 @torch.no_grad()
 def meets_density(problem: PlanProblem, motion: Motion) -> bool:
-    """Whether the body passes through something dense and Eq. 1 has no hope left."""
+    """Whether the body comes into something dense, and one of its points is expected to be hit on its way.
+
+    One point alone, not the sum of Eq. 1: specks and light fog that all of them pass through bring that above 1 too.
+    """
     points = body_points_world(motion, problem.robot.body)
     if (problem.field.density(points) <= OccupancyConfig.threshold).all():
         return False
-    return collision_per_step(problem.field, motion, problem.robot.body).sum().item() >= _CERTAIN
+    return point_exposure(problem.field, motion, problem.robot.body).max().item() >= _CERTAIN

@@ -1,7 +1,11 @@
 """The simulated robot."""
 
+from dataclasses import replace
+
+import pytest
 import torch
 
+from nerfnav import robots
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.geometry.camera import R_BODY_CAMERA, Pose
 from nerfnav.robots.state import RigidState
@@ -63,3 +67,12 @@ def test_touching_is_told_and_the_robot_flies_on():
 
 def test_nothing_is_touched_without_ground_truth():
     assert not simulator().act(HOVER, 0.1)
+
+
+@pytest.mark.parametrize("name", ["couch", "diffdrive"])
+def test_noise_does_not_lift_a_robot_off_the_ground(name: str):
+    world = replace(simulator(generator=draws(1)), robot=robots.load(name), state=RigidState.at_rest((0.0, 0.0, 0.1)))
+    for _ in range(3):
+        world.act(torch.zeros(len(world.robot.action_names)), 0.1)
+    world.robot.check_ends(world.state, RigidState.at_rest((1.0, 0.0, 0.1)))
+    assert world.state.position[:2].norm() > 1e-4
