@@ -1,9 +1,12 @@
 """The places that come with nerfnav: one file per world, built by a function, found by name."""
 
+import pickle
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import nerfnav
+from nerfnav.cached import code_of, kept
 from nerfnav.errors import UnknownNameError
 from nerfnav.world.scene import Scene
 from scenes import blocks, church, playground, stonehenge
@@ -23,10 +26,13 @@ def names() -> list[str]:
 
 @cache
 def load(name: str) -> Scene:
-    """The scene of that name, built once. Raises UnknownNameError, which lists the known names."""
+    """The scene of that name, built once on this machine. Raises UnknownNameError, which lists the known names."""
     if name not in _BUILDERS:
         raise UnknownNameError("scene", name, names())
-    return _BUILDERS[name]()
+    here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
+    key = name.encode() + code_of(here, library / "world", library / "geometry")
+    # only what this user's own nerfnav has written is unpickled, as with numba's cache of machine code
+    return pickle.loads(kept("scenes", key, lambda: pickle.dumps(_BUILDERS[name]())))
 
 
 def trained_path(name: str) -> Path:

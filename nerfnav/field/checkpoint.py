@@ -14,32 +14,43 @@ import torch
 
 from nerfnav.errors import FieldFileError
 from nerfnav.field.info import FieldInfo
+from nerfnav.field.neural import NeuralField
+from nerfnav.field.neural_checkpoint import FORMAT as _NEURAL_FORMAT
+from nerfnav.field.neural_checkpoint import VERSION as _NEURAL_VERSION
+from nerfnav.field.neural_checkpoint import neural_field_of, save_neural_field
+from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 
 _FORMAT = "nerfnav-voxel-field"
-_VERSION = 1
+_VERSION = 2  # 2: surroundings and unknown nodes, both optional
+_VERSIONS = {_FORMAT: _VERSION, _NEURAL_FORMAT: _NEURAL_VERSION}
+StoredField = VoxelField | NeuralField
+"""What a field file can hold."""
 _RAW_STEP = 1 / 8  # [raw]: less than 13 % of a density, far below what images can tell
 
 
-def save_field(field: VoxelField, path: Path) -> int:
+def save_field(field: StoredField, path: Path) -> int:
     """Write a field to `path` and return its size in bytes. An existing file is replaced only once all is written."""
-    raw = field.values[..., 0].cpu().numpy()
-    quantised = np.clip(np.rint((raw - EMPTY_RAW) / _RAW_STEP), 0, 255).astype(np.uint8)
-    color = np.rint(field.values[..., 1:].cpu().numpy().clip(0, 1) * 255).astype(np.uint8)
-    color[~_near_density(quantised)] = 0  # colours that nothing can show
+    if isinstance(field, NeuralField):
+        return save_neural_field(field, path)
+    raw, color = _quantised(field.values)
+    color[~_near_density(raw)] = 0  # colours that nothing can show
+    arrays = {
+        "raw": raw,
+        "color": color,
+        "box": torch.stack([field.box.lower, field.box.upper]).cpu().numpy(),
+        "background": field.background.cpu().numpy(),
+    }
+    if field.outside is not None:
+        arrays["outside_raw"], arrays["outside_color"] = _quantised(field.outside.values)
+    if field.unknown is not None:
+        arrays["unknown"] = np.packbits(field.unknown.cpu().numpy())
     header = {"format": _FORMAT, "version": _VERSION, "info": asdict(field.info)}
     beside = path.with_name(path.name + ".part")
     try:
         with beside.open("wb") as file:
-            np.savez_compressed(
-                file,
-                header=np.array(json.dumps(header)),
-                raw=quantised,
-                color=color,
-                box=torch.stack([field.box.lower, field.box.upper]).cpu().numpy(),
-                background=field.background.cpu().numpy(),
-            )
+            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
             file.flush()
             os.fsync(file.fileno())
         beside.replace(path)
@@ -49,17 +60,19 @@ def save_field(field: VoxelField, path: Path) -> int:
     return path.stat().st_size
 
 
-def load_field(path: Path) -> VoxelField:
+def load_field(path: Path) -> StoredField:
     """Read a field. Raises FieldFileError, in one sentence, for anything that is not a whole nerfnav field."""
     if not path.is_file():
         raise FieldFileError(f"there is no field file {path}; make one with nerfnav train")
     try:
         with np.load(path, allow_pickle=False) as file:
             header = json.loads(str(file["header"]))
-            if header.get("format") != _FORMAT:
+            if header.get("format") not in _VERSIONS:
                 raise FieldFileError(f"{path} is not a nerfnav field; make one with nerfnav train")
-            if header["version"] > _VERSION:
+            if header["version"] > _VERSIONS[header["format"]]:
                 raise FieldFileError(f"{path} was written by a newer nerfnav; update nerfnav to read it")
+            if header["format"] == _NEURAL_FORMAT:
+                return neural_field_of(file, header)
             return _field_of(file, header["info"])
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError, TypeError, RuntimeError) as error:
         raise FieldFileError(
@@ -71,21 +84,48 @@ def load_field(path: Path) -> VoxelField:
 
 
 def _field_of(file: np.lib.npyio.NpzFile, info: dict[str, object]) -> VoxelField:
-    raw, color, box = file["raw"], file["color"], file["box"]
-    if raw.dtype != np.uint8 or raw.ndim != 3 or color.shape != (*raw.shape, 3) or box.shape != (2, 3):
+    values, box = _values_of(file["raw"], file["color"]), file["box"]
+    if box.shape != (2, 3):
+        raise ValueError("arrays of wrong shape")
+    if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
+        raise ValueError("an empty box")
+    known = {field.name for field in fields(FieldInfo)}
+    outside = _values_of(file["outside_raw"], file["outside_color"]) if "outside_raw" in file else None
+    return VoxelField(
+        Box(torch.from_numpy(box[0]), torch.from_numpy(box[1])),
+        values,
+        torch.from_numpy(file["background"]),
+        replace(FieldInfo(), **{key: value for key, value in info.items() if key in known}),  # type: ignore[arg-type]
+        None if outside is None else Surroundings(outside),
+        _unknown_of(file["unknown"], values) if "unknown" in file else None,
+    )
+
+
+def _quantised(values: torch.Tensor) -> tuple[np.ndarray, np.ndarray]:
+    """Raw densities (nx, ny, nz) and colours (nx, ny, nz, 3) as bytes."""
+    raw = values[..., 0].detach().cpu().numpy()
+    color = values[..., 1:].detach().cpu().numpy().clip(0, 1)
+    return (
+        np.clip(np.rint((raw - EMPTY_RAW) / _RAW_STEP), 0, 255).astype(np.uint8),
+        np.rint(color * 255).astype(np.uint8),
+    )
+
+
+def _values_of(raw: np.ndarray, color: np.ndarray) -> torch.Tensor:
+    """Node values (nx, ny, nz, 4) from their bytes."""
+    if raw.dtype != np.uint8 or raw.ndim != 3 or color.shape != (*raw.shape, 3):
         raise ValueError("arrays of wrong shape")
     values = np.empty((*raw.shape, 4), np.float32)
     values[..., 0] = raw * np.float32(_RAW_STEP) + np.float32(EMPTY_RAW)
     values[..., 1:] = color * np.float32(1 / 255)
-    if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
-        raise ValueError("an empty box")
-    known = {field.name for field in fields(FieldInfo)}
-    return VoxelField(
-        Box(torch.from_numpy(box[0]), torch.from_numpy(box[1])),
-        torch.from_numpy(values),
-        torch.from_numpy(file["background"]),
-        replace(FieldInfo(), **{key: value for key, value in info.items() if key in known}),  # type: ignore[arg-type]
-    )
+    return torch.from_numpy(values)
+
+
+def _unknown_of(bits: np.ndarray, values: torch.Tensor) -> torch.Tensor:
+    """One flag for each node, from packed bits."""
+    nx, ny, nz, _ = values.shape
+    flags = np.unpackbits(bits, count=nx * ny * nz).astype(bool)
+    return torch.from_numpy(flags.reshape(nx, ny, nz))
 
 
 def _near_density(quantised: np.ndarray) -> np.ndarray:

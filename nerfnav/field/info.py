@@ -9,6 +9,10 @@ class FieldInfo:
 
     source: str = ""
     """What the images were taken of: a bundled scene's name or a file's name."""
+    truth: str = ""
+    """Name of the file beside the field's that holds its ground truth; empty where there is none."""
+    truth_sha256: str = ""
+    """What that file must hold."""
     created: str = ""
     """When it was trained, ISO 8601."""
     images: int = 0
@@ -19,7 +23,13 @@ class FieldInfo:
     """Peak signal-to-noise ratio on held-out views [dB]; None if never measured."""
     noise_std: float | None = None
     """Standard deviation of the colour residual on held-out views, in [0, 1]: the measurement noise of the filter."""
+    noise_core_std: float | None = None
+    """The same without its outliers, from the median (see field/calibration.py)."""
+    outlier_share: float | None = None
+    """Share of pixels on held-out views that are outliers of the latter."""
     seed: int = 0
     """Seed of training."""
     iterations: int = 0
     """Training steps done."""
+    baked_psnr_db: float | None = None
+    """PSNR between this field and the one that it was baked from, on sample views [dB]; None if it was not baked."""

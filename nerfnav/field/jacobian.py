@@ -36,6 +36,11 @@ def colors_and_jacobian(field: Field, origins: Rays, directions: Rays) -> tuple[
     """
     if isinstance(field, FastJacobian):
         return field.colors_and_jacobian(origins, directions)
+    return jacobian_by_autograd(field, origins, directions)
+
+
+def jacobian_by_autograd(field: Field, origins: Rays, directions: Rays) -> tuple[Colors, Jacobian]:
+    """The same for any field, by automatic differentiation of the reference renderer."""
     origins, directions = (rays.detach().requires_grad_() for rays in (origins, directions))
     with torch.enable_grad():
         color = render_rays(field, origins, directions).color

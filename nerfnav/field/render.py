@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.field import Field, RaySamples
+from nerfnav.field.surroundings import Backdrop
 from nerfnav.geometry.camera import Camera, Pose
 
 _RAYS_AT_ONCE = 8192
@@ -39,6 +40,15 @@ class FastRenderer(Protocol):
         ...
 
 
+@runtime_checkable
+class HasBackdrop(Protocol):
+    """A field with surroundings, seen by what light leaves its box."""
+
+    def backdrop(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Backdrop | None:
+        """What rays see behind the box, differentiable; None where that is the background."""
+        ...
+
+
 def render_rays(
     field: Field,
     origins: Float[Tensor, "n 3"],
@@ -53,7 +63,10 @@ def render_rays(
     points = origins[:, None] + samples.distances[..., None] * directions[:, None]
     density = torch.where(samples.mask, field.density(points), torch.zeros_like(samples.distances))
     color = field.radiance(points, directions[:, None].expand_as(points))
-    return composite(density, color, samples, field.background)
+    behind = field.backdrop(origins, directions) if isinstance(field, HasBackdrop) else None
+    if behind is None:
+        return composite(density, color, samples, field.background)
+    return over(composite(density, color, samples, torch.zeros_like(field.background)), behind, field.background)
 
 
 def composite(
@@ -72,6 +85,15 @@ def composite(
     mixed = (weights[..., None] * color).sum(-2) + remaining[..., None] * background
     depth = (weights * samples.distances).sum(-1) / opacity.clamp_min(1e-6)
     return Rendering(mixed, opacity, depth)
+
+
+def over(front: Rendering, behind: Backdrop, background: Float[Tensor, "3"]) -> Rendering:
+    """What the box shows before a black background, put before its surroundings and what is behind them."""
+    left = 1 - front.opacity
+    lit = behind.color + (1 - behind.opacity)[..., None] * background
+    opacity = 1 - left * (1 - behind.opacity)
+    depth = (front.opacity * front.depth + left * behind.opacity * behind.depth) / opacity.clamp_min(1e-6)
+    return Rendering(front.color + left[..., None] * lit, opacity, depth)
 
 
 @torch.no_grad()

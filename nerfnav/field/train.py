@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from datetime import UTC, datetime
 
 import torch
@@ -17,16 +18,22 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
-from nerfnav.errors import InvalidInputError
-from nerfnav.field.field import Field
+from nerfnav.field.calibration import calibrated
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.learner import GridLearner
+from nerfnav.field.learner import Finish, GridLearner, LearningRates, Place
 from nerfnav.field.rays import RaySampler
-from nerfnav.field.render import render_image
+from nerfnav.field.torch_learner import TorchLearner
+from nerfnav.field.trainable import require_memory, require_trainable
+from nerfnav.field.unknown import with_unknown
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import shape_for
 from nerfnav.geometry.images import PosedImages
+
+_FINISHING = 0.06
+"""Share of a budget that goes into the unknown and the held-out views."""
+VOXELS_IN_UNIT = 77
+"""Voxels in the length that densities are weighed in: a metre for the voxels of the paper's Stonehenge."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +56,23 @@ class TrainConfig:
     """What is left of the learning rates at the end."""
     sparsity: float = 1e-4
     """Weight of the integral of log(1 + 2 rho^2) along each ray: drives fog away."""
+    rough_density: float = 0.0
+    """Weight of the differences between raw densities of neighbours."""
+    rough_color: float = 0.0
+    """Weight of the differences between colours of neighbours."""
     stages: tuple[float, ...] = (4.0, 2.0, 1.0)
     """Distance of nodes in each stage, in final voxels."""
     stage_iterations: tuple[float, ...] = (0.4, 0.35, 0.25)
     """Share of each stage in the iterations. Coarse steps are cheap and move most."""
     stage_time: tuple[float, ...] = (0.12, 0.28, 0.6)
     """Share of each stage in the budget."""
-    empty_below: float = 0.5
-    """Density under which a node is emptied in the end [1/m]: 10 cm of it would stop 5 % of the light."""
+    finish: Finish = dataclass_field(default_factory=Finish)
+    """What becomes of the densities in the end."""
+    outside: int = 0
+    """Nodes along each edge of the grid over what is around the box, as photographs of real places need it; 0 where the
+    background is one colour. See field/surroundings.py."""
+    device: str = "cpu"
+    """Where to train: on "cpu" with compiled kernels, on "cuda" and others in torch, the same to rounding."""
     report_every: int = 50
     """Training steps between two TrainSteps."""
 
@@ -90,10 +106,10 @@ def train(
     """Train a voxel field in `box` and yield progress; the last step carries the field.
 
     `background` is the colour of rays that nothing stops. Closing the generator early loses what was learned; to
-    stop and keep it, send True: the next step is then the last. Raises InvalidInputError when there is no image.
+    stop and keep it, send True: the next step is then the last. Raises InvalidInputError for images that no field can
+    be learned from, and where memory cannot hold the training.
     """
-    if len(photographs) == 0:
-        raise InvalidInputError("there is no image to train from; at least two are needed")
+    require_trainable(photographs, box)
     sampler = RaySampler(photographs, generator)
     begun = time.perf_counter()
     iteration, fraction, stage, error = 0, 0.0, 0, 0.0
@@ -101,62 +117,61 @@ def train(
     ends = list(itertools.accumulate(config.stage_iterations if config.budget is None else config.stage_time))
     ends[-1] = math.inf  # whatever the shares add up to, the last stage lasts to the end
     with threads(default_threads()) as workers:
-        learner = GridLearner.start(box, _shape(box, config, 0), background, photographs, workers)
+        require_memory(_shape(box, config, len(config.stages) - 1), config.outside, workers)
+        place = Place(box, background, VOXELS_IN_UNIT * config.voxel)
+        learner: GridLearner | TorchLearner
+        learner = GridLearner.start(place, _shape(box, config, 0), photographs, workers, _outside(config, 0))
+        if torch.device(config.device).type != "cpu":
+            learner = TorchLearner.of(learner, torch.device(config.device))
     while fraction < 1 and not stop:
         if fraction >= ends[stage]:
             stage += 1
-            learner = learner.refined(_shape(box, config, stage), photographs)
-        decay = config.final_rate**fraction
+            learner = learner.refined(_shape(box, config, stage), _outside(config, stage))
         with threads(workers):
-            loss = learner.step(
-                sampler.draw(config.rays),
-                config.density_rate * decay,
-                config.color_rate * decay,
-                config.sparsity,
-            )
+            loss = learner.step(sampler.draw(config.rays), _rates(config, fraction))
         error = loss if iteration == 0 else 0.98 * error + 0.02 * loss
         iteration += 1
         elapsed = time.perf_counter() - begun
-        fraction = min(1.0, iteration / config.iterations if config.budget is None else elapsed / config.budget)
+        fraction = min(1.0, iteration / config.iterations if config.budget is None else elapsed / _to_learn(config))
         if iteration % config.report_every == 0 and fraction < 1:
             left = elapsed * (1 - fraction) / fraction
             stop = yield TrainStep(iteration, fraction, _psnr(error), iteration * config.rays / elapsed, left)
-    trained = learner.field(config.empty_below)
+    rate = iteration * config.rays / (time.perf_counter() - begun)
+    trained = with_unknown(learner.field(config.finish), photographs, generator)
     info = FieldInfo(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         images=len(photographs),
-        train_s=time.perf_counter() - begun,
         seed=generator.initial_seed(),
         iterations=iteration,
     )
-    rate = iteration * config.rays / info.train_s
-    info, trained = _judged(replace(trained, info=info), held_out)
-    yield TrainStep(iteration, fraction, info.psnr_db or 0.0, rate, 0.0, trained)
+    info = calibrated(info, trained, held_out)
+    info = replace(info, train_s=time.perf_counter() - begun)
+    yield TrainStep(iteration, fraction, info.psnr_db or 0.0, rate, 0.0, replace(trained, info=info))
 
 
-def residual(field: Field, photographs: PosedImages) -> Float[Tensor, "n height width 3"]:
-    """Colour of the field minus colour of the photographs, in [-1, 1], for each pixel."""
-    return torch.stack(
-        [
-            render_image(field, photographs.camera, photographs.poses[index]).color - image.float() / 255
-            for index, image in enumerate(photographs.images)
-        ]
+def _to_learn(config: TrainConfig) -> float:
+    """Time until learning ends [s]; the rest of the budget is for what follows."""
+    assert config.budget is not None
+    return (1 - _FINISHING) * config.budget
+
+
+def _rates(config: TrainConfig, fraction: float) -> LearningRates:
+    decay = config.final_rate**fraction
+    return LearningRates(
+        config.density_rate * decay,
+        config.color_rate * decay,
+        config.sparsity,
+        config.rough_density,
+        config.rough_color,
     )
-
-
-def _judged(field: VoxelField, held_out: PosedImages) -> tuple[FieldInfo, VoxelField]:
-    """The field with its PSNR and measurement noise on views that it was not trained on."""
-    if len(held_out) == 0:
-        return field.info, field
-    squared = residual(field, held_out).square()
-    # PSNR as the literature has it: the mean over the images
-    psnr = torch.stack([-10 * torch.log10(image.mean()) for image in squared]).mean()
-    info = replace(field.info, psnr_db=float(psnr), noise_std=float(squared.mean().sqrt()))
-    return info, replace(field, info=info)
 
 
 def _shape(box: Box, config: TrainConfig, stage: int) -> tuple[int, int, int]:
     return shape_for(box, config.voxel * config.stages[stage])
+
+
+def _outside(config: TrainConfig, stage: int) -> int:
+    return round(config.outside / config.stages[stage])
 
 
 def _psnr(mean_squared_error: float) -> float:

@@ -6,7 +6,7 @@
 surface can be sharper than a voxel). Empty space is exactly empty: its nodes hold `EMPTY_RAW`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
 
@@ -18,10 +18,12 @@ from torch import Tensor
 from nerfnav.compiled import default_threads, threads
 from nerfnav.field.field import Points, RaySamples, uniform_samples
 from nerfnav.field.info import FieldInfo
+from nerfnav.field.jacobian import jacobian_by_autograd
 from nerfnav.field.kernels import jacobian, march
 from nerfnav.field.kernels import points as point_kernels
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
-from nerfnav.field.render import Rendering
+from nerfnav.field.render import Rendering, render_rays
+from nerfnav.field.surroundings import Backdrop, Surroundings
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import spacing_of, trilinear
 
@@ -29,6 +31,8 @@ DENSITY_SCALE = 400.0
 """scale [1/m]: density at a raw value of 0.54; large, so that a surface is opaque within a voxel or two."""
 EMPTY_RAW = -20.0
 """Raw density of empty nodes: rho below 1e-6 / m."""
+SOLID_RAW = 0.0
+"""Raw density of what is taken for solid: 277 / m."""
 _LEAST_DENSITY = 0.01  # [1/m] of samples that are kept: 10 cm of what is left out change a colour by 0.1 %
 
 _WORTH_THREADS = 20_000  # points that take longer than waking the threads up
@@ -46,6 +50,10 @@ class VoxelField:
     """Colour of a ray that nothing stops."""
     info: FieldInfo = dataclass_field(default_factory=FieldInfo)
     """Where the field comes from and how good it is."""
+    outside: Surroundings | None = None
+    """What stands around the box; None where rays that leave it see the background."""
+    unknown: Bool[Tensor, "nx ny nz"] | None = None
+    """Nodes that no camera saw into (see field/unknown.py); None where that was never asked."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -67,6 +75,17 @@ class VoxelField:
     def occupied(self) -> Bool[Tensor, "bx by bz"]:
         """Which blocks of 4 x 4 x 4 cells hold any density."""
         return occupied_blocks(self.values[..., 0], EMPTY_RAW + 1)
+
+    def to(self, device: torch.device | str) -> "VoxelField":
+        """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""
+        return replace(
+            self,
+            box=self.box.to(device),
+            values=self.values.to(device),
+            background=self.background.to(device),
+            outside=None if self.outside is None else Surroundings(self.outside.values.to(device)),
+            unknown=None if self.unknown is None else self.unknown.to(device),
+        )
 
     def density(self, points: Points) -> Float[Tensor, "*batch"]:
         """rho at world points [1/m], differentiable twice; 0 outside the box."""
@@ -97,6 +116,10 @@ class VoxelField:
         mask = torch.arange(longest) < torch.from_numpy(counts)[:, None]
         return RaySamples(torch.from_numpy(distances[:, :longest].copy()).to(origins), mask, self.step)
 
+    def backdrop(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Backdrop | None:
+        """What rays see of the surroundings, in torch; None where the field has none."""
+        return None if self.outside is None else self.outside.backdrop(self.box, origins, directions)
+
     def density_and_gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """rho (n) [1/m] and its gradient (n, 3) [1/m^2] at world points (n, 3) [m], in float64, compiled."""
         density, gradient = np.empty(len(points)), np.empty((len(points), 3))
@@ -109,11 +132,14 @@ class VoxelField:
         return density, gradient
 
     def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:
-        """Colours, opacities and depths by the compiled kernel; no gradients."""
+        """Colours, opacities and depths by the compiled kernel, or in torch on another device; no gradients."""
+        if (device := self.values.device).type != "cpu":
+            with torch.no_grad():
+                return render_rays(self, origins.to(device), directions.to(device))
         with threads(default_threads()):
             parts = march.render(
                 *self._grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
-                self.background.cpu().numpy(),
+                self.background.cpu().numpy(), self._outer,
             )  # fmt: skip
         color, opacity, depth = (torch.from_numpy(part) for part in parts)
         return Rendering(color, opacity, depth)
@@ -121,7 +147,12 @@ class VoxelField:
     def colors_and_jacobian(
         self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
     ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3 6"]]:
-        """Colours of rays and their derivatives by the camera's motion (see field/jacobian.py), compiled."""
+        """Colours of rays and their derivatives by the camera's motion (see field/jacobian.py), compiled.
+
+        Where there are surroundings, the kernel does not know them, and torch differentiates.
+        """
+        if self.outside is not None:
+            return jacobian_by_autograd(self, origins, directions)
         colors, jacobians = jacobian.colors_and_jacobian(
             *self._grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
             self.background.cpu().numpy(),
@@ -129,11 +160,31 @@ class VoxelField:
         return torch.from_numpy(colors), torch.from_numpy(jacobians)
 
     @cached_property
+    def solid_where_unknown(self) -> "VoxelField":
+        """The same field with all unknown nodes solid; made once."""
+        if self.unknown is None or not self.unknown.any():
+            return self
+        values = self.values.clone()
+        raw = values[..., 0]
+        raw[self.unknown] = raw[self.unknown].clamp_min(SOLID_RAW)
+        return replace(self, values=values)
+
+    @property
+    def kernel_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What kernels ask for first: values, occupied, lower, nodes per metre."""
+        return self._grid
+
+    @cached_property
     def _grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """What all kernels ask for first: values, occupied, lower, nodes per metre."""
         per_meter = (1 / self.spacing).cpu().numpy().astype(np.float32)
         lower = self.box.lower.cpu().numpy().astype(np.float32)
         return self.values.detach().cpu().numpy(), self.occupied.cpu().numpy().astype(np.uint8), lower, per_meter
+
+    @cached_property
+    def _outer(self) -> np.ndarray:
+        """Values around the box as kernels ask for them: no nodes where there is nothing."""
+        return np.zeros((0, 0, 0, 4), np.float32) if self.outside is None else _flat(self.outside.values)
 
 
 def occupied_blocks(raw: Float[Tensor, "nx ny nz"], threshold: float) -> Bool[Tensor, "bx by bz"]:

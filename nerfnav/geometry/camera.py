@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.geometry.distortion import COUNTS, undistorted
 from nerfnav.structs import TensorStruct
 
 R_BODY_CAMERA = torch.tensor([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -39,7 +40,7 @@ FORWARD_MOUNT = Pose(R_BODY_CAMERA, torch.zeros(3))
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole intrinsics of an image of `height` x `width` pixels."""
+    """Intrinsics of an image of `height` x `width` pixels: a pinhole's, and perhaps a lens's distortion."""
 
     width: int
     """[pixels]"""
@@ -53,6 +54,15 @@ class Camera:
     """Principal point along u [pixels]."""
     cy: float
     """Principal point along v [pixels]."""
+    distortion: tuple[float, ...] = ()
+    """OpenCV's k1, k2, p1, p2 and perhaps k3 (see geometry/distortion.py); none: straight lines stay straight."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for a distortion of another model."""
+        if len(self.distortion) not in COUNTS or not all(map(math.isfinite, self.distortion)):
+            raise InvalidInputError(
+                f"a distortion has 4 or 5 finite numbers, k1, k2, p1, p2 and perhaps k3, not {self.distortion}"
+            )
 
     @classmethod
     def from_fov(cls, width: int, height: int, horizontal_fov_deg: float) -> "Camera":
@@ -69,9 +79,8 @@ class Camera:
         """The same view with `factor` times as many pixels along each side."""
         width, height = max(1, round(self.width * factor)), max(1, round(self.height * factor))
         along_u, along_v = width / self.width, height / self.height
-        return Camera(
-            width, height, self.fx * along_u, self.fy * along_v, self.cx * along_u, self.cy * along_v
-        )
+        focal, center = (self.fx * along_u, self.fy * along_v), (self.cx * along_u, self.cy * along_v)
+        return Camera(width, height, *focal, *center, self.distortion)
 
     def pixels(self) -> Int[Tensor, "hw 2"]:
         """All pixels (u, v), row by row."""
@@ -81,8 +90,9 @@ class Camera:
     def directions(self, pixels: Int[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3"]:
         """Unit viewing directions of the pixels' centres in the camera's frame."""
         u, v = pixels[..., 0] + 0.5, pixels[..., 1] + 0.5
-        x, y = (u - self.cx) / self.fx, -(v - self.cy) / self.fy
-        return torch.nn.functional.normalize(torch.stack([x, y, -torch.ones_like(x)], -1), dim=-1)
+        flat = torch.stack([(u - self.cx) / self.fx, (v - self.cy) / self.fy], -1)
+        x, down = (undistorted(flat, self.distortion) if self.distortion else flat).unbind(-1)
+        return torch.nn.functional.normalize(torch.stack([x, -down, -torch.ones_like(x)], -1), dim=-1)
 
     def rays(
         self, pose: Pose, pixels: Int[Tensor, "n 2"] | None = None

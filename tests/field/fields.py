@@ -1,9 +1,12 @@
 """Small fields that several tests look at."""
 
+from dataclasses import replace
+
 import torch
 
 from nerfnav.field.analytic import BallsField
 from nerfnav.field.render import render_image
+from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, Pose, look_at
@@ -26,6 +29,14 @@ def random_rays(count: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
     origins = torch.rand(count, 3, generator=generator) * 3 - 1.5
     directions = torch.randn(count, 3, generator=generator)
     return origins, torch.nn.functional.normalize(directions, dim=-1)
+
+
+def random_voxels_in_a_room(seed: int = 0) -> VoxelField:
+    """The fog, with surroundings of random density and colour."""
+    generator = torch.Generator().manual_seed(seed + 100)
+    around = torch.rand(20, 20, 20, 4, generator=generator)
+    around[..., 0] = around[..., 0] * 6 - 5
+    return replace(random_voxels(seed), outside=Surroundings(around))
 
 
 def ball() -> BallsField:

@@ -17,7 +17,8 @@ from tests.field.fields import random_rays, random_voxels
 
 
 def test_a_saved_field_comes_back_with_its_colours_and_its_history(tmp_path: Path):
-    field = replace(random_voxels(), info=FieldInfo("stonehenge", "2026-01-01T00:00:00", 180, 60.0, 27.5, 0.04, 3, 9))
+    info = FieldInfo("stonehenge", created="2026-01-01T00:00:00", images=180, psnr_db=27.5, seed=3)
+    field = replace(random_voxels(), info=info)
     size = save_field(field, tmp_path / "field.npz")
     loaded = load_field(tmp_path / "field.npz")
     assert size == (tmp_path / "field.npz").stat().st_size

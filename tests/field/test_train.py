@@ -3,9 +3,10 @@
 import torch
 
 from nerfnav.compiled import default_threads
-from nerfnav.field.learner import views_of_nodes
+from nerfnav.field.learner import views_of
 from nerfnav.field.rays import RaySampler
 from nerfnav.field.train import TrainConfig, TrainStep, train
+from nerfnav.geometry.grid import node_positions
 from tests.field.fields import BOX, ball, photographs_of_ball
 
 CONFIG = TrainConfig(voxel=0.05, iterations=300, rays=1024, report_every=50)
@@ -59,11 +60,11 @@ def test_a_budget_ends_training_in_time():
     last = run(TrainConfig(voxel=0.04, budget=2.0, rays=512))[-1]
     assert last.field is not None
     assert last.fraction == 1
-    assert 2.0 <= last.field.info.train_s < 8.0
+    assert 1.7 <= last.field.info.train_s < 8.0, "finishing has its share of the budget"
 
 
 def test_nodes_that_more_cameras_see_learn_faster():
-    share = views_of_nodes(BOX, (5, 5, 5), photographs_of_ball(12))
+    share = views_of(node_positions(BOX, (5, 5, 5)), photographs_of_ball(12))
     assert share.max() == 1
     assert share[2, 2, 2] == 1
     assert share[0, 0, 4] < 1

@@ -5,11 +5,9 @@ import pytest
 import torch
 
 from nerfnav.field.field import density_and_gradient, uniform_samples
-from nerfnav.field.kernels import learn
-from nerfnav.field.learner import GridLearner
 from nerfnav.field.render import render_rays
-from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField, occupied_blocks
-from tests.field.fields import BOX, ball, photographs_of_ball, random_rays, random_voxels
+from nerfnav.field.voxel import EMPTY_RAW, VoxelField, occupied_blocks
+from tests.field.fields import BOX, ball, random_rays, random_voxels
 
 
 def test_compiled_rendering_equals_the_reference_to_1e_4():
@@ -67,27 +65,6 @@ def test_density_is_differentiable_twice():
     field = random_voxels(dtype=torch.float64)
     point = torch.tensor([0.123, -0.234, 0.2], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradgradcheck(lambda p: field.density(p), (point,))
-
-
-def test_the_compiled_training_gradient_equals_autograd():
-    field = random_voxels()
-    origins, directions = random_rays(200, seed=3)
-    targets = torch.rand(200, 3, generator=torch.Generator().manual_seed(0))
-    learner = GridLearner(BOX, field.values, field.background, photographs_of_ball(1, 4), workers=2)
-    errors = learn.loss_and_gradient(
-        learner.values, learner._occupied, learner._lower, learner._per_meter, origins.numpy(),
-        directions.numpy(), np.zeros(200, np.float32), targets.numpy(), np.float32(DENSITY_SCALE),
-        learner._step, field.background.numpy(), np.float32(0), learner._gradients, learner._touched,
-    )  # fmt: skip
-    values = field.values.clone().requires_grad_()
-    samples = uniform_samples(BOX, origins, directions, field.step)
-    color = render_rays(VoxelField(BOX, values, field.background), origins, directions, samples).color
-    loss = (color - targets).square().sum()
-    (gradient,) = torch.autograd.grad(loss, values)
-    compiled = torch.from_numpy(learner._gradients.sum(0))
-    assert abs(float(errors.sum()) / loss.item() - 1) < 1e-4
-    assert (compiled - gradient).norm() < 1e-3 * gradient.norm()
-    assert (compiled - gradient).abs().max() < 1e-3 * gradient.abs().max()
 
 
 def test_a_block_is_occupied_when_any_of_its_corners_is():

@@ -5,9 +5,10 @@ For a ray with colour C = sum_i w_i c_i + T_end b and loss L with g = dL/dC:
     dL/dc_i   = w_i g
     dL/drho_i = step (T_{i+1} c_i . g  -  sum_{j>i} w_j c_j . g  -  T_end b . g)
 
-(the second line because all light behind sample i shrinks by exp(-rho_i step)). Each thread adds up gradients in an
-array of its own, always for the same rays and in the same order: the result is the same bit for bit whenever the
-number of threads is the same.
+(the second line because all light behind sample i shrinks by exp(-rho_i step)). The shells of the surroundings are
+further samples behind those in the box, with an optical depth in place of rho_i step. Each thread adds up gradients
+in an array of its own, always for the same rays and in the same order: the result is the same bit for bit whenever
+the number of threads is the same. Gradients and moments exist for those blocks only that have a slot.
 """
 
 import math
@@ -25,39 +26,54 @@ from nerfnav.field.kernels.cells import (
     softplus,
 )
 from nerfnav.field.kernels.march import STOPPED, grid_ray, locate, next_sample, sample_count, scratch
+from nerfnav.field.kernels.shells import RAW_TO_DEPTH, cross_shell, shell_count
 
 FIRST, SECOND = np.float32(0.9), np.float32(0.99)
 """Adam's beta_1 and beta_2."""
 
 
 @kernel(inline=True)
-def scatter(gradient, touched, i, j, k, weights, g0, g1, g2, g3):
+def scatter(gradient, touched, slots, cell, weights, by_value):
     """Add the gradient of a sample's four channels to the 8 corners of its cell, and mark their blocks."""
     for corner in range(8):
-        x, y, z = i + (corner >> 2), j + ((corner >> 1) & 1), k + (corner & 1)
-        weight = weights[corner]
-        gradient[x, y, z, 0] += weight * g0
-        gradient[x, y, z, 1] += weight * g1
-        gradient[x, y, z, 2] += weight * g2
-        gradient[x, y, z, 3] += weight * g3
-        touched[x >> BLOCK_SHIFT, y >> BLOCK_SHIFT, z >> BLOCK_SHIFT] = 1
+        x, y, z = cell[0] + (corner >> 2), cell[1] + ((corner >> 1) & 1), cell[2] + (corner & 1)
+        slot = slots[x >> BLOCK_SHIFT, y >> BLOCK_SHIFT, z >> BLOCK_SHIFT]
+        if slot < 0:
+            continue
+        node = node_in_block(x, y, z)
+        for channel in range(4):
+            gradient[slot, node, channel] += weights[corner] * by_value[channel]
+        touched[slot] = 1
+
+
+@kernel(inline=True)
+def node_in_block(x, y, z):
+    """Where a node's numbers stand among the 64 of its block."""
+    return ((x & 3) << 4) | ((y & 3) << 2) | (z & 3)
 
 
 @kernel(parallel=True)
-def loss_and_gradient(
-    values, occupied, lower, per_meter, origins, directions, jitter, targets, scale, step, background,
-    sparsity, gradients, touched,
-):  # fmt: skip
+def loss_and_gradient(grid, rays, scales, background, inner, outer):
     """Summed squared colour error of rays; adds its derivative to gradients[t] and marks touched[t] of thread t.
 
-    `jitter` (n) moves all samples of a ray by a share of a step, from -0.5 to 0.5. Per-ray errors (n) are returned.
-    `sparsity` weighs the integral of log(1 + 2 rho^2) along the visible ray, which drives thin fog away (Hedman et
+    `grid` = (values, occupied, lower, per_meter); `rays` = (origins, directions, jitter, targets), of which jitter (n)
+    moves all samples of a ray by a share of a step, from -0.5 to 0.5; `scales` = (scale, step, sparsity, unit).
+    `inner` = (slots, gradients, touched) of the box, `outer` = (values, slots, gradients, touched) of the surroundings,
+    whose values have the shape (0, 0, 0, 4) where there are none. Per-ray errors (n) are returned.
+    `sparsity` weighs the integral of log(1 + 2 rho^2) along the visible ray, with rho in 1 / unit and lengths in
+    units, so that a place may be of any size; it drives thin fog away (Hedman et
     al., "Baking neural radiance fields", ICCV 2021); it counts in the gradient, not in the errors.
     """
-    count = origins.shape[0]
-    workers = gradients.shape[0]
-    shape = values.shape
-    longest = 4 * (shape[0] + shape[1] + shape[2])
+    values, occupied, lower, per_meter = grid
+    origins, directions, jitter, targets = rays
+    scale, step, sparsity, unit = scales
+    slots, gradients, touched = inner
+    outer_values, outer_slots, outer_gradients, outer_touched = outer
+    count, workers, shape = origins.shape[0], gradients.shape[0], values.shape
+    nodes = outer_values.shape[0]
+    shells = shell_count(nodes)
+    most_inside = 4 * (shape[0] + shape[1] + shape[2])
+    longest = most_inside + shells
     errors = np.zeros(count, np.float32)
     for worker in numba.prange(workers):
         start, slope, cell, fraction, weights = scratch()
@@ -66,7 +82,7 @@ def loss_and_gradient(
         kept_weight = np.empty(longest, np.float32)
         kept_raw = np.empty(longest, np.float32)
         kept_color = np.empty((longest, 3), np.float32)
-        gradient, marks = gradients[worker], touched[worker]
+        by_value = np.empty(4, np.float32)
         for ray in range(worker * count // workers, (worker + 1) * count // workers):
             enter, leave = grid_ray(origins[ray], directions[ray], lower, per_meter, shape, start, slope)
             samples = sample_count(enter, leave, step)
@@ -74,7 +90,7 @@ def loss_and_gradient(
             color = np.zeros(3, np.float32)
             light = np.float32(1.0)
             index, found = 0, 0
-            while index < samples and light > STOPPED and found < longest:
+            while index < samples and light > STOPPED and found < most_inside:
                 locate(index, enter, step, start, slope, shape, cell, fraction)
                 following = next_sample(index, enter, step, start, slope, cell, occupied)
                 if following > index:
@@ -95,6 +111,26 @@ def loss_and_gradient(
                     kept_weight[found], kept_raw[found] = weight, raw
                     found += 1
                 index += 1
+            inside, shell = found, 0
+            while shell < shells and light > STOPPED:
+                position = np.float32(shell) + np.float32(0.98) * jitter[ray]
+                if cross_shell(position, nodes, start, slope, shape, cell, fraction) >= np.float32(0.0):
+                    i, j, k = cell[0], cell[1], cell[2]
+                    corner_weights(fraction[0], fraction[1], fraction[2], weights)
+                    raw = interpolate(outer_values, 0, i, j, k, weights)
+                    through = np.float32(0.0)
+                    if shell + 1 < shells:
+                        through = np.float32(math.exp(-RAW_TO_DEPTH * softplus(raw)))
+                    weight = light * (np.float32(1.0) - through)
+                    light *= through
+                    for channel in range(3):
+                        shade = interpolate(outer_values, channel + 1, i, j, k, weights)
+                        kept_color[found, channel] = shade
+                        color[channel] += weight * shade
+                    kept[found], kept_light[found] = shell, light
+                    kept_weight[found], kept_raw[found] = weight, raw
+                    found += 1
+                shell += 1
             behind = np.float32(0.0)
             for channel in range(3):
                 difference = color[channel] + light * background[channel] - targets[ray, channel]
@@ -102,55 +138,101 @@ def loss_and_gradient(
                 color[channel] = np.float32(2.0) * difference  # from here on g = dL/dC
                 behind += light * background[channel] * color[channel]
             for sample in range(found - 1, -1, -1):
-                locate(kept[sample], enter, step, start, slope, shape, cell, fraction)
-                corner_weights(fraction[0], fraction[1], fraction[2], weights)
                 along = np.float32(0.0)
                 for channel in range(3):
                     along += kept_color[sample, channel] * color[channel]
-                weight, raw = kept_weight[sample], kept_raw[sample]
-                density = scale * softplus(raw)
-                thinning = sparsity * np.float32(4.0) * density / (np.float32(1.0) + np.float32(2.0) * density**2)
-                by_density = step * (kept_light[sample] * along - behind + thinning)
-                behind += weight * along
-                scatter(
-                    gradient, marks, cell[0], cell[1], cell[2], weights,
-                    by_density * scale * sigmoid(raw), weight * color[0], weight * color[1], weight * color[2],
-                )  # fmt: skip
+                    by_value[channel + 1] = kept_weight[sample] * color[channel]
+                raw = kept_raw[sample]
+                by_depth = kept_light[sample] * along - behind
+                behind += kept_weight[sample] * along
+                if sample >= inside:
+                    last = kept[sample] + 1 == shells  # opaque, whatever its raw density
+                    by_value[0] = np.float32(0.0) if last else by_depth * RAW_TO_DEPTH * sigmoid(raw)
+                    position = np.float32(kept[sample]) + np.float32(0.98) * jitter[ray]
+                    cross_shell(position, nodes, start, slope, shape, cell, fraction)
+                    corner_weights(fraction[0], fraction[1], fraction[2], weights)
+                    scatter(outer_gradients[worker], outer_touched[worker], outer_slots, cell, weights, by_value)
+                else:
+                    density = unit * scale * softplus(raw)
+                    thinning = sparsity * np.float32(4.0) * density / (np.float32(1.0) + np.float32(2.0) * density**2)
+                    by_value[0] = step * (by_depth + thinning) * scale * sigmoid(raw)
+                    locate(kept[sample], enter, step, start, slope, shape, cell, fraction)
+                    corner_weights(fraction[0], fraction[1], fraction[2], weights)
+                    scatter(gradients[worker], touched[worker], slots, cell, weights, by_value)
     return errors
 
 
 @kernel(parallel=True)
-def adam(values, gradients, touched, first, second, rates, rate_scale, bounds, corrections):
-    """Sum the threads' gradients and take a step of Adam on touched blocks, in place; clears gradients and marks.
+def add_roughness(values, blocks, gradients, touched, weights):
+    """Add to gradients[0] that of the total variation, sum over neighbours of weight * huber(difference).
 
-    `rates` (4) are learning rates of the channels, `rate_scale` (nx, ny, nz) scales that of the density,
-    `bounds` (2, 4) limit the values, `corrections` are 1 - beta^t of both moments. Nodes without gradient rest.
+    For touched nodes only: what no ray looks at may be as rough as it likes. `weights` (4) are those of the channels.
     """
     nx, ny, nz, channels = values.shape
-    workers, bx, by, bz = touched.shape
+    workers, count = touched.shape
     side = 1 << BLOCK_SHIFT
-    for block in numba.prange(bx * by * bz):
-        x0, y0, z0 = block // (by * bz), (block // bz) % by, block % bz
+    one = np.float32(1.0)
+    for slot in numba.prange(count):
         active = False
         for worker in range(workers):
-            active = active or touched[worker, x0, y0, z0] != 0
-            touched[worker, x0, y0, z0] = 0
+            active = active or touched[worker, slot] != 0
         if not active:
             continue
-        for x in range(x0 * side, min(nx, (x0 + 1) * side)):
-            for y in range(y0 * side, min(ny, (y0 + 1) * side)):
-                for z in range(z0 * side, min(nz, (z0 + 1) * side)):
+        x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
+        for x in range(x0, min(nx, x0 + side)):
+            for y in range(y0, min(ny, y0 + side)):
+                for z in range(z0, min(nz, z0 + side)):
+                    node = node_in_block(x, y, z)
                     for channel in range(channels):
                         slope = np.float32(0.0)
                         for worker in range(workers):
-                            slope += gradients[worker, x, y, z, channel]
-                            gradients[worker, x, y, z, channel] = np.float32(0.0)
+                            slope += gradients[worker, slot, node, channel]
                         if slope == np.float32(0.0):
                             continue
-                        mean = FIRST * first[x, y, z, channel] + (np.float32(1.0) - FIRST) * slope
-                        square = SECOND * second[x, y, z, channel] + (np.float32(1.0) - SECOND) * slope * slope
-                        first[x, y, z, channel] = mean
-                        second[x, y, z, channel] = square
+                        here, pull = values[x, y, z, channel], np.float32(0.0)
+                        pull += min(max(here - values[max(x - 1, 0), y, z, channel], -one), one)
+                        pull += min(max(here - values[min(x + 1, nx - 1), y, z, channel], -one), one)
+                        pull += min(max(here - values[x, max(y - 1, 0), z, channel], -one), one)
+                        pull += min(max(here - values[x, min(y + 1, ny - 1), z, channel], -one), one)
+                        pull += min(max(here - values[x, y, max(z - 1, 0), channel], -one), one)
+                        pull += min(max(here - values[x, y, min(z + 1, nz - 1), channel], -one), one)
+                        gradients[0, slot, node, channel] += weights[channel] * pull
+
+
+@kernel(parallel=True)
+def adam(values, blocks, gradients, touched, moments, rates, rate_scale, bounds, corrections):
+    """Sum the threads' gradients and take a step of Adam on touched blocks, in place; clears gradients and marks.
+
+    `blocks` (slots, 3) says which block has which slot, `moments` (2, slots, 64, 4) are Adam's. `rates` (4) are
+    learning rates of the channels, `rate_scale` (nx, ny, nz) scales that of the density, `bounds` (2, 4) limit the
+    values, `corrections` are 1 - beta^t of both moments. Nodes without gradient rest.
+    """
+    nx, ny, nz, channels = values.shape
+    workers, count = touched.shape
+    side = 1 << BLOCK_SHIFT
+    for slot in numba.prange(count):
+        active = False
+        for worker in range(workers):
+            active = active or touched[worker, slot] != 0
+            touched[worker, slot] = 0
+        if not active:
+            continue
+        x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
+        for x in range(x0, min(nx, x0 + side)):
+            for y in range(y0, min(ny, y0 + side)):
+                for z in range(z0, min(nz, z0 + side)):
+                    node = node_in_block(x, y, z)
+                    for channel in range(channels):
+                        slope = np.float32(0.0)
+                        for worker in range(workers):
+                            slope += gradients[worker, slot, node, channel]
+                            gradients[worker, slot, node, channel] = np.float32(0.0)
+                        if slope == np.float32(0.0):
+                            continue
+                        mean = FIRST * moments[0, slot, node, channel] + (np.float32(1.0) - FIRST) * slope
+                        square = SECOND * moments[1, slot, node, channel] + (np.float32(1.0) - SECOND) * slope * slope
+                        moments[0, slot, node, channel] = mean
+                        moments[1, slot, node, channel] = square
                         rate = rates[channel] * (rate_scale[x, y, z] if channel == 0 else np.float32(1.0))
                         size = np.float32(math.sqrt(square / corrections[1])) + np.float32(1e-15)
                         moved = values[x, y, z, channel] - rate * (mean / corrections[0]) / size

@@ -21,6 +21,7 @@ from nerfnav.field.kernels.cells import (
     slab,
     softplus,
 )
+from nerfnav.field.kernels.shells import see_shells
 
 STOPPED = np.float32(3e-5)
 """Transmittance below which the rest of a ray cannot be seen."""
@@ -80,8 +81,8 @@ def scratch():
 
 
 @kernel(parallel=True)
-def render(values, occupied, lower, per_meter, origins, directions, scale, step, background):
-    """Colour (n, 3), opacity (n) and mean depth (n) of rays."""
+def render(values, occupied, lower, per_meter, origins, directions, scale, step, background, outer):
+    """Colour (n, 3), opacity (n) and mean depth (n) of rays; `outer` (m, m, m, 4) are the surroundings, m = 0: none."""
     count = origins.shape[0]
     shape = values.shape
     colors = np.empty((count, 3), np.float32)
@@ -89,6 +90,7 @@ def render(values, occupied, lower, per_meter, origins, directions, scale, step,
     depths = np.empty(count, np.float32)
     for chunk in numba.prange((count + CHUNK - 1) // CHUNK):
         start, slope, cell, fraction, weights = scratch()
+        seen = np.empty(4, np.float32)
         for ray in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             enter, leave = grid_ray(origins[ray], directions[ray], lower, per_meter, shape, start, slope)
             samples = sample_count(enter, leave, step)
@@ -114,11 +116,13 @@ def render(values, occupied, lower, per_meter, origins, directions, scale, step,
                 blue += weight * interpolate(values, 3, i, j, k, weights)
                 depth += weight * distance
                 light *= through
-            colors[ray, 0] = red + light * background[0]
-            colors[ray, 1] = green + light * background[1]
-            colors[ray, 2] = blue + light * background[2]
+            seen[0], seen[1], seen[2], seen[3] = red, green, blue, depth
+            if outer.shape[0] > 0 and light > STOPPED:
+                light = see_shells(outer, start, slope, shape, light, (cell, fraction, weights), seen)
+            for channel in range(3):
+                colors[ray, channel] = seen[channel] + light * background[channel]
             opacities[ray] = np.float32(1.0) - light
-            depths[ray] = depth / max(np.float32(1.0) - light, np.float32(1e-6))
+            depths[ray] = seen[3] / max(np.float32(1.0) - light, np.float32(1e-6))
     return colors, opacities, depths
 
 

@@ -1,0 +1,55 @@
+"""A picture of the field: volume rendering in plain torch against the fused kernel, of the same rays."""
+
+import torch
+
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.bench.comparison import Comparison, interleaved
+from nerfnav.experiments.bench.rays import THREADS, field_threads, views_in
+from nerfnav.field.field import uniform_samples
+from nerfnav.field.render import Rendering, render_rays
+
+_RAYS_AT_ONCE = 4096
+
+
+def measure(arena: Arena, pictures: int = 3, size: int = 100, rounds: int = 1, fast_per_round: int = 5) -> Comparison:
+    """Time both on pictures of `size` x `size` pixels, 90 degrees wide, taken from a ring in the arena.
+
+    The times are those of all pictures. Torch renders all samples of each ray; what it takes when it is given, for
+    free, those that the compiled search has found to matter, is `paper_given_samples_ms` in the detail, beside the
+    largest difference of any colour (in [0, 1]) between torch with all samples and the kernel.
+    """
+    field = arena.field
+    rays = [camera.rays(pose) for camera, pose in views_in(arena, pictures, size)]
+    origins, directions = (torch.cat(parts) for parts in zip(*rays, strict=True))
+    batches = list(zip(origins.split(_RAYS_AT_ONCE), directions.split(_RAYS_AT_ONCE), strict=True))
+    result: dict[str, torch.Tensor] = {}
+
+    def joined(parts: list[Rendering]) -> torch.Tensor:
+        return torch.cat([part.color for part in parts])
+
+    def slow() -> None:
+        with torch.no_grad():
+            result["paper"] = joined(
+                [render_rays(field, *pair, uniform_samples(field.box, *pair, field.step)) for pair in batches]
+            )
+
+    def given() -> None:
+        with torch.no_grad():
+            joined([render_rays(field, *pair, found) for pair, found in zip(batches, samples, strict=True)])
+
+    def fast() -> None:
+        result["fast"] = joined([field.render_rays(*pair) for pair in batches])
+
+    with field_threads():
+        fast()  # compiled
+        samples = [field.samples(*pair) for pair in batches]
+        slow_ms, fast_ms = interleaved(slow, fast, rounds, fast_per_round)
+        given_ms, _ = interleaved(given, fast, rounds)
+    difference = (result["paper"] - result["fast"]).abs().max().item()
+    detail = {
+        "max_color_difference": difference,
+        "paper_given_samples_ms": given_ms,
+        "rays": float(len(origins)),
+        "torch_threads": float(THREADS),
+    }
+    return Comparison("render", slow_ms, fast_ms, THREADS, detail)

@@ -1,0 +1,116 @@
+"""A training step: the kernels' gradients against autograd, and the torch learner against the kernels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from nerfnav.field.field import uniform_samples
+from nerfnav.field.learner import Finish, GridLearner, LearningRates
+from nerfnav.field.rays import RayBatch
+from nerfnav.field.render import render_rays
+from nerfnav.field.surroundings import Surroundings
+from nerfnav.field.torch_learner import TorchLearner
+from nerfnav.field.trained_grid import TrainedGrid, training_bytes
+from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from tests.field.fields import BOX, random_rays, random_voxels, random_voxels_in_a_room
+
+RATES = LearningRates(0.25, 0.03, 1e-3, 1e-6, 1e-5)
+CPU = torch.device("cpu")
+
+
+def batch_of(count: int, seed: int = 3, jitter: float = 0.0) -> RayBatch:
+    origins, directions = random_rays(count, seed)
+    generator = torch.Generator().manual_seed(seed)
+    targets = torch.rand(count, 3, generator=generator).numpy()
+    moved = jitter * (torch.rand(count, generator=generator).numpy() - np.float32(0.5))
+    return RayBatch(origins.numpy(), directions.numpy(), targets, moved)
+
+
+def relative(found: torch.Tensor, wanted: torch.Tensor) -> float:
+    return float((found - wanted).abs().max() / wanted.abs().max())
+
+
+def test_the_compiled_gradient_equals_autograd_through_the_renderer_in_the_box_and_around_it():
+    field, batch = random_voxels_in_a_room(), batch_of(200)
+    learner = GridLearner.of(field, 1.0, workers=2)
+    error = learner.gradient(batch, 0.0)
+    values, around = (part.clone().requires_grad_() for part in (field.values, field.outside.values))
+    leaf = VoxelField(BOX, values, field.background, outside=Surroundings(around))
+    rays = torch.from_numpy(batch.origins), torch.from_numpy(batch.directions)
+    color = render_rays(leaf, *rays, uniform_samples(BOX, *rays, field.step)).color
+    loss = (color - torch.from_numpy(batch.targets)).square().sum()
+    by_values, by_around = torch.autograd.grad(loss, (values, around))
+    assert abs(error * 3 * 200 / loss.item() - 1) < 1e-4
+    assert relative(learner.inner.dense_gradient(), by_values) < 1e-3
+    assert relative(learner.outer.dense_gradient(), by_around) < 1e-3
+
+
+@pytest.mark.parametrize("make", [random_voxels, random_voxels_in_a_room])
+def test_the_torch_learner_has_the_kernels_gradient_with_jitter_sparsity_and_empty_blocks(make):
+    field = make()
+    field.values[:12, :, :, 0] = EMPTY_RAW
+    compiled = GridLearner.of(field, 1.7, workers=2)
+    plain, batch = TorchLearner.of(compiled, CPU), batch_of(200, jitter=1.0)
+    error = compiled.gradient(batch, 1e-3)
+    plain_error, gradients = plain.gradient(batch, 1e-3)
+    assert abs(error / plain_error - 1) < 1e-4
+    for grid, gradient in zip((compiled.inner, compiled.outer), gradients, strict=False):
+        assert relative(grid.dense_gradient(), gradient) < 1e-3
+
+
+def test_a_few_steps_lead_the_torch_learner_where_the_kernels_lead():
+    compiled = GridLearner.of(random_voxels_in_a_room(), 1.0, workers=2)
+    plain = TorchLearner.of(compiled, CPU)
+    for seed in range(3):
+        batch = batch_of(300, seed, jitter=1.0)
+        assert abs(compiled.step(batch, RATES) / plain.step(batch, RATES) - 1) < 1e-3
+    pairs = ((compiled.inner, plain.inner), (compiled.outer, plain.outer))
+    for ours, theirs in pairs:
+        assert theirs is not None
+        difference = (torch.from_numpy(ours.values) - theirs.values).abs()
+        # Adam's first steps have the size of the rate whatever the gradient: a rounded zero may go either way
+        assert (difference < 1e-3).float().mean() > 0.995
+    empty = [learner.field(Finish()).values[..., 0] == EMPTY_RAW for learner in (compiled, plain)]
+    assert torch.equal(*empty)
+
+
+def test_only_blocks_that_are_looked_at_take_memory():
+    values = torch.full((33, 33, 33, 4), EMPTY_RAW)
+    values[16:18, 16:18, 16:18, 0] = 0.0
+    learner = GridLearner.of(VoxelField(BOX, values, torch.zeros(3)), 1.0, workers=2)
+    assert learner.inner.gradients.shape[1] <= 27
+    full = TrainedGrid(values, values[..., 0], torch.ones(9, 9, 9, dtype=torch.bool), torch.zeros(2, 4), 2)
+    arrays = (full.values, full.rate_scale, full.gradients, full._moments)
+    assert sum(array.nbytes for array in arrays) < 1.4 * training_bytes(33**3, 2)  # blocks reach over the border
+
+
+def test_a_refined_grid_shows_what_the_coarse_one_showed():
+    field = random_voxels()
+    learner = GridLearner.of(field, 1.0, workers=2)
+    fine = learner.refined((41, 45, 25))
+    raw = torch.from_numpy(fine.inner.values[..., 0])
+    assert raw.shape == (41, 45, 25)
+    torch.testing.assert_close(raw[::2, ::2, ::2], field.values[..., 0], rtol=1e-5, atol=1e-5)
+    plain = TorchLearner.of(learner, CPU).refined((41, 45, 25))
+    torch.testing.assert_close(plain.inner.values[..., 0], raw)
+
+
+def test_a_field_on_another_device_is_the_same_field():
+    field = random_voxels_in_a_room()
+    moved = replace(field, unknown=torch.zeros(field.shape, dtype=torch.bool)).to("cpu")
+    assert moved.outside is not None and moved.unknown is not None
+    rays = random_rays(50)
+    assert torch.equal(moved.render_rays(*rays).color, field.render_rays(*rays).color)
+
+
+def test_finishing_empties_fog_and_firms_surfaces_by_the_factor():
+    values = torch.full((9, 9, 9, 4), EMPTY_RAW)
+    values[2, 2, 2, 0], values[6, 6, 6, 0] = -8.0, -3.0  # 0.13 / m and 19 / m
+    learner = GridLearner.of(VoxelField(BOX, values, torch.zeros(3)), 1.0, workers=1)
+    finished = learner.field(Finish(empty_below=0.5, firm_above=3.0, firmness=2.0))
+    assert finished.values[2, 2, 2, 0] == EMPTY_RAW
+    at = BOX.lower + torch.tensor([[6.0, 6.0, 6.0]]) * finished.spacing
+    before = VoxelField(BOX, values, torch.zeros(3)).density(at)
+    assert 1.9 < (finished.density(at) / before).item() < 2.0

@@ -1,0 +1,118 @@
+"""What stands around the box: kernels against the torch reference, and that against geometry."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from nerfnav.field.checkpoint import load_field, save_field
+from nerfnav.field.field import uniform_samples
+from nerfnav.field.jacobian import colors_and_jacobian
+from nerfnav.field.render import render_rays
+from nerfnav.field.surroundings import Surroundings, uncontracted
+from nerfnav.field.train import TrainConfig, train
+from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.camera import Camera, Pose, look_at
+from nerfnav.geometry.images import PosedImages
+from tests.field.fields import BOX, random_rays, random_voxels, random_voxels_in_a_room
+
+SMALL = Box.of((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4))
+
+
+def test_compiled_surroundings_equal_the_reference():
+    field, rays = random_voxels_in_a_room(), random_rays(300)
+    reference = render_rays(field, *rays, uniform_samples(BOX, *rays, field.step))
+    compiled = field.render_rays(*rays)
+    assert (compiled.color - reference.color).abs().max() < 1e-4
+    assert (compiled.opacity - reference.opacity).abs().max() < 1e-4
+    assert ((compiled.depth - reference.depth).abs() / (1 + reference.depth)).max() < 1e-3
+
+
+def test_no_ray_ends_in_nothing():
+    field, rays = random_voxels_in_a_room(), random_rays(300, seed=1)
+    assert field.render_rays(*rays).opacity.min() > 0.9999
+    assert random_voxels().render_rays(*rays).opacity.min() < 0.5
+
+
+def test_shells_are_met_where_rays_leave_boxes_of_their_size():
+    around = Surroundings(torch.zeros(16, 16, 16, 4))
+    origins, directions = random_rays(50, seed=2)
+    distance, contracted = around.crossings(BOX, origins, directions)
+    points = origins[:, None] + distance[..., None] * directions[:, None]
+    shell = ((points - BOX.center) / (0.5 * BOX.size)).abs().amax(-1)
+    met = distance >= 0
+    wanted = 8 / (8 - torch.arange(8) - 0.5)
+    assert met[:, -1].all() and not met.all()
+    torch.testing.assert_close(shell[met], wanted.expand_as(shell)[met], rtol=1e-4, atol=1e-4)
+    assert (contracted[met].abs().amax(-1) <= 2).all()
+    torch.testing.assert_close(uncontracted(BOX, contracted)[met], points[met], rtol=1e-3, atol=1e-3)
+
+
+def test_density_stays_in_the_box():
+    field = random_voxels_in_a_room()
+    points = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 4 - 2
+    assert torch.equal(field.density(points), random_voxels().density(points))
+
+
+def test_colours_of_the_surroundings_are_differentiable_in_the_ray():
+    field = random_voxels_in_a_room()
+    field = replace(field, values=field.values.double(), outside=Surroundings(field.outside.values.double()))
+    origin, direction = (part[:1].double() for part in random_rays(1, seed=3))
+
+    def color(origin: torch.Tensor) -> torch.Tensor:
+        seen = field.backdrop(origin, direction)
+        assert seen is not None
+        return seen.color
+
+    assert torch.autograd.gradcheck(color, (origin.requires_grad_(),))
+
+
+def test_surroundings_and_unknown_nodes_come_back_from_a_file(tmp_path: Path):
+    field = random_voxels_in_a_room()
+    unknown = torch.rand(field.shape, generator=torch.Generator().manual_seed(0)) < 0.3
+    save_field(replace(field, unknown=unknown), tmp_path / "field.npz")
+    loaded = load_field(tmp_path / "field.npz")
+    assert isinstance(loaded, VoxelField)
+    assert loaded.unknown is not None and torch.equal(loaded.unknown, unknown)
+    rays = random_rays(200)
+    assert (loaded.render_rays(*rays).color - field.render_rays(*rays).color).abs().mean() < 0.01
+
+
+def photographs_of_a_room(count: int, turn: float = 0.0) -> PosedImages:
+    """Pictures, from within a small box, of far coloured walls with a pattern, in an otherwise empty world."""
+    walls = torch.rand(40, 40, 40, 4, generator=torch.Generator().manual_seed(7))
+    walls[..., 0] = EMPTY_RAW
+    smooth = torch.nn.functional.avg_pool3d(walls[..., 1:].permute(3, 0, 1, 2), 7, 1, 3).permute(1, 2, 3, 0)
+    walls[..., 1:] = ((smooth - 0.5) * 4 + 0.5).clamp(0, 1)
+    world = VoxelField(SMALL, torch.full((3, 3, 3, 4), EMPTY_RAW), torch.zeros(3), outside=Surroundings(walls))
+    camera, angles = Camera.from_fov(32, 32, 80), torch.arange(count) * 2.399963 + turn
+    eyes = torch.stack([0.2 * angles.cos(), 0.2 * angles.sin(), 0.1 * (3 * angles).sin()], -1)
+    poses = Pose.stack([look_at(eye, -eye + torch.tensor([0.0, 0.0, 0.05])) for eye in eyes])
+    images = [
+        (world.render_rays(*camera.rays(poses[k])).color.clamp(0, 1) * 255).round().to(torch.uint8).reshape(32, 32, 3)
+        for k in range(count)
+    ]
+    return PosedImages(torch.stack(images), camera, poses)
+
+
+def test_far_walls_are_learned_as_surroundings_and_leave_the_box_clear():
+    config = TrainConfig(voxel=0.04, iterations=300, rays=1024, outside=40)
+    generator = torch.Generator().manual_seed(0)
+    held_out = photographs_of_a_room(4, turn=0.3)
+    *_, last = train(photographs_of_a_room(20), held_out, SMALL, torch.zeros(3), config, generator)
+    assert last.field is not None and last.field.outside is not None
+    assert last.psnr_db > 25
+    points = torch.rand(2000, 3, generator=generator) * 0.6 - 0.3
+    assert (last.field.density(points) < 1).float().mean() > 0.95
+
+
+def test_a_camera_that_moves_sees_the_surroundings_move():
+    field, (origins, directions) = random_voxels_in_a_room(), random_rays(30, seed=4)
+    step = torch.tensor([1e-3, 0.0, 0.0])
+    color, jacobian = colors_and_jacobian(field, origins, directions)
+    ahead, behind = (field.render_rays(origins + sign * step, directions).color for sign in (1, -1))
+    assert (color - field.render_rays(origins, directions).color).abs().max() < 1e-3
+    # samples keep their distances in the derivative and jump in the difference: alike in most rays
+    difference = ((ahead - behind) / 2e-3 - jacobian[:, :, 0]).abs().amax(-1)
+    assert difference.median() < 0.05 * jacobian[:, :, 0].abs().max()
