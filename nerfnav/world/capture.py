@@ -6,7 +6,7 @@ Cameras stand in free space only: one inside a stone would teach a field that th
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -20,8 +20,9 @@ from nerfnav.geometry.images import PosedImages
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from nerfnav.world.contact import ground
-from nerfnav.world.raycast import MeshRenderer, Picture
-from nerfnav.world.scene import Scene
+from nerfnav.world.raycast import MeshRenderer, Picture, RayCaster
+from nerfnav.world.scene import Scene, Vantage
+from nerfnav.world.vantage import suitable
 
 _ROUNDS = 30
 _GLANCE = 20  # pixels along a picture that is only asked how much it shows
@@ -54,6 +55,12 @@ class CaptureConfig:
     """Smallest share of a photograph that must show the mesh and not the sky."""
     supersample: int = 2
     """Rays along each side of a pixel."""
+    clear_voxels: float = 3.5
+    """A camera keeps so many voxels from surfaces: what is nearer, a field of such voxels cannot tell."""
+
+    def clear_of(self, voxel: float) -> "CaptureConfig":
+        """The same for a place whose field has voxels of that size [m], small or large."""
+        return replace(self, clearance=self.clear_voxels * voxel)
 
 
 @dataclass(frozen=True)
@@ -111,26 +118,33 @@ def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generato
     """
     if config.images < 1:
         raise InvalidInputError(f"a capture needs at least 1 image, not {config.images}")
-    inside = round(config.images * config.inside_share)
-    glance = MeshRenderer(scene)
+    share = 1.0 if scene.vantage is Vantage.INSIDE else config.inside_share  # nobody looks through walls
+    inside = round(config.images * share)
+    glance, caster = MeshRenderer(scene), RayCaster(scene.mesh)
 
     def pick(count: int, propose: Callable[[int], Pose]) -> Pose:
+        """So many poses, or as many as were found in a few rounds."""
         kept = [_NOWHERE]
         for _ in range(_ROUNDS):
             missing = count - sum(len(pose.position) for pose in kept)
             if missing <= 0:
-                return Pose.cat(kept)[:count]
+                break
             proposed = propose(2 * missing)
             free = proposed[_free(scene, proposed, config.clearance)]
+            free = free[suitable(caster, free.position, scene.vantage)]
             kept.append(free[_seen(glance, free, config) >= config.seen_share])
+        return Pose.cat(kept)[:count]
+
+    poses = pick(inside, lambda count: _within(scene.box, config.flight_band, count, generator))
+    if scene.vantage is not Vantage.INSIDE:  # where little of the box is free, more look in from around it
+        missing = config.images - len(poses.position)
+        poses = Pose.cat([poses, pick(missing, lambda count: _around(scene.box, count, generator))])
+    if len(poses.position) < config.images:
         raise InvalidInputError(
             f"the scene {scene.name} has too few places for {config.images} cameras that are free within "
-            f"{config.clearance} m and see the mesh in {config.seen_share:.0%} of their picture: ask for less"
+            f"{config.clearance:g} m and see the mesh in {config.seen_share:.0%} of their picture: ask for less"
         )
-
-    within = pick(inside, lambda count: _within(scene.box, config.flight_band, count, generator))
-    around = pick(config.images - inside, lambda count: _around(scene.box, count, generator))
-    return Pose.cat([within, around])[torch.randperm(config.images, generator=generator)]
+    return poses[torch.randperm(config.images, generator=generator)]
 
 
 def _free(scene: Scene, poses: Pose, clearance: float) -> Bool[Tensor, " n"]:

@@ -19,6 +19,7 @@ from nerfnav.world.scene import Scene
 from nerfnav.world.surface import surface_color
 
 Rays = Float32[np.ndarray, "n 3"]
+_AT_ONCE = 40_000  # rays: some ten milliseconds
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,10 @@ class RayCaster:
 
     def first_hits(self, origins: Rays, directions: Rays) -> Hits:
         """The nearest hit of each ray; directions are unit vectors."""
-        found = self._scene.run(origins, directions, output=1)
+        # a few at a time, for embree holds the interpreter's lock and other threads want to answer people meanwhile
+        parts = range(0, max(1, len(origins)), _AT_ONCE)
+        runs = [self._scene.run(origins[k : k + _AT_ONCE], directions[k : k + _AT_ONCE], output=1) for k in parts]
+        found = {name: np.concatenate([run[name] for run in runs]) for name in ("u", "v", "primID", "tfar")}
         second, third = found["u"], found["v"]
         missed = found["primID"] < 0
         distance = np.where(missed, np.float32(np.inf), found["tfar"])
@@ -82,7 +86,8 @@ class MeshRenderer:
         mesh = source.mesh if isinstance(source, Scene) else source
         self._sky = np.array(source.sky if isinstance(source, Scene) else sky, np.float32) * 255
         self._caster = RayCaster(mesh)
-        self._color = surface_color(mesh)
+        paint = source.paint if isinstance(source, Scene) else None
+        self._color = surface_color(mesh) if paint is None else paint.color
         self._supersample = supersample
 
     def render(self, camera: Camera, pose: Pose) -> Picture:
@@ -96,7 +101,8 @@ class MeshRenderer:
         colors[seen] = self._color(hits.face[seen], hits.weights[seen])
         k = self._supersample
         blocks = colors.reshape(camera.height, k, camera.width, k, 3)
-        image = (blocks.mean((1, 3)) if k > 1 else colors.reshape(camera.height, camera.width, 3)) + 0.5
+        rays = [blocks[:, i, :, j] for i in range(k) for j in range(k)]
+        image = sum(rays[1:], rays[0]) / len(rays) + 0.5  # faster than a mean over axes
         depth = hits.distance.reshape(finer.height, finer.width)[k // 2 :: k, k // 2 :: k]
         return Picture(torch.from_numpy(image.astype(np.uint8)), torch.from_numpy(np.ascontiguousarray(depth)))
 

@@ -1,11 +1,13 @@
 """A place as it really is: what is seen, what is touched, and what is asked of a robot there."""
 
 from dataclasses import dataclass
+from enum import Enum
 
 import trimesh
 
 from nerfnav.geometry.box import Box
 from nerfnav.robots.state import RigidState
+from nerfnav.world.paint import Paint
 
 Point = tuple[float, float, float]
 
@@ -38,6 +40,17 @@ class Task:
         return RigidState.at_rest(self.goal, self.goal_yaw)
 
 
+class Vantage(Enum):
+    """From where a place is seen."""
+
+    ANYWHERE = "anywhere"
+    """From wherever is free."""
+    INSIDE = "inside"
+    """A room: from where walls stand all around."""
+    OUTSIDE = "outside"
+    """Open ground: from where the sky is seen, and not from below the ground."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Ground truth. Two scenes are the same only if they are the same object."""
@@ -58,3 +71,9 @@ class Scene:
     """Flights to try, the first of them the default."""
     voxel: float | None = None
     """Size of the voxels that suit a field of it [m]; None where the usual size does."""
+    paint: Paint | None = None
+    """The mesh's colours, where they are more than the mesh itself can hold."""
+    sheets: tuple[trimesh.Trimesh, ...] = ()
+    """What is touched but has no inside: walls without thickness, ground without depth."""
+    vantage: Vantage = Vantage.ANYWHERE
+    """From where it is photographed."""

@@ -1,8 +1,8 @@
-"""How much of a box lies inside solids.
+"""How much of a body lies inside solids.
 
-Volumes are exact for watertight solids (booleans). For meshes that bound no volume they are the share of sample
-points whose generalised winding number exceeds one half, times the box's volume (Jacobson, Kavan, Sorkine-Hornung,
-"Robust inside-outside segmentation using generalized winding numbers", 2013).
+Volumes are exact for watertight solids (booleans). For meshes that bound no volume they are the share of the body's
+cells whose middles have a generalised winding number above one half, times the body's volume (Jacobson, Kavan,
+Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", 2013).
 """
 
 from collections.abc import Sequence
@@ -13,12 +13,12 @@ import trimesh
 from jaxtyping import Bool, Float
 from manifold3d import Error, Manifold, Mesh64
 
+from nerfnav.world.body_volume import BodyVolume
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.triangles import Triangles, Vector
 
 Points = Float[np.ndarray, "n 3"]
 
-_SAMPLES_PER_EDGE = 8
 _UPWARDS = np.array([0.0131, 0.0073, 0.9999], np.float32)  # not along any axis: no ray runs inside a face
 _PAIRS_AT_ONCE = 200_000
 
@@ -60,14 +60,17 @@ class Solid:
         return (face >= 0) & (self.mesh.face_normals[face] @ _UPWARDS > 0)
 
 
-def overlap_volume(solids: Sequence[Solid], rotation: Float[np.ndarray, "3 3"], center: Vector, half: Vector) -> float:
-    """Volume [m^3] that a box shares with the union of solids, which may overlap one another.
+def overlap_volume(
+    solids: Sequence[Solid], body: BodyVolume, rotation: Float[np.ndarray, "3 3"], center: Vector
+) -> float:
+    """Volume [m^3] that a body of pose x_world = rotation x + center shares with the union of solids.
 
-    The box has half edges `half` [m] and the pose x_world = rotation x + center.
+    The solids may overlap one another.
     """
-    lower, upper = center - np.abs(rotation) @ half, center + np.abs(rotation) @ half
+    reach = np.abs(rotation) @ body.half
+    lower, upper = center - reach, center + reach
     near = [solid for solid in solids if (solid.lower <= upper).all() and (solid.upper >= lower).all()]
-    left = Manifold.cube(2 * half, center=True).transform(np.column_stack([rotation, center]))
+    left = body.manifold.transform(np.column_stack([rotation, center]))
     closed = [(solid, solid.manifold) for solid in near if solid.manifold is not None]
     leaky = [solid for solid in near if solid.manifold is None]
     volume = 0.0
@@ -75,18 +78,12 @@ def overlap_volume(solids: Sequence[Solid], rotation: Float[np.ndarray, "3 3"], 
         inside, left = left.split(manifold)
         volume += inside.volume()
     if leaky:
-        points = _fill(half) @ rotation.T + center
+        points = body.middles @ rotation.T + center
         counted = np.any([solid.contains(points) for solid in leaky], axis=0)
         for solid, _ in closed:  # what these hold is counted already
             counted &= ~solid.contains(points)
-        volume += counted.mean() * 8 * half.prod()
+        volume += counted.sum() * body.cell_volume
     return float(volume)
-
-
-def _fill(half: Vector) -> Points:
-    """Middles of the cells that a box is cut into."""
-    middles = (np.arange(_SAMPLES_PER_EDGE) + 0.5) / _SAMPLES_PER_EDGE * 2 - 1
-    return np.stack(np.meshgrid(middles, middles, middles), -1).reshape(-1, 3) * half
 
 
 def winding_number(triangles: Triangles, points: Points) -> Float[np.ndarray, " n"]:

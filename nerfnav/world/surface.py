@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import trimesh
-from jaxtyping import Float32, Int32
+from jaxtyping import Float32, Int32, Shaped
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
@@ -29,35 +29,33 @@ def surface_color(mesh: trimesh.Trimesh) -> SurfaceColor:
         flat = np.asarray(visual.face_colors[:, :3], np.float32)
         return lambda faces, weights: flat[faces]
     corners = np.asarray(visual.vertex_colors[:, :3], np.float32)[mesh.faces]
-    return lambda faces, weights: _interpolate(corners, faces, weights)
+    return lambda faces, weights: interpolate(corners, faces, weights)
 
 
-def _interpolate(
-    corners: Float32[np.ndarray, "f 3 c"], faces: Faces, weights: Barycentric
-) -> Float32[np.ndarray, "n c"]:
+def interpolate(corners: Shaped[np.ndarray, "f 3 c"], faces: Faces, weights: Barycentric) -> Float32[np.ndarray, "n c"]:
     """Blend the values at each face's corners."""
     values = corners[faces]
-    return (weights[:, :, None] * values).sum(1)
+    first, second, third = (weights[:, k, None] * values[:, k] for k in range(3))  # faster than a sum over an axis
+    return first + second + third
 
 
 def _textured(
-    image: Float32[np.ndarray, "h w 3"],
+    image: Shaped[np.ndarray, "h w 3"],
     tint: Float32[np.ndarray, " 3"],
     uv_corners: Float32[np.ndarray, "f 3 2"],
 ) -> SurfaceColor:
-    """Bilinear look-up in an image that repeats; v points up, rows of the image point down."""
+    return lambda faces, weights: bilinear(image, interpolate(uv_corners, faces, weights)) * (tint / 255)
+
+
+def bilinear(image: Shaped[np.ndarray, "h w 3"], uv: Float32[np.ndarray, "n 2"]) -> Colors:
+    """Look-up in an image that repeats; v points up, rows of the image point down."""
     height, width = image.shape[:2]
-
-    def color(faces: Faces, weights: Barycentric) -> Colors:
-        uv = _interpolate(uv_corners, faces, weights)
-        x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-        left, top = np.floor(x).astype(int), np.floor(y).astype(int)
-        along_x, along_y = ((z - floor).astype(np.float32)[:, None] for z, floor in ((x, left), (y, top)))
-        upper = _row(image, top, left, along_x)
-        lower = _row(image, top + 1, left, along_x)
-        return ((1 - along_y) * upper + along_y * lower) * (tint / 255)
-
-    return color
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+    along_x, along_y = ((z - floor).astype(np.float32)[:, None] for z, floor in ((x, left), (y, top)))
+    upper = _row(image, top, left, along_x)
+    lower = _row(image, top + 1, left, along_x)
+    return (1 - along_y) * upper + along_y * lower
 
 
 def _row(image: np.ndarray, row: np.ndarray, left: np.ndarray, along_x: np.ndarray) -> np.ndarray:

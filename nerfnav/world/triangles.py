@@ -27,6 +27,11 @@ class TriangleIndex:
             for members in (np.flatnonzero(size == level) for level in np.unique(size))
         ]
 
+    def near(self, center: Vector, radius: float) -> Triangles:
+        """All triangles that come within `radius` [m] of a point, and some that do not."""
+        found = [members[tree.query_ball_point(center, radius + reach)] for members, reach, tree in self._levels]
+        return self._triangles[np.concatenate([np.zeros(0, int), *found]).astype(int)]
+
     def touched(
         self, rotations: Float[np.ndarray, "n 3 3"], centers: Float[np.ndarray, "n 3"], half: Vector
     ) -> Bool[np.ndarray, " n"]:

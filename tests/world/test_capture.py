@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+import trimesh
 from scipy.spatial import KDTree
 
 import scenes
@@ -10,6 +11,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.geometry.box import Box
 from nerfnav.world.capture import CaptureConfig, capture, capture_poses, images_taken, photograph, split
 from nerfnav.world.raycast import MeshRenderer
+from nerfnav.world.scene import Scene
 from nerfnav.world.solid import Solid
 
 _CONFIG = CaptureConfig(images=30, width=24, height=16, supersample=1)
@@ -81,3 +83,11 @@ def test_some_cameras_around_a_long_place_stand_beyond_its_ends():
     eyes = capture_poses(scene, config, _generator()).position
     assert (eyes[:, 0].abs() > 2.0).sum() >= 3
     assert (eyes[:, 1].abs() > 0.5).sum() >= 20
+
+
+def test_where_the_box_is_full_all_cameras_look_in_from_around_it():
+    cube = trimesh.creation.box((0.6, 0.6, 0.6))
+    scene = Scene("cube", "Cube", cube, (cube,), Box.of((-0.3, -0.3, -0.3), (0.3, 0.3, 0.3)), (1.0, 1.0, 1.0), ())
+    eyes = capture_poses(scene, replace(_CONFIG, images=20, seen_share=0.05), _generator()).position
+    assert len(eyes) == 20
+    assert not scene.box.contains(eyes).any()

@@ -141,3 +141,56 @@ def test_a_clean_flight_touches_nothing():
 def test_a_state_that_touches_belongs_to_the_steps_before_and_after_it():
     states = _states((-0.5, 0.3, 0), (0.0, 0.149, 0.0), (0.5, 0.3, 0))
     assert judge(_scene(_cube(0.2)), _BODY, states).touched.tolist() == [True, True]
+
+
+def test_a_body_of_its_own_shape_is_judged_by_that_shape_and_not_by_the_box_around_it():
+    """A ball in the corner between two walls: the box around it would be cut, the ball is not."""
+    ball = Body.from_mesh(trimesh.creation.icosphere(subdivisions=3, radius=0.1), spacing=0.05)
+    ground = Ground(_scene(_cube(1.0)))
+    near_edge, into_face = _states((0.58, 0.58, 0.0), (0.55, 0.0, 0.0))
+    states = RigidState.stack([near_edge, into_face])
+    box = Body.box((0.2, 0.2, 0.2), (2, 2, 2))
+    assert ground.touches(box, states).tolist() == [True, True]
+    assert ground.touches(ball, states).tolist() == [False, True]
+    cap = math.pi * 0.05**2 * (3 * 0.1 - 0.05) / 3
+    assert ground.overlaps(ball, states).tolist() == pytest.approx([0.0, cap], rel=0.05)
+
+
+def test_a_solid_body_wholly_inside_a_solid_touches_it():
+    ball = Body.from_mesh(trimesh.creation.icosphere(radius=0.1), spacing=0.05)
+    ground = Ground(_scene(_cube(1.0)))
+    assert ground.touches(ball, _states((0.1, 0.0, 0.2), (0.7, 0.0, 0.0))).tolist() == [True, False]
+    assert ground.overlaps(ball, _states((0.0, 0.0, 0.0))).item() == pytest.approx(4e-3 * math.pi / 3, rel=0.1)
+
+
+def _wall_without_thickness() -> Scene:
+    wall = trimesh.Trimesh([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
+    return Scene("wall", "Wall", wall, (), Box.of((-1, -1, -1), (1, 1, 1)), (1.0, 1.0, 1.0), (), sheets=(wall,))
+
+
+def test_a_wall_without_thickness_is_touched_and_counts_the_cells_that_it_cuts():
+    ground = Ground(_wall_without_thickness())
+    states = _states((0.004, 0.0, 0.0), (0.06, 0.0, 0.0), (-0.3, 0.0, 0.0))
+    assert ground.touches(_BODY, states).tolist() == [True, False, False]
+    assert ground.overlaps(_BODY, states).tolist() == pytest.approx([math.prod(_BODY.extents) / 8, 0, 0])
+
+
+def test_a_solid_body_meets_a_wall_without_thickness_with_its_shape_alone():
+    ball = Body.from_mesh(trimesh.creation.icosphere(subdivisions=3, radius=0.1), spacing=0.05)
+    turned = RigidState.at_rest((0.12, 0.0, 0.0), yaw=math.pi / 4)  # the box around it reaches the wall with an edge
+    states = RigidState.stack([turned, RigidState.at_rest((0.05, 0.0, 0.0))])
+    ground = Ground(_wall_without_thickness())
+    assert ground.touches(Body.box((0.2, 0.2, 0.2), (2, 2, 2)), states).tolist() == [True, True]
+    assert ground.touches(ball, states).tolist() == [False, True]
+
+
+def test_what_a_solid_holds_is_not_counted_again_for_a_sheet_in_it():
+    sheet = _wall_without_thickness().mesh
+    cube = _cube(1.0)
+    scene = Scene("both", "Both", cube, (cube,), Box.of((-1, -1, -1), (1, 1, 1)), (1.0,) * 3, (), sheets=(sheet,))
+    assert Ground(scene).overlaps(_BODY, _states((0.004, 0.0, 0.0))).item() == pytest.approx(4e-4, rel=1e-6)
+
+
+def test_a_place_without_anything_is_never_touched():
+    empty = Scene("air", "Air", trimesh.Trimesh(), (), Box.of((-1, -1, -1), (1, 1, 1)), (1.0, 1.0, 1.0), ())
+    assert not Ground(empty).touches(_BODY, _states((0.0, 0.0, 0.0))).any()

@@ -127,3 +127,12 @@ def test_a_material_without_a_texture_shows_its_colour():
         floor.visual = TextureVisuals(uv=np.zeros((4, 2)), material=material)
         image = MeshRenderer(floor).render(_CAMERA, _DOWN).image
         assert (image.reshape(-1, 3) == torch.tensor(expected)).all()
+
+
+def test_a_picture_that_is_taken_in_parts_is_the_same(monkeypatch: pytest.MonkeyPatch):
+    floor = _floor()
+    floor.visual = ColorVisuals(floor, vertex_colors=[[0, 0, 40], [200, 0, 40], [200, 100, 40], [0, 100, 40]])
+    whole = MeshRenderer(floor).render(_CAMERA, _DOWN)
+    monkeypatch.setattr("nerfnav.world.raycast._AT_ONCE", 37)
+    parts = MeshRenderer(floor).render(_CAMERA, _DOWN)
+    assert torch.equal(parts.image, whole.image) and torch.equal(parts.depth, whole.depth)

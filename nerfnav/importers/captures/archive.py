@@ -1,0 +1,93 @@
+"""Captures as one .zip file, unpacked with care: the file may come from anybody."""
+
+import lzma
+import struct
+import zipfile
+import zlib
+from pathlib import Path, PurePosixPath
+
+from nerfnav.importers.captures.formats import is_capture
+from nerfnav.importers.captures.views import CaptureError
+
+MOST_FILES = 20_000
+"""Files that are unpacked."""
+MOST_BYTES = 4 << 30
+"""Bytes that are unpacked."""
+MOST_SWELLING = 200
+"""How many times larger than the archive its content may be, above what every archive may hold."""
+_FREE_BYTES = 64 << 20
+"""Content that every archive may hold, however small it is."""
+_WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp")
+"""Endings of the files that a capture is made of; others are left in the archive."""
+_BROKEN = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, UnicodeDecodeError, ValueError,
+    NotImplementedError, RuntimeError,
+)  # fmt: skip
+"""What zipfile raises for broken data, and, the last two, for unknown methods and passwords."""
+_REASON = "it is cut off, encrypted or another kind of file"
+_DEPTH = 3
+"""Folders under which the capture may lie in the archive."""
+
+
+def unpacked(archive: Path, into: Path) -> Path:
+    """Unpack an archive into the folder `into`, and return the folder of the capture in it.
+
+    Raises CaptureError as `extract` does, and where the archive holds no capture.
+    """
+    extract(archive, into)
+    return _capture_in(into, archive)
+
+
+def names_in(archive: Path) -> list[str]:
+    """Names of the files in an archive. Raises CaptureError where it is broken."""
+    try:
+        with zipfile.ZipFile(archive) as content:
+            return [entry.filename for entry in content.infolist() if not entry.is_dir()]
+    except _BROKEN as error:
+        raise CaptureError(f"{archive} is no readable .zip: {_REASON}") from error
+
+
+def extract(archive: Path, into: Path, endings: tuple[str, ...] = _WANTED) -> None:
+    """Unpack the files of an archive that have one of the endings into the folder `into`.
+
+    Raises CaptureError where the archive is broken, leads out of its folder, or swells beyond measure.
+    """
+    try:
+        with zipfile.ZipFile(archive) as content:
+            for entry in _wanted(content, archive, endings):
+                content.extract(entry, into)  # reads no more than the size that was judged
+    except _BROKEN as error:
+        raise CaptureError(f"{archive} is no readable .zip: {_REASON}") from error
+    except OSError as error:
+        raise CaptureError(f"{archive} cannot be unpacked: {error.strerror}") from error
+
+
+def _wanted(content: zipfile.ZipFile, archive: Path, endings: tuple[str, ...]) -> list[zipfile.ZipInfo]:
+    entries = [entry for entry in content.infolist() if not entry.is_dir()]
+    for entry in entries:
+        path = PurePosixPath(entry.filename.replace("\\", "/"))
+        if path.is_absolute() or ".." in path.parts or ":" in path.parts[0]:
+            raise CaptureError(f"{archive} names a file outside of its own folder: {entry.filename}")
+    wanted = [entry for entry in entries if Path(entry.filename).suffix.lower() in endings]
+    total = sum(entry.file_size for entry in wanted)
+    if len(wanted) > MOST_FILES or total > MOST_BYTES:
+        raise CaptureError(
+            f"{archive} holds {len(wanted)} files of {total >> 20} MB together; at most {MOST_FILES} files of "
+            f"{MOST_BYTES >> 20} MB are unpacked"
+        )
+    if total > _FREE_BYTES + MOST_SWELLING * archive.stat().st_size:
+        raise CaptureError(f"{archive} would swell to {total >> 20} MB, which no photographs do: it is not unpacked")
+    return wanted
+
+
+def _capture_in(folder: Path, archive: Path) -> Path:
+    """The uppermost folder that is a capture."""
+    level = [folder]
+    for _ in range(_DEPTH):
+        for candidate in level:
+            if is_capture(candidate):
+                return candidate
+        level = sorted(child for parent in level for child in parent.iterdir() if child.is_dir())
+    raise CaptureError(
+        f"{archive} holds no capture: there is no transforms.json, no transforms_train.json and no COLMAP model in it"
+    )

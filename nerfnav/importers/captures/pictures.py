@@ -1,0 +1,153 @@
+"""Photographs as pixels: read, made smaller, undistorted, and all resampled to one pinhole camera.
+
+One camera for all keeps everything behind it simple. It sees what every photograph shows: the borders that only some
+of them show, or that undistortion leaves empty, are cut off.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from nerfnav.geometry.camera import Camera
+from nerfnav.importers.captures.views import CaptureError, Lens
+
+_LEAST_PIXELS = 8
+"""Along each side of what all photographs show."""
+_BORDER_POINTS = 33
+"""Points along each border of a distorted picture that are followed."""
+_ASTRAY = 0.5
+"""How far undistorting and distorting again may lead from a point [pixels]."""
+_ROUNDS = 200
+"""Steps in which a distortion is undone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One photograph in memory."""
+
+    pixels: np.ndarray
+    """Colours (height, width, 3) or colours and opacity (height, width, 4), 0 to 255, RGB."""
+    camera: Camera
+    """Its intrinsics, distortion left out."""
+    distortion: tuple[float, ...]
+    """OpenCV's coefficients; none: a pinhole."""
+
+
+@dataclass(frozen=True)
+class _Window:
+    """What a picture shows on the plane at depth 1, x to the right and y down."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+
+def read_pixels(path: Path) -> np.ndarray | None:
+    """The photograph in a file (height, width, 3 or 4), RGB, 0 to 255; None where the file is no whole image.
+
+    Turning by EXIF is left undone: lenses and poses belong to the pixels as they are stored.
+    """
+    try:
+        with Image.open(path) as image:
+            image.load()
+            if image.mode.startswith(("I", "F")):
+                deep = np.asarray(image, np.float32)
+                gray = np.clip(deep * (255 / max(65535.0, float(deep.max()))), 0, 255).astype(np.uint8)
+                return np.repeat(gray[..., None], 3, axis=2)
+            return np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB"))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None  # what Pillow raises for files that are cut off, broken, huge or no images
+
+
+def shrunk(pixels: np.ndarray, lens: Lens, downscale: int) -> Picture:
+    """A photograph `downscale` times smaller along each side, each pixel the mean of those that it stands for."""
+    height, width = pixels.shape[:2]
+    lens.camera(width, height)  # refuses a shape that is not the lens's
+    size = max(1, round(width / downscale)), max(1, round(height / downscale))
+    if size != (width, height):
+        pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+    # the shape was judged at full size, where rounding is small
+    return Picture(pixels, replace(lens, aspect=None).camera(*size), lens.distortion)
+
+
+def common_camera(pictures: list[Picture]) -> Camera:
+    """The pinhole camera of everything that all pictures show, with their median focal lengths.
+
+    Raises CaptureError where there is no such thing.
+    """
+    lenses = {(picture.camera, picture.distortion) for picture in pictures}
+    windows = [_window(camera, distortion) for camera, distortion in lenses]
+    left, right = max(window.left for window in windows), min(window.right for window in windows)
+    top, bottom = max(window.top for window in windows), min(window.bottom for window in windows)
+    fx = float(np.median([picture.camera.fx for picture in pictures]))
+    fy = float(np.median([picture.camera.fy for picture in pictures]))
+    width, height = int((right - left) * fx + 1e-6), int((bottom - top) * fy + 1e-6)
+    if min(width, height) < _LEAST_PIXELS:
+        raise CaptureError("the photographs are too small, or their lenses too different, to have a view in common")
+    return Camera(width, height, fx, fy, -left * fx, -top * fy)
+
+
+def resampled(picture: Picture, camera: Camera) -> np.ndarray:
+    """What `camera` sees of a picture: (height, width, 3 or 4)."""
+    if not picture.distortion and np.allclose(_numbers(picture.camera), _numbers(camera), rtol=0, atol=1e-6):
+        return picture.pixels
+    into_u, into_v = cv2.initUndistortRectifyMap(
+        _matrix(picture.camera),
+        np.array(picture.distortion or (0.0, 0.0, 0.0, 0.0)),
+        np.eye(3),
+        _matrix(camera),
+        (camera.width, camera.height),
+        cv2.CV_32FC1,
+    )
+    return cv2.remap(picture.pixels, into_u, into_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def over_white(pixels: np.ndarray) -> np.ndarray:
+    """Colours (height, width, 3) as they look in front of white."""
+    if pixels.shape[2] == 3:
+        return pixels
+    opacity = pixels[..., 3:].astype(np.float32) / 255
+    return (pixels[..., :3] * opacity + 255 * (1 - opacity)).round().astype(np.uint8)
+
+
+def _window(camera: Camera, distortion: tuple[float, ...]) -> _Window:
+    """The largest window without an empty corner."""
+    along_u, along_v = np.linspace(0, camera.width, _BORDER_POINTS), np.linspace(0, camera.height, _BORDER_POINTS)
+    if not distortion:
+        left, top = -camera.cx / camera.fx, -camera.cy / camera.fy
+        return _Window(left, left + camera.width / camera.fx, top, top + camera.height / camera.fy)
+    borders = [
+        np.stack(np.broadcast_arrays(u, v), -1)
+        for u, v in ((0.0, along_v), (float(camera.width), along_v), (along_u, 0.0), (along_u, float(camera.height)))
+    ]
+    left, right, top, bottom = (_straightened(border, camera, distortion) for border in borders)
+    return _Window(*map(float, (left[:, 0].max(), right[:, 0].min(), top[:, 1].max(), bottom[:, 1].min())))
+
+
+def _straightened(points: np.ndarray, camera: Camera, distortion: tuple[float, ...]) -> np.ndarray:
+    """Points (n, 2) on the plane at depth 1 that a lens shows at pixels (n, 2), pixel corners at whole numbers."""
+    matrix = _matrix(camera)
+    matrix[:2, 2] += 0.5
+    focal, coefficients, still = np.array([camera.fx, camera.fy]), np.array(distortion), np.zeros(3)
+    flat = (points - matrix[:2, 2]) / focal
+    missed = np.full_like(flat, np.inf)
+    for _ in range(_ROUNDS):  # a fixed point of: move by as much as the distortion still misses
+        seen = cv2.projectPoints(np.c_[flat, np.ones(len(flat))], still, still, matrix, coefficients)[0][:, 0]
+        missed = seen - points
+        flat = flat - missed / focal
+    if not np.abs(missed).max() < _ASTRAY:  # nor is NaN
+        raise CaptureError(f"the lens distortion {distortion} cannot be undone up to the picture's border")
+    return flat
+
+
+def _matrix(camera: Camera) -> np.ndarray:
+    """OpenCV's intrinsics: its pixel centres are at whole numbers."""
+    return np.array([[camera.fx, 0.0, camera.cx - 0.5], [0.0, camera.fy, camera.cy - 0.5], [0.0, 0.0, 1.0]])
+
+
+def _numbers(camera: Camera) -> tuple[float, ...]:
+    return camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy

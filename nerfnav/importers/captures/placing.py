@@ -1,0 +1,154 @@
+"""Where a capture lies in the world: which way is up, and which box the field gets. Both are told by the cameras.
+
+Up: people hold cameras level, so the cameras' x axes are all but perpendicular to it. The direction u that makes the
+mean of (u . x)^2 least is the smallest eigenvector of the mean of x x'; its sign is that of the mean camera top. Where
+the cameras all look the same way the x axes span no plane, and the mean top is up.
+
+Box: what the cameras look at and where they are. The focus is the point nearest to all optical axes,
+argmin_p sum |(I - f f')(p - c)|^2 with centres c and directions f.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.images import PosedImages
+
+_PLANAR = 0.02
+"""Second eigenvalue of the mean of x x' above which the cameras' x axes span a plane."""
+_SNAP = np.cos(np.deg2rad(2.0))
+"""An up so near to an axis of the capture is that axis: the capture is level already."""
+_LEVEL = 0.35
+"""How far the mean camera top must point up: cameras that agree less were turned or looked straight down."""
+_LYING = 0.1
+"""How little it may point up where cameras look straight down or up: down is then taken for likely."""
+_INWARDS = 0.3
+"""Distance of the focus, relative to the spread of the cameras, from which they look at something and not around."""
+_SUBJECT = 0.35
+"""Radius of what is looked at, relative to its distance: about what fills a picture."""
+_FAR = 1000.0
+"""Distance of the cameras from the origin, relative to their spread, that single precision cannot hold."""
+_NODES = 40
+"""Nodes along the longest edge of the box in which silhouettes are looked for."""
+_HULL_MARGIN = 1.5
+"""Distance between silhouettes and the box, in those nodes."""
+
+
+_STRAY = 0.02
+"""Share of the photographs that may show a point as clear although it is not: edges are jagged."""
+_WATCHED = 0.5
+"""Photographs that see a point, relative to the best seen one: before a camera's own lens hardly any other looks."""
+
+
+@dataclass(frozen=True)
+class Focus:
+    """What cameras look at."""
+
+    point: np.ndarray
+    """The point nearest to all optical axes (3)."""
+    depth: float
+    """Median distance at which the axes pass it; below 0 where the cameras look away from it, outwards."""
+
+
+def estimated_up(poses: np.ndarray) -> tuple[np.ndarray, bool]:
+    """The direction (3) that is up by how cameras with poses (n, 4, 4) were held, and whether they agree on it."""
+    rights, top, backward = poses[:, :3, 0], poses[:, :3, 1].mean(0), poses[:, :3, 2].mean(0)
+    sizes, directions = np.linalg.eigh(rights.T @ rights / len(rights))
+    up = directions[:, 0] if sizes[1] > _PLANAR else top
+    up = up / max(np.linalg.norm(up), 1e-12)
+    points_up = top @ up if abs(top @ up) > _LYING else backward @ up
+    up = up if points_up >= 0 else -up
+    if np.abs(up).max() > _SNAP:
+        up = np.where(np.abs(up) > 0.5, np.sign(up), 0.0)
+    return up, bool(top @ up > _LEVEL)
+
+
+def turned_up(up: np.ndarray) -> np.ndarray:
+    """The smallest rotation (3, 3) that turns a direction into the z axis."""
+    x, y, z = up / np.linalg.norm(up)
+    if z < -1 + 1e-9:
+        return np.diag([1.0, -1.0, -1.0])
+    # Rodrigues' formula about the axis up x z, without its angle
+    return np.array([
+        [1 - x * x / (1 + z), -x * y / (1 + z), -x],
+        [-x * y / (1 + z), 1 - y * y / (1 + z), -y],
+        [x, y, z],
+    ])  # fmt: skip
+
+
+def far_origin(poses: np.ndarray) -> np.ndarray:
+    """Whole metres (3) to take off positions that lie too far from the origin, as those of maps do; else zero."""
+    centers = poses[:, :3, 3]
+    middle = centers.mean(0)
+    spread = np.linalg.norm(centers - middle, axis=1).mean()
+    return np.round(middle) if np.linalg.norm(middle) > _FAR * spread else np.zeros(3)
+
+
+def focus_of(poses: np.ndarray) -> Focus:
+    """What cameras with poses (n, 4, 4) look at."""
+    centers, forward = poses[:, :3, 3], -poses[:, :3, 2]
+    across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
+    # a little of every centre keeps parallel axes from leading to infinity
+    weighed = across.sum(0) + 1e-3 * len(poses) * np.eye(3)
+    point = np.linalg.solve(weighed, (across @ centers[..., None]).sum(0)[:, 0] + 1e-3 * centers.sum(0))
+    return Focus(point, float(np.median(((point - centers) * forward).sum(1))))
+
+
+def box_of_cameras(poses: np.ndarray) -> Box:
+    """A box around cameras with poses (n, 4, 4) in the world and what they look at."""
+    centers, focus = poses[:, :3, 3], focus_of(poses)
+    spread = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
+    inwards = focus.depth > _INWARDS * spread
+    # outwards nothing tells how far the walls are: further than the cameras went
+    reach = _SUBJECT * focus.depth if inwards else spread
+    ahead = centers + -poses[:, :3, 2] * (focus.depth if inwards else reach)
+    around = [focus.point - reach, focus.point + reach] if inwards else []
+    points = np.concatenate([centers, ahead, np.reshape(around, (-1, 3))])
+    lower, upper = points.min(0), points.max(0)
+    margin = np.maximum(0.05 * (upper - lower), 0.02 * (upper - lower).max())
+    return _box(lower - margin, upper + margin)
+
+
+def box_of_silhouettes(
+    photographs: PosedImages, silhouettes: Bool[np.ndarray, "n height width"], around: Box
+) -> Box | None:
+    """The box of all points in `around` that every photograph which sees them shows as opaque; None where none is.
+
+    A coarse visual hull: first in `around`, then once more, finer, in what it left.
+    """
+    box = around
+    for _ in range(2):
+        axes = [torch.linspace(float(box.lower[k]), float(box.upper[k]), _NODES) for k in range(3)]
+        points = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+        inside = points[_opaque(photographs, torch.from_numpy(silhouettes), points)]
+        if len(inside) < 2:
+            return None
+        margin = _HULL_MARGIN * box.size / (_NODES - 1)
+        box = Box(inside.amin(0) - margin, inside.amax(0) + margin)
+    return box
+
+
+def _opaque(
+    photographs: PosedImages, silhouettes: Bool[Tensor, "n height width"], points: Float[Tensor, "m 3"]
+) -> Bool[Tensor, " m"]:
+    camera = photographs.camera
+    clear, seen = torch.zeros(len(points)), torch.zeros(len(points))
+    for index in range(len(photographs)):
+        pose = photographs.poses[index]
+        in_camera = (points - pose.position) @ pose.rotation
+        depth = (-in_camera[:, 2]).clamp_min(1e-6)
+        u = (camera.cx + camera.fx * in_camera[:, 0] / depth).floor().long()
+        v = (camera.cy - camera.fy * in_camera[:, 1] / depth).floor().long()
+        inside = (in_camera[:, 2] < 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+        opaque = silhouettes[index][v.clamp(0, camera.height - 1), u.clamp(0, camera.width - 1)]
+        seen += inside
+        clear += inside & ~opaque
+    return (clear <= _STRAY * seen) & (seen >= _WATCHED * seen.max())
+
+
+def _box(lower: np.ndarray, upper: np.ndarray) -> Box:
+    return Box(torch.from_numpy(lower.astype(np.float32)), torch.from_numpy(upper.astype(np.float32)))

@@ -1,0 +1,113 @@
+"""Captures described by JSON: transforms.json of nerfstudio and instant-ngp, and Blender's one file for each split.
+
+Cameras are OpenGL, as here. Intrinsics stand in the file's head, or in a frame, where they hold for it alone.
+"""
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, View, Views, rigid_pose
+
+SPLITS = ("train", "val", "test")
+"""Blender's files are called transforms_{split}.json."""
+_SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG", ".webp")
+_KNOWN_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL", "FULL_OPENCV", "PERSPECTIVE")
+_DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+
+
+def read_transforms(path: Path) -> Views:
+    """What a transforms.json says. Raises CaptureError where it says nothing that can be used."""
+    return Views("transforms.json", _views(path))
+
+
+def read_blender(folder: Path) -> Views:
+    """What transforms_{train,val,test}.json say; beside a training split the others are kept for judging."""
+    found = [split for split in SPLITS if (folder / f"transforms_{split}.json").is_file()]
+    views: list[View] = []
+    for split in found:
+        views += _views(folder / f"transforms_{split}.json", test="train" in found and split != "train")
+    return Views("Blender", tuple(views))
+
+
+def _views(path: Path, test: bool = False) -> tuple[View, ...]:
+    head = _json(path)
+    frames = head.get("frames")
+    if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
+        raise CaptureError(f"{path} has no list of frames: it is not a transforms.json")
+    undo = _undone(head.get("applied_transform"), path)
+    views = []
+    for index, frame in enumerate(frames):
+        name = frame.get("file_path")
+        if not isinstance(name, str) or not name:
+            raise CaptureError(f"frame {index} of {path} has no file_path")
+        pose = rigid_pose(frame.get("transform_matrix"), f"{name} in {path}")
+        view = View(name, image_path(path.parent, name), _lens({**head, **frame}, f"{name} in {path}"), pose, test)
+        views.append(view if undo is None else view.moved(undo))
+    return tuple(views)
+
+
+def image_path(folder: Path, name: str) -> Path:
+    """Where a photograph lies that is named with or without its ending; as named where it does not exist."""
+    named = folder / name
+    found = (f"{named}{suffix}" for suffix in _SUFFIXES if os.path.isfile(f"{named}{suffix}"))
+    return Path(next(found, named))
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        head = json.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise CaptureError(f"{path} is not readable as JSON: it is empty, cut off or another kind of file") from error
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror}") from error
+    if not isinstance(head, dict):
+        raise CaptureError(f"{path} is JSON, but not the description of a capture")
+    return head
+
+
+def _lens(entries: dict[str, Any], where: str) -> Lens:
+    model = str(entries.get("camera_model", "OPENCV")).upper()
+    if entries.get("is_fisheye"):
+        model = "OPENCV_FISHEYE"
+    if model not in _KNOWN_MODELS:
+        raise CaptureError(f"{where} has the camera model {model}; known are: {', '.join(_KNOWN_MODELS)}")
+    numbers = {key: _number(entries, key, where) for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "camera_angle_x")}
+    distortion = tuple(_number(entries, key, where) or 0.0 for key in _DISTORTION)
+    width, height, fx = numbers["w"], numbers["h"], numbers["fl_x"]
+    if fx is not None and width is not None and height is not None:
+        fy, cx, cy = numbers["fl_y"], numbers["cx"], numbers["cy"]
+        center = (width / 2 if cx is None else cx, height / 2 if cy is None else cy)
+        return Lens.measured((width, height), (fx, fx if fy is None else fy), center, *distortion)
+    angle = numbers["camera_angle_x"]
+    if angle is None:
+        raise CaptureError(f"{where} has no intrinsics: fl_x with w and h, or camera_angle_x is needed")
+    if not 0 < angle < math.pi:
+        raise CaptureError(f"{where} has a camera_angle_x of {angle:g}: it must lie between 0 and pi")
+    return Lens((0.5 / math.tan(angle / 2), None), distortion=distortion if any(distortion) else ())
+
+
+def _number(entries: dict[str, Any], key: str, where: str) -> float | None:
+    value = entries.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+        raise CaptureError(f"{key} of {where} is not a finite number")
+    return float(value)
+
+
+def _undone(applied: Any, path: Path) -> np.ndarray | None:
+    """What takes the file's poses back to the world that the capture was measured in; None where nothing is undone."""
+    if applied is None:
+        return None
+    try:
+        matrix = np.vstack([np.array(applied, dtype=np.float64)[:3], [0.0, 0.0, 0.0, 1.0]])
+    except (TypeError, ValueError, OverflowError):
+        matrix = np.zeros((4, 4))
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or np.linalg.det(matrix[:3, :3]) <= 1e-12:
+        raise CaptureError(f"applied_transform of {path} is no transform: it must be 3 x 4 numbers, not singular")
+    return np.linalg.inv(matrix)

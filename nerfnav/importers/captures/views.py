@@ -1,0 +1,126 @@
+"""What the files of a capture say: which photograph was taken from where, through which lens."""
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry.camera import Camera
+
+_SKEWED = 1e-2
+"""How far from a rotation a matrix may be and still be one that was only rounded."""
+LARGEST = 1e12
+"""Numbers in poses and lenses are smaller."""
+_ASPECT = 0.02
+"""How far the shape of a stored picture may be from the one that its lens was measured with."""
+
+
+class CaptureError(InvalidInputError):
+    """A capture that no field can be trained from."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Intrinsics as shares of the picture's width and height, so that pictures that were stored smaller fit too."""
+
+    focal: tuple[float, float | None]
+    """Focal lengths along u and v; None along v: the pixels are square."""
+    center: tuple[float, float] = (0.5, 0.5)
+    """Principal point along u and v."""
+    distortion: tuple[float, ...] = ()
+    """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; none: a pinhole."""
+    aspect: float | None = None
+    """Width over height of the pictures that it was measured with, where that is known."""
+
+    @classmethod
+    def measured(
+        cls, size: tuple[float, float], focal: tuple[float, float], center: tuple[float, float], *distortion: float
+    ) -> "Lens":
+        """From numbers in pixels. Raises CaptureError where they are those of no lens."""
+        width, height = size
+        numbers = (*size, *focal, *center, *distortion)
+        if not all(abs(number) < LARGEST for number in numbers) or min(size) < 1:
+            raise CaptureError(f"a lens needs finite numbers and a size of at least one pixel, not {numbers}")
+        if min(focal) <= 0:
+            raise CaptureError(f"a focal length must be above 0, not {min(focal):g}")
+        known = (distortion + 8 * (0.0,))[:8] if any(distortion) else ()
+        shares = (focal[0] / width, focal[1] / height), (center[0] / width, center[1] / height)
+        return cls(*shares, known, width / height)
+
+    def camera(self, width: int, height: int) -> Camera:
+        """The camera of a picture of that size [pixels], distortion left out.
+
+        Raises CaptureError where the picture has another shape than those that the lens was measured with.
+        """
+        if self.aspect is not None and abs(width / height / self.aspect - 1) > _ASPECT + 1 / min(width, height):
+            raise CaptureError(
+                f"a picture of {width} x {height} pixels has another shape than its lens was measured with "
+                f"(width over height {self.aspect:.3g}): was it cropped or turned?"
+            )
+        fx = self.focal[0] * width
+        fy = fx if self.focal[1] is None else self.focal[1] * height
+        return Camera(width, height, fx, fy, self.center[0] * width, self.center[1] * height)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One photograph, not read yet."""
+
+    name: str
+    """What the capture calls it."""
+    path: Path
+    """Where it lies, if it exists."""
+    lens: Lens
+    """What it was taken through."""
+    pose: np.ndarray
+    """T_world_camera (4, 4), OpenGL axes, in the capture's own world and units."""
+    test: bool = False
+    """Whether the capture keeps it for judging."""
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is such a file, whatever its name is made of."""
+        return os.path.isfile(self.path)
+
+    def moved(self, similarity: np.ndarray) -> "View":
+        """The same view in a world that a 4 x 4 similarity maps this one into; the pose stays rigid."""
+        pose = similarity @ self.pose
+        pose[:3, :3] /= np.cbrt(np.linalg.det(similarity[:3, :3]))
+        return replace(self, pose=pose)
+
+
+@dataclass(frozen=True)
+class Views:
+    """A capture as its files tell it."""
+
+    kind: str
+    """Which kind of files: "transforms.json", "Blender", "COLMAP"."""
+    views: tuple[View, ...]
+    """Every photograph that is named, whether it exists or not."""
+
+
+def rigid_pose(matrix: Any, name: str) -> np.ndarray:
+    """T_world_camera (4, 4) of a 3 x 4 or 4 x 4 matrix, its rotation made exact.
+
+    Raises CaptureError, which names the photograph, for a matrix that is no pose.
+    """
+    try:
+        rows = np.array(matrix, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        rows = np.zeros(0)
+    if rows.shape not in ((3, 4), (4, 4)):
+        raise CaptureError(f"the pose of {name} is not a matrix of 3 x 4 or 4 x 4 numbers")
+    if not (np.abs(rows) < LARGEST).all():
+        raise CaptureError(f"the pose of {name} has numbers that are not finite, or beyond measure")
+    pose = np.eye(4)
+    left, sizes, right = np.linalg.svd(rows[:3, :3])
+    scale = sizes.mean()
+    if sizes[2] < _SKEWED * max(sizes[0], 1e-12) or np.abs(sizes - scale).max() > _SKEWED * scale:
+        raise CaptureError(f"the pose of {name} is singular or skewed: its 3 x 3 part is no rotation")
+    pose[:3, :3], pose[:3, 3] = left @ right, rows[:3, 3]
+    if np.linalg.det(pose[:3, :3]) < 0:
+        raise CaptureError(f"the pose of {name} is mirrored: its 3 x 3 part has a negative determinant")
+    return pose

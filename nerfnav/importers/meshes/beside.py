@@ -1,0 +1,67 @@
+"""The files that a mesh names: textures, materials, buffers. Only those in its own folder are read."""
+
+import io
+import urllib.parse
+from collections.abc import Iterator
+from pathlib import Path
+
+from PIL import Image
+from trimesh.resolvers import Resolver
+
+from nerfnav.importers.meshes.refusal import MeshFileError
+
+_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds"}
+
+
+class Beside(Resolver):
+    """Reads what lies beside a mesh, and remembers what it could not: readers of meshes go on without it, unheard."""
+
+    def __init__(self, mesh: Path) -> None:
+        """Read from the folder of `mesh` and the folders in it."""
+        self._mesh = mesh
+        self._folder = mesh.resolve().parent
+        self._failed: list[str] = []
+        self.notes: list[str] = []
+
+    def get(self, key: str) -> bytes:
+        """The bytes of a file that the mesh names. Raises MeshFileError where it is missing or lies elsewhere."""
+        name = urllib.parse.unquote(key).strip().replace("\\", "/").removeprefix("file://").removeprefix("./")
+        path = (self._folder / name).resolve()
+        if not path.is_relative_to(self._folder):
+            raise self._failure(f"names the file {name}, which lies outside its own folder: it is not read")
+        if not path.is_file():
+            if path.suffix.lower() == ".mtl":  # without it there are no colours, but all of the shape
+                self.notes.append(f"its materials {name} are missing, so it is grey")
+                raise FileNotFoundError(name)
+            raise self._failure(f"needs the file {name}, which is not beside it")
+        data = path.read_bytes()
+        if path.suffix.lower() in _PICTURES:
+            self._check_picture(name, data)
+        return data
+
+    def refuse_what_failed(self) -> None:
+        """Raise MeshFileError for the first file that could not be had."""
+        if self._failed:
+            raise MeshFileError(self._failed[0])
+
+    def keys(self) -> Iterator[str]:
+        """Names of all files that can be read."""
+        return (str(path.relative_to(self._folder)) for path in self._folder.rglob("*") if path.is_file())
+
+    def write(self, name: str, data: object) -> None:
+        """Nothing is ever written beside a mesh."""
+        raise MeshFileError(f"{self._mesh}: nothing is written beside a mesh")
+
+    def namespaced(self, namespace: str) -> "Beside":
+        """The same: folders are part of names."""
+        return self
+
+    def _check_picture(self, name: str, data: bytes) -> None:
+        try:
+            Image.open(io.BytesIO(data)).verify()
+        except Exception as error:  # whatever a picture of unknown origin makes its reader raise
+            raise self._failure(f"needs the texture {name}, which is no picture that can be read") from error
+
+    def _failure(self, what: str) -> MeshFileError:
+        self._failed.append(f"{self._mesh} {what}")
+        return MeshFileError(self._failed[-1])

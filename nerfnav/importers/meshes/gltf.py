@@ -1,0 +1,95 @@
+"""glTF 2.0: what its header demands, checked before anything is decoded."""
+
+import base64
+import io
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from nerfnav.importers.meshes.refusal import MeshFileError
+
+_MAGIC, _JSON, _BINARY = b"glTF", 0x4E4F534A, 0x004E4942
+_KNOWN = {
+    "KHR_draco_mesh_compression",
+    "KHR_materials_unlit",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+}
+"""Extensions without which a file may say that it cannot be understood, and that are understood here."""
+
+
+def glb_parts(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
+    """The header and the binary chunk of a .glb. Raises MeshFileError where it is not a whole one."""
+    if data[:4] != _MAGIC:
+        raise MeshFileError(f"{path} is not a .glb file: it does not begin with glTF")
+    if len(data) < 20:
+        raise MeshFileError(f"{path} is cut off: it has {len(data)} bytes")
+    _, length, json_length, kind = struct.unpack("<4xIIII", data[:20])
+    if length > len(data) or 20 + json_length > len(data):
+        raise MeshFileError(f"{path} is cut off: it has {len(data)} bytes of {length}")
+    if kind != _JSON:
+        raise MeshFileError(f"{path} is damaged: its first chunk is not its header")
+    start = 20 + json_length
+    binary = b""
+    if start + 8 <= len(data):
+        size, kind = struct.unpack("<II", data[start : start + 8])
+        binary = data[start + 8 : start + 8 + size] if kind == _BINARY else b""
+    return header_of(path, data[20:start]), binary
+
+
+def header_of(path: Path, text: bytes) -> dict[str, Any]:
+    """The header of glTF. Raises MeshFileError where it is none."""
+    try:
+        header = json.loads(text)
+    except ValueError as error:
+        raise MeshFileError(f"{path} is not a whole glTF file: its header is no JSON") from error
+    if not isinstance(header, dict) or "asset" not in header:
+        raise MeshFileError(f"{path} is not a glTF file: its header has no `asset`")
+    if not str(header["asset"].get("version", "")).startswith("2"):
+        raise MeshFileError(f"{path} is not glTF 2.0: convert it first, with Blender for example")
+    return header
+
+
+def check(path: Path, header: dict[str, Any], read: Callable[[dict[str, Any]], bytes]) -> None:
+    """Raise MeshFileError for extensions that are not understood, and for textures that cannot be decoded.
+
+    `read` gives the bytes of a buffer or an image that is not in a buffer, by its entry in the header.
+    """
+    unknown = sorted(set(header.get("extensionsRequired", [])) - _KNOWN)
+    if unknown:
+        raise MeshFileError(
+            f"{path} cannot be read without {', '.join(unknown)}, which nerfnav does not know: export it without"
+        )
+    for index, image in enumerate(header.get("images", [])):
+        try:
+            data = _view(header, image["bufferView"], read) if "bufferView" in image else read(image)
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            raise MeshFileError(f"{path} is damaged: its header does not say where texture {index} is") from error
+        try:
+            Image.open(io.BytesIO(data))
+        except Exception as error:  # whatever a picture of unknown origin makes its reader raise
+            raise MeshFileError(f"{path} has a texture, number {index}, that is no picture that can be read") from error
+
+
+def embedded(entry: dict[str, Any]) -> bytes | None:
+    """The bytes that an entry of the header holds in itself; None where it names a file."""
+    uri = str(entry["uri"])
+    if not uri.startswith("data:"):
+        return None
+    return base64.b64decode(uri.partition(",")[2], validate=False)
+
+
+def _view(header: dict[str, Any], index: int, read: Callable[[dict[str, Any]], bytes]) -> bytes:
+    view = header["bufferViews"][index]
+    start = view.get("byteOffset", 0)
+    return read(header["buffers"][view["buffer"]])[start : start + view["byteLength"]]
+
+
+def is_linear(header: dict[str, Any]) -> bool:
+    """Whether plain colours are linear light, as the standard has it; trimesh writes them as they are, in sRGB."""
+    return "trimesh" not in str(header["asset"].get("generator", ""))

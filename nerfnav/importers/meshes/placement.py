@@ -1,0 +1,130 @@
+"""Upright and in metres: which way a mesh is up and how long its unit is, as told, declared, or guessed.
+
+Units: the declared one, then the usual ones, until the longest edge of the place has a plausible length. Up: what the
+format says, unless the file's other axis is much flatter and its mass lies much lower, as that of places does.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from nerfnav.importers.meshes.files import Declared
+from nerfnav.importers.meshes.parts import Parts
+from nerfnav.importers.meshes.refusal import MeshFileError
+from nerfnav.importers.placement import Placement
+
+METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+"""Lengths of units [m]."""
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_PLAUSIBLE = (0.5, 120.0)
+"""Longest edges that places have which somebody would fly a small robot in [m]."""
+_POSSIBLE = (0.02, 5000.0)
+"""Longest edges with which anything can be done [m]."""
+_FLATTER = 1.25
+"""An undeclared up axis is doubted where the file is higher along it than along the other by this factor, and more."""
+_LOWER = 0.03
+"""And where the middle of its surface lies lower along the other axis, by this share of its height."""
+_FAR_OFF = 50.0
+"""A mesh further from its origin than so many of its longest edges is moved there: single precision ends somewhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A mesh in the world, Z-up and in metres, and what was guessed to get it there."""
+
+    parts: Parts
+    """Its faces."""
+    up: str
+    """The direction in the file that is up now."""
+    scale: float
+    """Metres in one unit of the file."""
+    guesses: tuple[str, ...]
+    """Sentences for the user."""
+
+
+def place(parts: Parts, declared: Declared, placement: Placement, units: str | None, path: Path) -> Placed:
+    """Turn, scale and, where it is far off, move a mesh. Raises MeshFileError for sizes that nothing can be."""
+    guesses: list[str] = []
+    if placement.up is not None:
+        up = np.array(placement.up) / np.linalg.norm(placement.up)
+    else:
+        axis, why = _up_of(parts, declared)
+        up = np.array(_AXES[axis])
+        guesses.append(f"up is {axis} {why}")
+    longest = float(np.ptp(parts.bounds, axis=0).max())
+    scale = placement.meters_per_unit if units is None else METERS[units]
+    if scale is None:
+        scale, why = _scale_of(longest, declared)
+        guesses.append(f"lengths are in {_unit_name(scale)} {why}")
+    if not _POSSIBLE[0] <= scale * longest <= _POSSIBLE[1]:
+        raise MeshFileError(
+            f"{path} would be {scale * longest:.3g} m long, but only {_POSSIBLE[0]:g} to {_POSSIBLE[1]:g} m can be "
+            "worked with: give its --units or --scale"
+        )
+    vertices = scale * parts.vertices @ _rotation_to_z(up).T
+    lower, upper = vertices.min(0), vertices.max(0)
+    if np.abs(vertices).max() > _FAR_OFF * scale * longest:
+        offset = np.array([*(0.5 * (lower + upper))[:2], lower[2]])
+        vertices = vertices - offset
+        guesses.append(f"moved by {', '.join(f'{-x:.1f}' for x in offset)} m to the origin, from which it was far off")
+    return Placed(replace(parts, vertices=vertices), _direction_name(up), scale, tuple(guesses))
+
+
+def _up_of(parts: Parts, declared: Declared) -> tuple[str, str]:
+    """The axis that is up, and why."""
+    own = declared.up
+    if declared.up_is_certain:
+        return own, "(the file says so)"
+    other = "z" if own == "y" else "y"
+    size = np.ptp(parts.bounds, axis=0)
+    height = {axis: float(size["xyz".index(axis)]) for axis in (own, other)}
+    middle = {axis: _middle(parts, "xyz".index(axis)) for axis in (own, other)}
+    flatter = height[own] > _FLATTER * height[other] and height[other] <= size.min() * _FLATTER
+    if flatter and middle[own] - middle[other] > _LOWER:
+        return other, f"(guessed: along {other} it is flat and heavy below; {own} is the habit of its format)"
+    return own, "(the habit of its format)"
+
+
+def _middle(parts: Parts, axis: int) -> float:
+    """Where the middle of the surface lies along an axis, between 0 at the lowest and 1 at the highest point."""
+    triangles = parts.vertices[parts.faces]
+    area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=-1)
+    lower, upper = parts.bounds[:, axis]
+    along = (triangles[:, :, axis].mean(1) - lower) / max(upper - lower, 1e-12)
+    return float((area * along).sum() / area.sum())
+
+
+def _scale_of(longest: float, declared: Declared) -> tuple[float, str]:
+    """Metres in one unit, and why."""
+    said = [] if declared.meters is None else [declared.meters]
+    tried = said + [METERS[name] for name in declared.units]
+    for scale in tried:
+        if _PLAUSIBLE[0] <= scale * longest <= _PLAUSIBLE[1]:
+            why = "the file says so" if said and scale == said[0] else f"guessed: so it is {scale * longest:.3g} m long"
+            return scale, f"({why})"
+    possible = [scale for scale in tried if _POSSIBLE[0] <= scale * longest <= _POSSIBLE[1]]
+    scale = (possible or tried)[0]
+    return scale, f"(a doubtful guess: so it is {scale * longest:.3g} m long)"
+
+
+def _unit_name(scale: float) -> str:
+    return next((name for name, meters in METERS.items() if meters == scale), f"units of {scale:g} m")
+
+
+def _direction_name(up: Float[np.ndarray, " 3"]) -> str:
+    for name, axis in _AXES.items():
+        for sign, mark in ((1, ""), (-1, "-")):
+            if np.allclose(up, sign * np.array(axis)):
+                return mark + name
+    return " ".join(f"{x:.3g}" for x in up)
+
+
+def _rotation_to_z(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """The smallest rotation that takes the unit vector `up` to z (half a turn about x where it points down)."""
+    if up[2] < -1 + 1e-9:
+        return np.diag([1.0, -1.0, -1.0])
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    cross = np.cross(axis, np.eye(3)).T
+    return np.eye(3) + cross + cross @ cross / (1 + up[2])

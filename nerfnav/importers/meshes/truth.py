@@ -1,0 +1,160 @@
+"""Ground truth in a file beside the field that was learned from it: what plans and flights there are judged on.
+
+npz without pickle; textures are PNG inside. The field's file names it, relative to itself, and holds its SHA-256.
+"""
+
+import hashlib
+import json
+import os
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import trimesh
+
+from nerfnav.errors import FieldFileError
+from nerfnav.geometry.box import Box
+from nerfnav.world.paint import Image, Paint
+from nerfnav.world.scene import Scene, Vantage
+
+_FORMAT, _VERSION = "nerfnav-ground-truth", 1
+
+
+@dataclass(frozen=True)
+class TruthLink:
+    """How a field's file tells where its ground truth is."""
+
+    name: str
+    """Name of the file, in the same folder."""
+    sha256: str
+    """What it must hold, as 64 hexadecimal digits."""
+
+
+def truth_path(field: Path) -> Path:
+    """Where the ground truth of a field file lies: `house.truth.npz` beside `house.npz`."""
+    return field.with_name(f"{field.stem}.truth.npz")
+
+
+@contextmanager
+def truth_beside(scene: Scene, field: Path) -> Iterator[TruthLink]:
+    """Write a scene with its own paint beside the field file that is written within the block.
+
+    It takes the place of an older one only when the block ends well: both files belong together, or neither changes.
+    Raises FieldFileError where it cannot be written.
+    """
+    path = truth_path(field)
+    beside = path.with_name(path.name + ".part")
+    try:
+        try:
+            with beside.open("wb") as file:
+                np.savez_compressed(file, **_arrays(scene))  # type: ignore[arg-type]
+                file.flush()
+                os.fsync(file.fileno())
+            digest = _digest(beside)
+        except OSError as error:
+            raise FieldFileError(f"the ground truth cannot be written to {path}: {error.strerror}") from error
+        yield TruthLink(path.name, digest)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def load_truth(path: Path, sha256: str) -> Scene:
+    """Read the ground truth of a field. Raises FieldFileError where it is not the one that the field names."""
+    try:
+        if _digest(path) != sha256:
+            raise FieldFileError(
+                f"{path} is not the ground truth that its field was trained from: put the right one there, or train "
+                "again; without any, plans are not judged"
+            )
+        with np.load(path, allow_pickle=False) as file:
+            header = json.loads(str(file["header"]))
+            if header.get("format") != _FORMAT or header["version"] > _VERSION:
+                raise FieldFileError(f"{path} is no ground truth that this nerfnav can read: train the field again")
+            return _scene_of(file, header)
+    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, TypeError) as error:
+        raise FieldFileError(f"{path} is no whole ground truth: train the field again") from error
+    except OSError as error:
+        raise FieldFileError(f"the ground truth {path} cannot be read: {error.strerror}") from error
+
+
+def _arrays(scene: Scene) -> dict[str, np.ndarray]:
+    assert scene.paint is not None, "an imported mesh has paint"
+    header = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "name": scene.name,
+        "title": scene.title,
+        "sky": scene.sky,
+        "voxel": scene.voxel,
+        "vantage": scene.vantage.value,
+        "images": len(scene.paint.images),
+    }
+    return {
+        "header": np.array(json.dumps(header)),
+        "box": np.stack([scene.box.lower.numpy(), scene.box.upper.numpy()]),
+        "image_of_face": scene.paint.image_of_face,
+        "uv": scene.paint.uv,
+        "tint": scene.paint.tint,
+        **{f"image_{index}": _png(image) for index, image in enumerate(scene.paint.images)},
+        **_packed("mesh", [scene.mesh]),
+        **_packed("solids", scene.solids),
+        **_packed("sheets", scene.sheets),
+    }
+
+
+def _scene_of(file: np.lib.npyio.NpzFile, header: dict[str, object]) -> Scene:
+    images = tuple(_picture(file[f"image_{index}"]) for index in range(int(str(header["images"]))))
+    lower, upper = (tuple(float(x) for x in corner) for corner in file["box"])
+    red, green, blue = (float(x) for x in header["sky"])  # type: ignore[attr-defined]
+    return Scene(
+        str(header["name"]),
+        str(header["title"]),
+        _unpacked("mesh", file)[0],
+        tuple(_unpacked("solids", file)),
+        Box.of(lower, upper),  # type: ignore[arg-type]
+        (red, green, blue),
+        (),
+        None if header["voxel"] is None else float(str(header["voxel"])),
+        Paint(images, file["image_of_face"], file["uv"], file["tint"]),
+        tuple(_unpacked("sheets", file)),
+        Vantage(header["vantage"]),
+    )
+
+
+def _packed(name: str, meshes: Sequence[trimesh.Trimesh]) -> dict[str, np.ndarray]:
+    """Meshes as four arrays: their vertices and faces one after the other, and how many each has."""
+    return {
+        f"{name}_vertices": np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices, float) for mesh in meshes)]),
+        f"{name}_faces": np.concatenate([np.zeros((0, 3), np.int64), *(np.asarray(mesh.faces) for mesh in meshes)]),
+        f"{name}_counts": np.array([[len(mesh.vertices), len(mesh.faces)] for mesh in meshes]).reshape(-1, 2),
+    }
+
+
+def _unpacked(name: str, file: np.lib.npyio.NpzFile) -> list[trimesh.Trimesh]:
+    ends = np.cumsum(file[f"{name}_counts"], axis=0)[:-1]
+    vertices = np.split(file[f"{name}_vertices"], ends[:, 0]) if len(file[f"{name}_counts"]) else []
+    faces = np.split(file[f"{name}_faces"], ends[:, 1])
+    return [trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=False)]
+
+
+def _png(image: Image) -> np.ndarray:
+    written, data = cv2.imencode(".png", image[..., ::-1])
+    assert written  # every picture can be a PNG
+    return data.reshape(-1)
+
+
+def _picture(data: np.ndarray) -> Image:
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("a texture that is no PNG")
+    return np.ascontiguousarray(image[..., ::-1])
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

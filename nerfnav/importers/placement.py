@@ -1,0 +1,44 @@
+"""How what others measured lies in the world, as far as somebody said so; the rest is guessed and the guess told."""
+
+import math
+from dataclasses import dataclass
+
+from nerfnav.errors import InvalidInputError
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where up is, how long a metre is, and which part is wanted; None: a guess."""
+
+    up: Vector | None = None
+    """Direction that is up, in the source's own axes."""
+    scale: float | None = None
+    """Metres in one unit of the source."""
+    picked: tuple[Vector, Vector, float] | None = None
+    """Two points in the source's own units and how far they are apart in truth [m]: another way to give the scale."""
+    box: tuple[Vector, Vector] | None = None
+    """Lowest and highest corner of the field, after scale and up [m]."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for what no place can have."""
+        if self.scale is not None and self.picked is not None:
+            raise InvalidInputError("give either a scale or two picked points with their distance, not both")
+        if self.picked is not None and self.picked[0] == self.picked[1]:
+            raise InvalidInputError("the two picked points are the same: their distance tells no scale")
+        for name, value in (("scale", self.scale), ("distance", self.picked and self.picked[2])):
+            if value is not None and not 0 < value < math.inf:
+                raise InvalidInputError(f"the {name} must be a number above 0, not {value:g}")
+        if self.up is not None and not 0 < math.hypot(*self.up) < math.inf:
+            raise InvalidInputError("up must be a direction of three finite numbers, not all of them 0")
+        if self.box is not None and not all(low < high for low, high in zip(*self.box, strict=True)):
+            raise InvalidInputError("a box is its lowest corner X Y Z and then its highest corner X Y Z, each above")
+
+    @property
+    def meters_per_unit(self) -> float | None:
+        """Metres in one unit of the source, given outright or by two picked points; None where it is to be guessed."""
+        if self.picked is None:
+            return self.scale
+        first, second, distance = self.picked
+        return distance / math.dist(first, second)

@@ -1,0 +1,1 @@
+"""Gaussian splats of three file layouts, and what becomes of them: a voxel field."""

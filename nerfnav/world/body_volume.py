@@ -1,0 +1,68 @@
+"""A robot's body as a volume: exact for booleans with solids, and in cells for what booleans cannot tell."""
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Bool, Float
+from manifold3d import Error, Manifold, Mesh64
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.robots.body import Body
+from nerfnav.world.triangles import TriangleIndex, Vector, boxes_touch_triangles
+
+_CELLS_PER_EDGE = 8
+_PAIRS_AT_ONCE = 40_000
+
+
+class BodyVolume:
+    """The box of a body, or its own solid where it has one, in the body's axes."""
+
+    def __init__(self, body: Body) -> None:
+        """Cut the body into cells. Raises InvalidInputError for a solid that bounds no volume."""
+        self.half: Vector = np.array(body.extents) / 2
+        self.is_box = body.solid is None
+        self.manifold = Manifold.cube(2 * self.half, center=True)
+        middles = (np.arange(_CELLS_PER_EDGE) + 0.5) / _CELLS_PER_EDGE * 2 - 1
+        self.middles: Float[np.ndarray, "m 3"] = np.stack(np.meshgrid(middles, middles, middles), -1).reshape(-1, 3)
+        self.middles = self.middles * self.half
+        self.cell_half: Vector = self.half / _CELLS_PER_EDGE
+        if body.solid is not None:
+            self.manifold = _manifold(body)
+            self.middles = self.middles[body.solid.contains(self.middles)]
+            if len(self.middles) == 0:
+                raise InvalidInputError("the robot's body is too thin to be judged: give it more volume")
+
+    @property
+    def cell_volume(self) -> float:
+        """What one cell stands for, so that all of them make up the body [m^3]."""
+        return float(self.manifold.volume()) / len(self.middles)
+
+    def crossed(
+        self, surfaces: TriangleIndex, rotation: Float[np.ndarray, "3 3"], center: Vector
+    ) -> Bool[np.ndarray, " m"]:
+        """Which cells of the body at x_world = rotation x + center a surface goes through."""
+        crossed = np.zeros(len(self.middles), bool)
+        corners = (surfaces.near(center, float(np.linalg.norm(self.half))) - center) @ rotation
+        corners = corners[boxes_touch_triangles(corners, self.half)]
+        for some in np.array_split(corners, 1 + len(corners) * len(self.middles) // _PAIRS_AT_ONCE):
+            open_ = np.flatnonzero(~crossed)
+            pairs = some[None] - self.middles[open_, None, None]
+            touch = boxes_touch_triangles(pairs.reshape(-1, 3, 3), self.cell_half)
+            crossed[open_] = touch.reshape(len(open_), len(some)).any(1)
+        return crossed
+
+
+def _manifold(body: Body) -> Manifold:
+    assert body.solid is not None
+    vertices, faces = np.asarray(body.solid.vertices, float), np.asarray(body.solid.faces, np.uint64)
+    for turned in (faces, faces[:, ::-1]):
+        manifold = Manifold(Mesh64(vertices, np.ascontiguousarray(turned)))
+        if manifold.status() == Error.NoError and manifold.volume() > 0:
+            return manifold
+    raise InvalidInputError("the robot's body is no closed solid: close its mesh, or take its convex hull")
+
+
+@lru_cache(maxsize=8)
+def volume_of(body: Body) -> BodyVolume:
+    """The body's volume, made once."""
+    return BodyVolume(body)
