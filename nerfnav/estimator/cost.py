@@ -11,12 +11,9 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.covariance import hessian
+from nerfnav.estimator.covariance import POSE, hessian
 from nerfnav.estimator.photometric import ColorNoise, Observation, inliers, photometric_cost
-from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT, RigidState
-
-_POSE = [*range(TANGENT)[POSITION], *range(TANGENT)[ATTITUDE]]
-"""The tangent numbers that show in a picture."""
+from nerfnav.robots.state import TANGENT, RigidState
 
 
 @dataclass(frozen=True)
@@ -54,13 +51,7 @@ class PoseCost:
     @classmethod
     def of(cls, observation: Observation, prediction: Belief, noise: ColorNoise) -> "PoseCost":
         """J for a picture and a prediction; raises InvalidInputError where Sigma- is no covariance."""
-        root, failed = torch.linalg.cholesky_ex(prediction.covariance.double())
-        if failed or not prediction.covariance.isfinite().all():
-            raise InvalidInputError(
-                "the predicted covariance is not finite and positive definite: "
-                "start from a positive definite one, or add process noise"
-            )
-        information = torch.cholesky_inverse(root).to(prediction.covariance)
+        information = precision(prediction.covariance)
         return cls(observation, prediction, information, noise)
 
     def terms(self, state: RigidState) -> CostTerms:
@@ -83,12 +74,23 @@ class PoseCost:
         samples = self.observation.samples(state)
         with torch.no_grad():
             believed = self.terms(state).believed
-        place = torch.eye(TANGENT, dtype=state.position.dtype)[_POSE]
+        place = torch.eye(TANGENT, dtype=state.position.dtype)[POSE]
 
         def photometric(pose_tangent: Float[Tensor, "6"]) -> Float[Tensor, ""]:
             residual = self.observation.residual(state.retract(pose_tangent @ place), samples)
             return photometric_cost(residual, believed, self.noise)
 
         zero = torch.zeros(TANGENT, dtype=state.position.dtype)
-        seen = place.T @ hessian(photometric, zero[_POSE]) @ place
+        seen = place.T @ hessian(photometric, zero[POSE]) @ place
         return seen + hessian(lambda tangent: self.process(state.retract(tangent)), zero)
+
+
+def precision(covariance: Float[Tensor, "n n"]) -> Float[Tensor, "n n"]:
+    """The inverse of a predicted covariance; raises InvalidInputError where it is none."""
+    root, failed = torch.linalg.cholesky_ex(covariance.double())
+    if failed or not covariance.isfinite().all():
+        raise InvalidInputError(
+            "the predicted covariance is not finite and positive definite: "
+            "start from a positive definite one, or add process noise"
+        )
+    return torch.cholesky_inverse(root).to(covariance)

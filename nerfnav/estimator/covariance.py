@@ -11,6 +11,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.geometry import so3
+from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT
+
+POSE = [*range(TANGENT)[POSITION], *range(TANGENT)[ATTITUDE]]
+"""The tangent numbers that show in a picture: position and attitude."""
 _LEAST_INFORMATION = 1.0
 """Least information in any direction, in units of the prediction's own: a picture takes no knowledge away."""
 _SLACK = 0.05
@@ -48,3 +53,14 @@ def posterior_covariance(
         values = values.clamp_min(_LEAST_INFORMATION)
     half = root @ (vectors / values.sqrt())
     return (half @ half.T).to(prediction), curvature
+
+
+def information_of(
+    change: Float[Tensor, "12"], predicted: Float[Tensor, "12 12"], seen: Float[Tensor, "6 6"]
+) -> Float[Tensor, "12 12"]:
+    """Inverse covariance in the tangent of the mean, from that in the prediction's and that of the pose."""
+    derivative = torch.eye(TANGENT)
+    derivative[ATTITUDE, ATTITUDE] = torch.linalg.inv(so3.right_jacobian(change[ATTITUDE]))
+    information = derivative.T @ predicted @ derivative
+    place = torch.eye(TANGENT)[POSE]
+    return information + place.T @ seen @ place

@@ -2,6 +2,9 @@
 
     d_k = Adam(gradient of J(x_k (+) d) at d = 0),   x_k+1 = x_k (+) d_k
 
+The paper's first formulation stays in one tangent plane, that of the start: x_k+1 = x_0 (+) (d_0 + ... + d_k), with
+the gradient taken there.
+
 (Kingma and Ba, "Adam: a method for stochastic optimization", 2015.)
 """
 
@@ -41,6 +44,8 @@ class DescentConfig:
     """Stop when no pose number moved more than this in `stop_window` steps [m, rad]; None (paper): never."""
     stop_window: int = 10
     """Steps over which `stop_change` is judged."""
+    recursive: bool = True
+    """Whether each step is taken in the tangent of the state before it; False: all in the tangent of the start."""
 
     def rates(self) -> Float[Tensor, "12"]:
         """The first learning rate of each tangent number."""
@@ -55,17 +60,19 @@ def descend(
     scaled = torch.zeros(TANGENT, requires_grad=True)  # in units of the learning rates
     optimizer = torch.optim.Adam([scaled], lr=1.0, betas=(0.9, config.memory))
     decay = torch.optim.lr_scheduler.ExponentialLR(optimizer, config.final_rate ** (1 / config.iterations))
-    state, rates = start, config.rates()
+    state, base, rates = start, start, config.rates()
     before = deque([start], maxlen=config.stop_window + 1)
     for _ in range(config.iterations):
-        terms = cost.terms(state.retract(rates * scaled))
+        terms = cost.terms(base.retract(rates * scaled))
         yield state, terms
         optimizer.zero_grad()
         terms.total.backward()
         optimizer.step()
         decay.step()
-        state = retraction(state, rates * scaled.detach())
-        scaled.data.zero_()
+        state = retraction(base, rates * scaled.detach())
+        if config.recursive:
+            base = state
+            scaled.data.zero_()
         before.append(state)
         if config.stop_change is not None and _has_settled(before, config.stop_change):
             break

@@ -18,7 +18,7 @@ class Estimator(Protocol):
     def update(
         self,
         belief: Belief,
-        image: UInt8[Tensor, "height width 3"],
+        image: UInt8[Tensor, "height width 3"] | None,
         action: Float[Tensor, " a"],
         dt: float,
         generator: torch.Generator,

@@ -9,12 +9,12 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.cost import CostTerms, PoseCost
 from nerfnav.estimator.covariance import posterior_covariance
@@ -23,8 +23,10 @@ from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.photometric import ColorNoise, Observation, difference
 from nerfnav.estimator.pixels import PixelConfig, PixelSource, choose_pixels
 from nerfnav.estimator.predict import predict
+from nerfnav.estimator.pyramid import PyramidConfig
 from nerfnav.estimator.retraction import Retraction, choose_retraction, princeton_lietorch
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.estimator.verdict import check_image, contrast, predicted_only
 from nerfnav.field.field import Field
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots.robot import Robot
@@ -38,7 +40,17 @@ class FilterConfig:
     pixels: PixelConfig = dataclasses.field(default_factory=PixelConfig)
     """Which pixels are compared."""
     descent: DescentConfig = dataclasses.field(default_factory=DescentConfig)
-    """How the cost is minimised."""
+    """How the paper's filter minimises the cost."""
+    pyramid: PyramidConfig = dataclasses.field(default_factory=PyramidConfig)
+    """How the fast filter does."""
+    floor: StateNoise = dataclasses.field(default_factory=lambda: StateNoise(0.001, 0.0, 0.001, 0.0))
+    """What no picture improves upon, for field and camera are never quite what they are taken for (fast filter)."""
+    exact_covariance: bool = False
+    """Whether the fast filter takes the exact Hessian (paper) where Gauss-Newton's is at hand."""
+    gain_std: float = 0.1
+    """How far a picture's gain may be from the photographs' that the field learned from (fast filter; paper: 0)."""
+    bias_std: float = 0.05
+    """The same for a constant added to its colours [1 = full scale] (fast filter; paper: 0)."""
     process_noise: StateNoise = dataclasses.field(default_factory=StateNoise)
     """Q, the noise that each time step adds (paper: 0.1 I, far more than its simulator's 2 cm, 0.02 rad)."""
     color_noise: ColorNoise = dataclasses.field(default_factory=ColorNoise)
@@ -89,20 +101,24 @@ class PoseFilter:
     def update(
         self,
         belief: Belief,
-        image: Tensor,
+        image: Tensor | None,
         action: Float[Tensor, " a"],
         dt: float,
         generator: torch.Generator,
     ) -> Iterator[FilterStep]:
-        """The belief after an action of `dt` [s] and the picture (uint8, height x width x 3) taken then.
+        """The belief after an action of `dt` [s] and the picture (uint8, height x width x 3) taken then, if any.
 
         Yields a step for every iteration; the last one carries the posterior and the outcome. Raises
         InvalidInputError where the picture is not one of this camera.
         """
-        check_image(image, self.camera)
         prediction = predict(belief, action, self.robot, dt, self.config.process_noise)
-        choice = choose_pixels(image, self.config.pixels, generator)
-        observation = Observation.of(image, choice.pixels, (self.field, self.camera, self.mount))
+        if image is None:
+            return iter([predicted_only(prediction)])
+        check_image(image, self.camera)
+        view = (self.field, self.camera, self.mount)
+        slopes = partial(Observation.slopes, prediction.mean.pose, view)
+        choice = choose_pixels(image, self.config.pixels, generator, slopes)
+        observation = Observation.of(image, choice.pixels, view)
         cost = PoseCost.of(observation, prediction, self.config.color_noise)
         if contrast(image) < self.config.least_contrast:
             return iter([self._without_picture(cost, choice.source)])
@@ -161,22 +177,6 @@ class PoseFilter:
         prediction = cost.prediction
         step = _record(0, prediction.mean, cost.terms(prediction.mean), cost, source)
         return replace(step, posterior=prediction, outcome=FilterOutcome.PREDICTED_ONLY)
-
-
-def check_image(image: Tensor, camera: Camera) -> None:
-    """Raise InvalidInputError unless `image` is a uint8 RGB picture of the camera's size."""
-    wanted = (camera.height, camera.width, 3)
-    if image.dtype != torch.uint8 or tuple(image.shape) != wanted:
-        raise InvalidInputError(
-            f"this camera takes uint8 pictures of {wanted[0]} x {wanted[1]} x 3 (height x width x RGB), not "
-            f"{str(image.dtype).removeprefix('torch.')} of {' x '.join(map(str, image.shape))}"
-        )
-
-
-def contrast(image: UInt8[Tensor, "height width 3"]) -> int:
-    """The largest difference of two pixels in one channel [levels of 255]."""
-    flat = image.reshape(-1, 3).int()
-    return int((flat.amax(0) - flat.amin(0)).max())
 
 
 def _record(

@@ -8,16 +8,20 @@ that err alike: S = k s^2 I.
 """
 
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from nerfnav.field.field import Field, RaySamples
-from nerfnav.field.render import composite
+from nerfnav.field.jacobian import colors_and_jacobian
+from nerfnav.field.render import FastRenderer, composite, render_rays
+from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Camera, Pose
 from nerfnav.robots.state import RigidState
 
+_RAYS_AT_ONCE = 1 << 17
 _DEVIATION_PER_MAD = 1.4826
 """Standard deviation of a Gaussian whose median absolute deviation is 1."""
 
@@ -33,6 +37,9 @@ class ColorNoise:
     is off by half a voxel shifts all pixels along it. Measured on trained Stonehenge: with 256 pixels the pose at the
     minimum is 3 mm and 0.2 degrees off, where independent pixels would promise 0.5 mm and 0.04 degrees; with 50 the
     mean NEES of the pose is 6.1 where 6 is honest."""
+    per_patch: float = 0.5
+    """To the fast filter, any number of pixels of a patch are worth this many independent ones (see `patches`), so that
+    k = 1 + m / (per_patch patches) for m compared pixels."""
     outlier_deviations: float = 3.0
     """Pixels this many robust deviations above the median difference are dropped (authors' later code: none)."""
 
@@ -71,6 +78,51 @@ class Observation:
         """Where the field wants the pixels' rays sampled."""
         return self.field.samples(*self.rays(state))
 
+    def linearised(self, poses: Pose) -> tuple[Float[Tensor, "n m 3"], Float[Tensor, "n m 3 6"]]:
+        """What the field shows from body poses (n,), and its derivative by position [1/m] and attitude [1/rad].
+
+        The body's tangent is (dp, dtheta): p + dp, R Exp(dtheta). Its camera at R mount + p then moves and turns by
+
+            d(centre) = dp + d(turn) x (R mount),   d(turn) = R dtheta
+        """
+        count, pixels = len(poses.position), len(self.pixels)
+        cameras = poses.compose(self.mount)
+        directions = self._in_camera @ cameras.rotation.transpose(-1, -2)
+        origins = cameras.position[:, None].expand_as(directions)
+        colors, by_camera = colors_and_jacobian(self.field, origins.reshape(-1, 3), directions.reshape(-1, 3))
+        turned = by_camera.reshape(count, 3 * pixels, 6)
+        arm = so3.hat((poses.rotation @ self.mount.position[:, None])[..., 0])
+        moves = torch.cat([-arm @ poses.rotation, poses.rotation], 1)
+        jacobian = torch.cat([turned[..., :3], turned @ moves], -1)
+        return colors.reshape(count, pixels, 3), jacobian.reshape(count, pixels, 3, 6)
+
+    @classmethod
+    def slopes(
+        cls, pose: Pose, view: tuple[Field, Camera, Pose], pixels: Int[Tensor, "m 2"]
+    ) -> Float[Tensor, "m 3 6"]:
+        """The derivative alone, of any pixels at one body pose: what they tell of it."""
+        with torch.no_grad():
+            blind = cls(*view, pixels, torch.zeros(len(pixels), 3))
+            return blind.linearised(pose.map(lambda tensor: tensor[None]))[1][0]
+
+    def shown(self, poses: Pose) -> Float[Tensor, "n m 3"]:
+        """What the field shows from body poses (n,), without derivatives."""
+        cameras = poses.compose(self.mount)
+        directions = (self._in_camera @ cameras.rotation.transpose(-1, -2)).reshape(-1, 3)
+        origins = cameras.position.repeat_interleave(len(self.pixels), 0)
+        quick = self.field.render_rays if isinstance(self.field, FastRenderer) else None
+        render = partial(render_rays, self.field) if quick is None else quick
+        with torch.no_grad():
+            color = torch.cat([
+                render(*rays).color
+                for rays in zip(origins.split(_RAYS_AT_ONCE), directions.split(_RAYS_AT_ONCE), strict=True)
+            ])  # fmt: skip
+        return color.reshape(len(poses.position), -1, 3)
+
+    @cached_property
+    def _in_camera(self) -> Float[Tensor, "m 3"]:
+        return self.camera.directions(self.pixels)
+
     def residual(self, state: RigidState, samples: RaySamples | None = None) -> Float[Tensor, "m 3"]:
         """r_i: what the field shows less what the picture shows, differentiable twice in the state's pose.
 
@@ -85,6 +137,19 @@ class Observation:
         color = torch.zeros_like(samples.distances[..., None].expand(-1, -1, 3))
         color = color.index_put(place, self.field.radiance(points, directions[ray]))
         return composite(density, color, samples, self.field.background).color - self.colors
+
+
+def patches(image: UInt8[Tensor, "height width 3"], side: int = 10) -> float:
+    """How many patches of a picture, of `side` by `side`, share what it tells: 1 where all edges are in one of them.
+
+    With g a patch's sum of squared differences between neighbouring pixels, that is (sum g)^2 / sum g^2.
+    """
+    grey = image.float().mean(-1)
+    energy = torch.zeros_like(grey)
+    energy[:, 1:] += grey.diff(dim=1).square()
+    energy[1:] += grey.diff(dim=0).square()
+    shares = torch.nn.functional.adaptive_avg_pool2d(energy[None], side)
+    return max(1.0, float(shares.sum() ** 2 / shares.square().sum().clamp_min(1e-9)))
 
 
 def difference(residual: Float[Tensor, "m 3"]) -> Float[Tensor, " m"]:

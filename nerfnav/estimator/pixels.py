@@ -1,17 +1,38 @@
-"""Which pixels of a picture the filter compares: those around image features.
+"""Which pixels of a picture the filter compares.
 
 The paper draws pixels from a mask of dilated ORB features: flat areas say little about the pose, and features
 alone (corners) are few. (Rublee et al., "ORB: an efficient alternative to SIFT or SURF", 2011.)
+
+Or they are drawn by what they tell. With J_i = dC_i/dpose of a candidate and A the sum of J_j' J_j over all of them,
+
+    h_i = tr(J_i A^-1 J_i')
+
+is its leverage, the gain of log det A by counting it once more: drawing by it keeps log det nearly as large as the
+best choice does (D-optimal design; Mahoney, "Randomized algorithms for matrices and data", 2011).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
+
+Slopes = Callable[[Int[Tensor, "m 2"]], Float[Tensor, "m 3 6"]]
+"""Derivative of pixels' colours by the pose, at where the camera is thought to be."""
+_LEAST_TOLD = 1e-6
+"""Added to A, as a share of its mean diagonal, for directions of which no pixel tells anything."""
+
+
+class PixelDraw(Enum):
+    """How pixels are chosen; the value is what a user reads."""
+
+    FEATURES = "around image features"
+    INFORMATION = "by how much they tell about the pose"
+    UNIFORM = "evenly from the whole picture"
 
 
 class PixelSource(Enum):
@@ -19,7 +40,9 @@ class PixelSource(Enum):
 
     FEATURES = "all pixels lie around image features"
     FILLED = "there were too few pixels around features: others were drawn from the whole picture"
-    UNIFORM = "the picture has no features: all pixels were drawn from the whole picture"
+    UNIFORM = "all pixels were drawn from the whole picture, as asked or for want of features"
+    ALL = "all pixels of the picture"
+    INFORMATION = "pixels that tell most about the pose"
 
 
 @dataclass(frozen=True)
@@ -27,7 +50,12 @@ class PixelConfig:
     """How pixels are chosen."""
 
     count: int = 256
-    """Pixels compared in an update (paper: 256; the authors' later code: 1,024)."""
+    """Pixels compared in an update of the paper's filter (paper: 256; the authors' later code: 1,024); the fast
+    filter's number is its pyramid's."""
+    draw: PixelDraw = PixelDraw.FEATURES
+    """How they are chosen (paper: around features)."""
+    candidates: int = 3
+    """Where information counts: times as many pixels of the whole picture are asked what they tell."""
     features: int = 500
     """ORB features looked for at most."""
     fast_threshold: int = 12
@@ -63,21 +91,47 @@ def feature_mask(image: UInt8[Tensor, "height width 3"], config: PixelConfig) ->
 
 
 def choose_pixels(
-    image: UInt8[Tensor, "height width 3"], config: PixelConfig, generator: torch.Generator
+    image: UInt8[Tensor, "height width 3"], config: PixelConfig, generator: torch.Generator, slopes: Slopes
 ) -> PixelChoice:
-    """Draw `config.count` different pixels around the features of a picture, or all of a smaller one.
+    """Draw `config.count` different pixels of a picture as `config.draw` says, or all of a smaller one.
 
-    Where the features offer too few, the rest is drawn from the remaining pixels, which `source` tells.
+    Where features offer too few, the rest is drawn from the remaining pixels, which `source` tells. `slopes` is asked
+    only where information counts.
     """
+    every = torch.arange(image.shape[0] * image.shape[1])
+    if config.count >= len(every):
+        return _choice(every, PixelSource.ALL, image)
+    if config.draw is PixelDraw.UNIFORM:
+        return _choice(_draw(every, config.count, generator), PixelSource.UNIFORM, image)
+    if config.draw is PixelDraw.INFORMATION:
+        asked = _choice(_draw(every, config.candidates * config.count, generator), PixelSource.INFORMATION, image)
+        kept = by_information(slopes(asked.pixels), config.count, generator)
+        return PixelChoice(asked.pixels[kept], PixelSource.INFORMATION)
     mask = feature_mask(image, config).reshape(-1)
     near, far = mask.nonzero().squeeze(-1), (~mask).nonzero().squeeze(-1)
     chosen = _draw(near, config.count, generator)
     source = PixelSource.FEATURES
-    if len(chosen) < min(config.count, mask.numel()):
+    if len(chosen) < config.count:
         source = PixelSource.UNIFORM if len(near) == 0 else PixelSource.FILLED
         chosen = torch.cat([chosen, _draw(far, config.count - len(chosen), generator)])
+    return _choice(chosen, source, image)
+
+
+def by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: torch.Generator) -> Int[Tensor, " n"]:
+    """Which `count` of m pixels, drawn by leverage without putting any back (Efraimidis and Spirakis 2006)."""
+    flat = slopes.double().flatten(0, 1)
+    information = flat.T @ flat
+    information = information + _LEAST_TOLD * (information.diagonal().mean() + 1e-30) * torch.eye(6).double()
+    root = torch.linalg.cholesky(information)
+    whitened = torch.linalg.solve_triangular(root, flat.T, upper=False)
+    leverage = whitened.square().sum(0).reshape(-1, 3).sum(-1)
+    late = torch.empty_like(leverage).exponential_(generator=generator) / leverage.clamp_min(1e-30)
+    return late.argsort()[:count]
+
+
+def _choice(index: Int[Tensor, " m"], source: PixelSource, image: UInt8[Tensor, "height width 3"]) -> PixelChoice:
     width = image.shape[1]
-    return PixelChoice(torch.stack([chosen % width, chosen // width], -1), source)
+    return PixelChoice(torch.stack([index % width, index // width], -1), source)
 
 
 def _draw(index: Int[Tensor, " n"], count: int, generator: torch.Generator) -> Int[Tensor, " m"]:

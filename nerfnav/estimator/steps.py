@@ -16,6 +16,7 @@ class FilterOutcome(Enum):
     """How an update ended; the value is advice for the user."""
 
     UPDATED = "the picture was used"
+    WEAK = "the picture said little: the dynamics led, and the belief stayed wide"
     PREDICTED_ONLY = "the picture said nothing: the dynamics alone moved the belief"
     DIVERGED = "the picture disagrees with the belief: relocalise"
 

@@ -1,0 +1,254 @@
+"""The fast pose filter: the paper's cost (Eq. 6), minimised by Gauss-Newton from coarse to fine.
+
+Only the pose T shows in a picture, so J is minimised over T alone, with the prediction's marginal covariance of it.
+Velocity and body rate v then follow by their regression on the pose, which is where J is least for that pose:
+
+    v+ = v- + Sigma-_vT (Sigma-_TT)^-1 (T+ (-) T-)
+
+The posterior's information is the prediction's plus that of the picture, with gain and bias of the camera's colours
+marginalised.
+"""
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.compiled import threads
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.cost import PoseCost, precision
+from nerfnav.estimator.covariance import POSE, information_of, posterior_covariance
+from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.newton import POSE as _POSE
+from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, minimise, picture_information
+from nerfnav.estimator.photometric import Observation, difference, inliers, patches
+from nerfnav.estimator.pixels import PixelSource, choose_pixels
+from nerfnav.estimator.predict import predict
+from nerfnav.estimator.pyramid import View, small_observation
+from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.estimator.verdict import check_image, contrast, predicted_only
+from nerfnav.field.field import Field
+from nerfnav.field.levels import levels_of
+from nerfnav.geometry import so3
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import BODY_RATE, TANGENT, VELOCITY, RigidState
+
+_THREADS = 2
+_TOLD = 3
+"""Fewest directions of the six in which a picture must halve the variance to be more than WEAK."""
+_TYPICAL_DEPTH = 0.3
+"""How far off the things are that a picture shows [share of the box's longest edge]."""
+
+
+@dataclass(frozen=True)
+class FastFilter:
+    """An estimator that compares a picture with what the field shows, in milliseconds."""
+
+    field: Field
+    """The map."""
+    robot: Robot
+    """Its dynamics predict."""
+    camera: Camera
+    """What takes the pictures."""
+    mount: Pose = FORWARD_MOUNT
+    """T_body_camera."""
+    config: FilterConfig = dataclasses.field(default_factory=FilterConfig)
+    """How it works."""
+    trust_dynamics: bool = True
+    """Whether the prediction counts in the cost; False: it is the start only, as in dynamically-informed iNeRF."""
+
+    @cached_property
+    def view(self) -> View:
+        """What looks at what, at all levels: made once."""
+        return View(levels_of(self.field, 1 + max(self.config.pyramid.halvings)), self.camera, self.mount)
+
+    def update(
+        self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        """The belief after an action of `dt` [s] and the picture (uint8, height x width x 3) taken then, if any.
+
+        Yields a step for every iteration; the last one carries the posterior and the outcome. Raises
+        InvalidInputError where the picture is not one of this camera.
+        """
+        if image is not None:
+            check_image(image, self.camera)
+        return self.correct(predict(belief, action, self.robot, dt, self.config.process_noise), image, generator)
+
+    def correct(self, prediction: Belief, image: Tensor | None, generator: torch.Generator) -> Iterator[FilterStep]:
+        """The same for a belief that the dynamics have moved already."""
+        if image is None or contrast(image) < self.config.least_contrast:
+            return iter([predicted_only(prediction)])
+        return _Update(self, prediction, image, generator).run()
+
+
+def inerf(
+    field: Field, robot: Robot, camera: Camera, mount: Pose = FORWARD_MOUNT, config: FilterConfig | None = None
+) -> FastFilter:
+    """The baseline: dynamically-informed iNeRF, which starts where the dynamics lead and follows the picture alone."""
+    return FastFilter(field, robot, camera, mount, FilterConfig() if config is None else config, trust_dynamics=False)
+
+
+@dataclass(frozen=True)
+class _Update:
+    """One update."""
+
+    filter: FastFilter
+    prediction: Belief
+    image: Tensor
+    generator: torch.Generator
+
+    def run(self) -> Iterator[FilterStep]:
+        """From coarse to fine; once more, from many starts, where that ends in a false minimum."""
+        starts = [True] if self._spread_px() > self.filter.config.pyramid.narrow else [False, True]
+        iteration = 0
+        for many in starts:
+            stage = None
+            for stage in self._descend(many and self.filter.trust_dynamics, iteration):
+                yield stage[0]
+            assert stage is not None, "a descent yields at least its start"
+            step, seen, here = stage
+            iteration = step.iteration + 1
+            if many == starts[-1] or not self._disagrees(step):
+                yield self._conclude(step, seen, here)
+                return
+
+    def _descend(self, many: bool, iteration: int) -> Iterator[tuple[FilterStep, Observation, Iterate]]:
+        """All stages' iterations, with the observation of the stage; the last is the result."""
+        pyramid = self.filter.config.pyramid
+        guess = Guess.at(self.prediction.mean.pose.map(lambda tensor: tensor[None]))
+        more = pyramid.thorough if many else 1
+        for stage, (halvings, robust, most) in enumerate(
+            zip(pyramid.halvings, pyramid.robust, pyramid.iterations, strict=True)
+        ):
+            seen, source = self._observation(halvings, guess.pose[0])
+            if many and stage == 0:
+                guess = self._likeliest(seen)
+            settings = NewtonConfig(most * more, robust=robust, settled=pyramid.settled * 2**halvings)
+            cost = torch.zeros(len(guess.exposure))
+            for here in _quickly(minimise(seen, guess, self._prior(len(seen.pixels), halvings), settings)):
+                guess, cost = here.guess, here.cost
+                yield self._record(iteration, here, int(cost.argmin()), seen, (halvings, source)), seen, here
+                iteration += 1
+            kept = 1 if stage + 2 >= len(pyramid.halvings) else -(-len(cost) // 3)
+            guess = guess[cost.argsort()[:kept]]
+
+    def _observation(self, halvings: int, pose: Pose) -> tuple[Observation, PixelSource | None]:
+        """The pixels of one stage, which begins at a pose."""
+        view, config = self.filter.view.at(halvings), self.filter.config
+        if halvings:
+            return small_observation(self.image, view, config.pyramid.pixels, self.generator), None
+        wanted = replace(config.pixels, count=config.pyramid.pixels)
+        with threads(_THREADS):
+            choice = choose_pixels(self.image, wanted, self.generator, partial(Observation.slopes, pose, view))
+        return Observation.of(self.image, choice.pixels, view), choice.source
+
+    def _prior(self, pixels: int, halvings: int = 0) -> Prior:
+        config, noise = self.filter.config, self.filter.config.color_noise
+        known = precision(self.prediction.covariance[POSE][:, POSE])
+        exposure = (config.gain_std, config.bias_std)
+        kappa = config.pyramid.mistrust**-halvings / (self._alike(pixels) * noise.std**2)
+        information = joined(known if self.filter.trust_dynamics else None, exposure)
+        return Prior(information, self.prediction.mean.pose, kappa)
+
+    def _alike(self, pixels: int) -> float:
+        """k, how many of this many pixels err alike."""
+        return 1 + pixels / (self.filter.config.color_noise.per_patch * self._patches)
+
+    @cached_property
+    def _patches(self) -> float:
+        return patches(self.image)
+
+    def _spread_px(self) -> float:
+        """Standard deviation of where things show in the first stage's picture, as far as the prediction can tell."""
+        spread = self.prediction.covariance.diagonal()[POSE].sqrt()
+        depth = _TYPICAL_DEPTH * float(self.filter.field.box.size.max())
+        angle = float(spread[3:].norm() + spread[:3].norm() / depth)
+        return self.filter.view.at(self.filter.config.pyramid.halvings[0])[1].fx * angle
+
+    def _likeliest(self, seen: Observation) -> Guess:
+        """The mean of the prediction and, of many random states of it, those that look most like the picture."""
+        pyramid, mean = self.filter.config.pyramid, self.prediction.mean
+        root = torch.linalg.cholesky(self.prediction.covariance[POSE][:, POSE])
+        draws = torch.randn(pyramid.candidates, 6, generator=self.generator) @ root.T
+        draws = torch.cat([torch.zeros(1, 6), draws])
+        poses = Pose(so3.retract(mean.rotation.expand(len(draws), 3, 3), draws[:, 3:]), mean.position + draws[:, :3])
+        with threads(_THREADS):
+            off = (seen.shown(poses) - seen.colors).abs().mean((1, 2))
+        best = off.argsort()[: pyramid.starts]
+        return Guess.at(poses[torch.cat([torch.zeros(1, dtype=best.dtype), best[best != 0]])])
+
+    @cached_property
+    def _regression(self) -> Float[Tensor, "12 6"]:
+        """Change of the whole state for a change of the pose; of the pose alone where the dynamics are not trusted."""
+        if not self.filter.trust_dynamics:
+            return torch.eye(TANGENT)[:, POSE]
+        covariance = self.prediction.covariance
+        return torch.linalg.solve(covariance[POSE][:, POSE], covariance[POSE]).T
+
+    def _state(self, pose: Pose, change: Float[Tensor, "6"]) -> RigidState:
+        """The whole state for a pose, which is `change` away from the prediction."""
+        mean, change = self.prediction.mean, self._regression @ change
+        velocity, body_rate = mean.velocity + change[VELOCITY], mean.body_rate + change[BODY_RATE]
+        return RigidState(pose.position, velocity, pose.rotation, body_rate)
+
+    def _record(
+        self, iteration: int, here: Iterate, best: int, seen: Observation, kind: tuple[int, PixelSource | None]
+    ) -> FilterStep:
+        halvings, source = kind
+        residual = here.residual[best]
+        return FilterStep(
+            iteration,
+            self._state(here.guess.pose[best], here.change[best, _POSE]),
+            float(here.cost[best] - here.process[best]),
+            float(here.process[best]),
+            ((seen.pixels + 0.5) * 2**halvings).long(),
+            difference(residual),
+            believed=inliers(residual, self.filter.config.color_noise),
+            pixel_source=source,
+        )
+
+    def _disagrees(self, step: FilterStep) -> bool:
+        """Whether most pixels differ by more than noise explains."""
+        config = self.filter.config
+        return not step.residual.median().item() <= config.residual_gate * config.color_noise.std
+
+    @torch.no_grad()
+    def _conclude(self, step: FilterStep, seen: Observation, here: Iterate) -> FilterStep:
+        """The posterior at the minimum, or the prediction where the minimum is not to be believed."""
+        config = self.filter.config
+        known = picture_information(here)
+        if not step.process <= config.innovation_gate or self._disagrees(step) or not known.isfinite().all():
+            return replace(step, posterior=self.prediction, outcome=FilterOutcome.DIVERGED)
+        cost = PoseCost.of(exposed(seen, here.guess.exposure[0]), self.prediction, config.color_noise)
+        if config.exact_covariance:
+            noise = replace(config.color_noise, alike=self._alike(len(seen.pixels)))
+            curved = replace(cost, noise=noise).hessian(step.mean)
+        else:
+            curved = 2 * information_of(self.prediction.mean.local(step.mean), cost.information, known)
+        covariance, curvature = posterior_covariance(curved, self.prediction.covariance)
+        covariance = covariance + torch.diag(config.floor.std().square())
+        root = torch.linalg.cholesky(self.prediction.covariance[POSE][:, POSE])
+        gained = torch.linalg.eigvalsh(root.T @ known @ root) > 1
+        outcome = FilterOutcome.UPDATED if int(gained.sum()) >= _TOLD else FilterOutcome.WEAK
+        mean = replace(step.mean, rotation=so3.project(step.mean.rotation))
+        return replace(step, mean=mean, posterior=Belief(mean, covariance), outcome=outcome, curvature=curvature)
+
+
+def _quickly(steps: Iterator[Iterate]) -> Iterator[Iterate]:
+    """The same steps, each made on the filter's threads and without gradients; what others do between them is not."""
+    while True:
+        with torch.no_grad(), threads(_THREADS):
+            step = next(steps, None)
+        if step is None:
+            return
+        yield step
+
+
+def exposed(seen: Observation, exposure: Float[Tensor, "2"]) -> Observation:
+    """An observation with the colours that the field should show, if this is the camera's gain less one, and bias."""
+    return replace(seen, colors=(seen.colors - exposure[1]) / (1 + exposure[0]))

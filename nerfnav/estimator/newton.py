@@ -1,0 +1,216 @@
+"""Levenberg and Marquardt for camera poses, many at once: the core of the fast filter and of relocalisation.
+
+Unknowns are z = (dp, dtheta, dg, db): position [m] and attitude [rad] of the body, p + dp, R Exp(dtheta), and what
+the camera makes of colours, gain 1 + g and bias b. With C the field's colours at a pose and I the picture's,
+
+    r = (1 + g) C + b - I
+    J(z) = kappa sum_i 2 huber(r_i) + d' Lambda d + g^2 / s_g^2 + b^2 / s_b^2,     d = pose (-) prior mean
+
+(half the square is minimised by each step, with the curvature of Huber's weights, Holland and Welsch 1977):
+
+    (kappa J'WJ + Lambda_z + lambda D) step = -(kappa J'W r + Lambda_z d_z)
+
+Every pose is judged on its own: a step that makes it worse is not taken, and lambda grows.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.geometry import so3
+from nerfnav.geometry.camera import Pose
+from nerfnav.structs import TensorStruct
+
+UNKNOWNS = 8
+"""Length of z."""
+_EXACTLY = 1e-4
+"""Standard deviation that stands for none: half a level of 255 would be 2e-3."""
+POSE, EXPOSURE = slice(0, 6), slice(6, 8)
+"""Where the parts stand in z."""
+
+
+@dataclass(frozen=True)
+class NewtonConfig:
+    """How poses are improved."""
+
+    iterations: int = 7
+    """Steps of each pose, at most."""
+    damping: float = 1e-2
+    """First lambda, relative to the diagonal of the curvature."""
+    robust: float = 0.15
+    """Colour difference beyond which a pixel pulls less and less (Huber) [1 = full scale]."""
+    settled: float = 0.0
+    """Stop when no pose number of any pose is moved further than this by a step [m, rad]; 0: never."""
+
+
+@dataclass(frozen=True)
+class Guess(TensorStruct):
+    """What is looked for, batch shape (n,)."""
+
+    pose: Pose
+    """T_world_body."""
+    exposure: Float[Tensor, "*batch 2"]
+    """Gain less one, and bias."""
+
+    @classmethod
+    def at(cls, poses: Pose) -> "Guess":
+        """Poses (n,) with the exposure that the field was learned with."""
+        return cls(poses, torch.zeros(*poses.position.shape[:-1], 2))
+
+    def retract(self, step: Float[Tensor, "*batch 8"]) -> "Guess":
+        """z (+) step."""
+        rotation = so3.retract(self.pose.rotation, step[..., 3:6])
+        return Guess(Pose(rotation, self.pose.position + step[..., :3]), self.exposure + step[..., EXPOSURE])
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known without the picture, in units of standard deviations."""
+
+    information: Float[Tensor, "8 8"]
+    """Lambda_z: inverse covariance of z."""
+    mean: Pose | None = None
+    """Where the body should be; None: nothing is known of it, and its information must be 0."""
+    kappa: float = 1.0
+    """Weight of one colour's squared difference: 1 / (k s^2), see estimator/photometric.py."""
+
+
+def joined(pose: Float[Tensor, "6 6"] | None, exposure_std: tuple[float, float]) -> Float[Tensor, "8 8"]:
+    """Lambda_z from that of a pose (None: 0) and standard deviations of gain and bias (0: known exactly)."""
+    information = torch.zeros(UNKNOWNS, UNKNOWNS)
+    if pose is not None:
+        information[POSE, POSE] = pose
+    for index, std in zip((6, 7), exposure_std, strict=True):
+        information[index, index] = 1 / max(std, _EXACTLY) ** 2
+    return information
+
+
+@runtime_checkable
+class Sight(Protocol):
+    """A picture, and how to predict it."""
+
+    @property
+    def colors(self) -> Float[Tensor, "m 3"]:
+        """What the picture shows."""
+        ...
+
+    def linearised(self, poses: Pose) -> tuple[Float[Tensor, "n m 3"], Float[Tensor, "n m 3 6"]]:
+        """What the field shows from poses (n,), and its derivative by position and attitude (in the body)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Where a minimisation stands, batch shape (n,)."""
+
+    guess: Guess
+    """z."""
+    cost: Float[Tensor, " n"]
+    """J there."""
+    process: Float[Tensor, " n"]
+    """The part of J that the prior makes."""
+    residual: Float[Tensor, "n m 3"]
+    """r."""
+    change: Float[Tensor, "n 8"]
+    """d_z, how far z is from the prior's mean."""
+    seen: Float[Tensor, "n 8 8"]
+    """kappa J'WJ: the picture's part of half of J's second derivative, but for terms with r itself."""
+    known: Float[Tensor, "n 8 8"]
+    """The prior's part."""
+    slope: Float[Tensor, "n 8"]
+    """Half of J's derivative."""
+    moved: Float[Tensor, " n"]
+    """How far the last step went [m or rad, whichever is more]; 0 where it was not taken."""
+
+    @property
+    def curvature(self) -> Float[Tensor, "n 8 8"]:
+        """Half of J's second derivative."""
+        return self.seen + self.known
+
+
+def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
+    """Every stage on the way down, the start first; no pose's cost ever rises."""
+    here = evaluate(sight, start, prior, config.robust)
+    damping = torch.full_like(here.cost, config.damping)
+    yield here
+    for _ in range(config.iterations):
+        scale = here.curvature.diagonal(dim1=-2, dim2=-1).clamp_min(1e-9)
+        damped = here.curvature + torch.diag_embed(damping[:, None] * scale)
+        step = -torch.linalg.solve(damped, here.slope)
+        tried = evaluate(sight, here.guess.retract(step), prior, config.robust)
+        better = tried.cost < here.cost
+        moved = step[:, POSE].abs().amax(-1)
+        here = _chosen(better, tried, here, moved)
+        damping = torch.where(better, 0.2 * damping, 5 * damping).clamp(1e-7, 1e7)
+        yield here
+        if bool((moved < config.settled).all()):
+            return
+
+
+def evaluate(sight: Sight, guess: Guess, prior: Prior, robust: float) -> Iterate:
+    """J, its slope and its curvature at poses (n,)."""
+    shown, by_pose = sight.linearised(guess.pose)
+    gain, bias = (guess.exposure[:, None, None, index] for index in (0, 1))
+    residual = (1 + gain) * shown + bias - sight.colors
+    flat = residual.flatten(1)
+    jacobian = torch.cat(
+        [(1 + gain)[..., None] * by_pose, shown[..., None], torch.ones_like(shown)[..., None]], -1
+    ).flatten(1, 2)
+    size = flat.abs()
+    weight = prior.kappa * (robust / size.clamp_min(1e-9)).clamp_max(1)
+    weighted = jacobian * weight[..., None]
+    curvature = weighted.transpose(1, 2) @ jacobian
+    slope = (flat[:, None] @ weighted)[:, 0]
+    loss = torch.where(size <= robust, size.square(), robust * (2 * size - robust)).sum(-1)
+    known, by_known = _known(guess, prior)
+    push = known @ prior.information
+    process = (push * known).sum(-1)
+    turned = by_known.transpose(1, 2) @ prior.information @ by_known
+    pulled = (by_known.transpose(1, 2) @ push[..., None])[..., 0]
+    cost = prior.kappa * loss + process
+    return Iterate(guess, cost, process, residual, known, curvature, turned, slope + pulled, torch.zeros_like(cost))
+
+
+def _known(guess: Guess, prior: Prior) -> tuple[Float[Tensor, "n 8"], Float[Tensor, "n 8 8"]]:
+    """d_z, how far guesses are from what is known, and its derivative by z."""
+    count = len(guess.exposure)
+    identity = torch.eye(UNKNOWNS).expand(count, UNKNOWNS, UNKNOWNS)
+    if prior.mean is None:
+        return torch.cat([torch.zeros(count, 6), guess.exposure], -1), identity
+    turn = so3.local(prior.mean.rotation.expand_as(guess.pose.rotation), guess.pose.rotation)
+    known = torch.cat([guess.pose.position - prior.mean.position, turn, guess.exposure], -1)
+    derivative = identity.clone()
+    derivative[:, 3:6, 3:6] = torch.linalg.inv(so3.right_jacobian(turn))
+    return known, derivative
+
+
+def _chosen(better: Bool[Tensor, " n"], tried: Iterate, here: Iterate, moved: Float[Tensor, " n"]) -> Iterate:
+    """The tried stage of the poses that it made better."""
+    moved = torch.where(better, moved, torch.zeros_like(moved))
+    if bool(better.all()):
+        return replace(tried, moved=moved)
+
+    def pick(new: Tensor, old: Tensor) -> Tensor:
+        return torch.where(better.reshape(-1, *[1] * (new.dim() - 1)), new, old)
+
+    pose = Pose(
+        pick(tried.guess.pose.rotation, here.guess.pose.rotation),
+        pick(tried.guess.pose.position, here.guess.pose.position),
+    )
+    parts = {
+        entry.name: pick(getattr(tried, entry.name), getattr(here, entry.name))
+        for entry in fields(Iterate)
+        if entry.name not in ("guess", "moved")
+    }
+    return Iterate(Guess(pose, pick(tried.guess.exposure, here.guess.exposure)), moved=moved, **parts)
+
+
+def picture_information(here: Iterate) -> Float[Tensor, "6 6"]:
+    """What a picture tells of the pose, whatever gain and bias it was taken with (Schur's complement)."""
+    seen, exposure = here.seen[0], (here.seen + here.known)[0, EXPOSURE, EXPOSURE]
+    cross = seen[POSE, EXPOSURE]
+    return seen[POSE, POSE] - cross @ torch.linalg.solve(exposure, cross.T)

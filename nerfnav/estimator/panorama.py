@@ -1,0 +1,124 @@
+"""What a field looks like all around, from many places, and where in all of this a picture fits.
+
+A panorama has a row for each elevation and a column for each azimuth, so that another heading is another column. For
+a picture that is laid into the panorama's grid (w_i its pixels in cell i, x_i their mean colour), every heading s of
+every place needs three sums over cells,
+
+    sum w_i P_{i+s},   sum w_i |P_{i+s}|^2,   sum w_i x_i P_{i+s},
+
+which are correlations along the rows: products of their Fourier transforms, for all places at once. From these follows
+the least mean square difference over all gains and biases of the camera's colours (`misfit`).
+"""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import torch
+from jaxtyping import Complex, Float
+from torch import Tensor
+
+from nerfnav.compiled import threads
+from nerfnav.field.field import Field
+from nerfnav.field.render import FastRenderer, render_rays
+from nerfnav.geometry import so3
+
+_THREADS = 2
+_ROWS, _COLUMNS = 24, 64
+"""Cells of a panorama: 5.6 degrees each."""
+_HIGHEST = math.radians(67)
+"""Elevation of its upper edge, and below the horizon of its lower one: corners of a tilted wide picture."""
+COLUMN = 2 * math.pi / _COLUMNS
+"""Azimuth from one column to the next [rad]."""
+_PLACES_AT_ONCE = 64
+_FLAT = 2e-3
+"""Variance of colours below which a view has no contrast that a gain could stretch."""
+
+
+@dataclass(frozen=True)
+class Panoramas:
+    """The Fourier transforms of panoramas along their rows: f frequencies, r rows."""
+
+    places: Float[Tensor, "n 3"]
+    """Where they were taken [m]."""
+    colors: Complex[Tensor, "f n r3"]
+    """Of the colours."""
+    sums: Complex[Tensor, "f n r"]
+    """Of the sum of the three channels."""
+    squares: Complex[Tensor, "f n r"]
+    """Of the sum of their squares."""
+
+    @classmethod
+    def of(cls, field: Field, places: Float[Tensor, "n 3"]) -> "Panoramas":
+        """Look all around from every place [m]."""
+        directions = _directions().reshape(-1, 3)
+        render = field.render_rays if isinstance(field, FastRenderer) else partial(render_rays, field)
+        parts = []
+        with torch.no_grad(), threads(_THREADS):
+            for some in places.split(_PLACES_AT_ONCE):
+                origins = some.repeat_interleave(len(directions), 0)
+                color = render(origins, directions.repeat(len(some), 1)).color
+                parts.append(color.reshape(len(some), _ROWS, _COLUMNS, 3))
+        seen = torch.cat(parts)
+        return cls(
+            places, _spectrum(seen), _spectrum(seen.sum(-1, keepdim=True)), _spectrum(seen.square().sum(-1, True))
+        )
+
+    def misfit(
+        self, colors: Float[Tensor, "m 3"], directions: Float[Tensor, "m 3"], tilts: Float[Tensor, "t 3 3"]
+    ) -> Float[Tensor, "n t h"]:
+        """How badly pixels fit: mean square of what no gain and bias explains, for each place, tilt and heading.
+
+        `colors` in [0, 1]; `directions` are unit vectors in the level frame of a carrier that looks along x (FLU), and
+        a carrier's attitude is Rz(h COLUMN) tilt.
+        """
+        laid = [_laid(colors, directions @ tilt.T) for tilt in tilts]
+        weights, means = torch.stack([w for w, _ in laid])[..., None], torch.stack([x for _, x in laid])
+        known = _spectrum(weights).conj()
+        together = _turned(self.colors, _spectrum(weights * means).conj())
+        total = 3 * weights.sum((1, 2, 3)).clamp_min(1)[:, None]
+        mean, square = _turned(self.sums, known) / total, _turned(self.squares, known) / total
+        own = (weights * means).sum((1, 2, 3))[:, None] / total
+        spread = (weights * means.square()).sum((1, 2, 3))[:, None] / total - own.square()
+        shared = (together / total - mean * own).clamp_min(0)
+        return spread - shared.square() / ((square - mean.square()).clamp_min(0) + _FLAT)
+
+
+def _directions() -> Float[Tensor, "r c 3"]:
+    """Unit vectors of the cells, in the world."""
+    elevation = _HIGHEST * ((torch.arange(_ROWS) + 0.5) / _ROWS * 2 - 1)[:, None].expand(-1, _COLUMNS)
+    azimuth = (torch.arange(_COLUMNS) * COLUMN).expand(_ROWS, -1)
+    level = elevation.cos()
+    return torch.stack([level * azimuth.cos(), level * azimuth.sin(), elevation.sin()], -1)
+
+
+def _laid(
+    colors: Float[Tensor, "m 3"], directions: Float[Tensor, "m 3"]
+) -> tuple[Float[Tensor, "r c"], Float[Tensor, "r c 3"]]:
+    """How many of the pixels fall into each cell, and their mean colour."""
+    x, y, z = directions.unbind(-1)
+    column = torch.round(torch.atan2(y, x) / COLUMN).long() % _COLUMNS
+    row = torch.floor((torch.asin(z.clamp(-1, 1)) / _HIGHEST + 1) / 2 * _ROWS).long()
+    inside = (row >= 0) & (row < _ROWS)
+    cell = (row * _COLUMNS + column)[inside]
+    count = torch.zeros(_ROWS * _COLUMNS).index_add(0, cell, torch.ones(len(cell)))
+    total = torch.zeros(_ROWS * _COLUMNS, 3).index_add(0, cell, colors[inside])
+    mean = total / count.clamp_min(1)[:, None]
+    return count.reshape(_ROWS, _COLUMNS), mean.reshape(_ROWS, _COLUMNS, 3)
+
+
+def _spectrum(panoramas: Float[Tensor, "n r c k"]) -> Complex[Tensor, "f n rk"]:
+    return torch.fft.rfft(panoramas, dim=2).permute(2, 0, 1, 3).flatten(2)
+
+
+def _turned(seen: Complex[Tensor, "f n rk"], laid: Complex[Tensor, "f t rk"]) -> Float[Tensor, "n t h"]:
+    """Sums over cells of the products, for every place n, tilt t and turn h."""
+    return torch.fft.irfft((seen @ laid.transpose(1, 2)).permute(1, 2, 0), n=_COLUMNS, dim=-1)
+
+
+def tilts_of(pitches: tuple[float, ...], rolls: tuple[float, ...]) -> Float[Tensor, "t 3 3"]:
+    """Attitudes of carriers that head along x, for each pitch and roll [rad]."""
+    angles = torch.cartesian_prod(torch.tensor(pitches), torch.tensor(rolls)).reshape(-1, 2)
+    zero = torch.zeros(len(angles))
+    pitched = so3.exp(torch.stack([zero, angles[:, 0], zero], -1))
+    return pitched @ so3.exp(torch.stack([angles[:, 1], zero, zero], -1))

@@ -1,0 +1,77 @@
+"""A picture at several sizes, each to be compared with the field at about the same sharpness.
+
+Gauss-Newton from one scale converges from two or three pixels away. Reduced by 2^k, a picture forgives 2^k as much.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from nerfnav.estimator.photometric import Observation
+from nerfnav.field.field import Field
+from nerfnav.geometry.camera import Camera, Pose
+
+
+@dataclass(frozen=True)
+class PyramidConfig:
+    """How the fast filter goes from coarse to fine."""
+
+    halvings: tuple[int, ...] = (3, 2, 1, 0)
+    """Each stage's picture is reduced by 2 to this; the last one is compared at chosen pixels."""
+    robust: tuple[float, ...] = (2.0, 1.0, 0.5, 0.1)
+    """Colour difference beyond which a pixel pulls less and less in each stage (Huber) [1 = full scale]."""
+    iterations: tuple[int, ...] = (4, 5, 8, 12)
+    """Steps of each stage, at most."""
+    thorough: int = 2
+    """Times as many steps where one start is not enough."""
+    mistrust: float = 3.0
+    """Variance of colours grows by this with every halving: coarse fields are poor likenesses, and must not drag a good
+    prediction away."""
+    pixels: int = 1024
+    """Pixels compared in each stage at most."""
+    settled: float = 6e-4
+    """The last stage ends when a step moves no pose number further than this [m, rad]; one reduced by 2^k, 2^k times
+    as soon."""
+    candidates: int = 96
+    """Where the prediction is wider than `narrow`, as many random states of it are looked at ..."""
+    starts: int = 8
+    """... and this many of them, the likeliest, are improved; each later stage goes on with a third."""
+    narrow: float = 1.2
+    """Spread of the prediction, in pixels of the first stage, from which one start may not be enough."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What looks at what: the field at all levels of sharpness, and the camera on its mount."""
+
+    levels: tuple[Field, ...]
+    """The field, and ever coarser ones (see field/levels.py)."""
+    camera: Camera
+    """What takes the pictures."""
+    mount: Pose
+    """T_body_camera."""
+
+    def at(self, halvings: int) -> tuple[Field, Camera, Pose]:
+        """Field, camera and mount for pictures that were reduced by 2^halvings."""
+        return self.levels[min(halvings, len(self.levels) - 1)], self.camera.scaled(0.5**halvings), self.mount
+
+
+def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:
+    """The colours in [0, 1] that a camera with fewer pixels sees, each the mean over its area, row by row."""
+    planes = image.permute(2, 0, 1)[None].float() / 255
+    small = torch.nn.functional.interpolate(planes, (camera.height, camera.width), mode="area")
+    return small[0].permute(1, 2, 0).reshape(-1, 3)
+
+
+def small_observation(
+    image: UInt8[Tensor, "height width 3"], view: tuple[Field, Camera, Pose], count: int | None, seed: torch.Generator
+) -> Observation:
+    """A picture reduced to the view's camera, at `count` pixels drawn evenly, or at all of them (None)."""
+    camera = view[1]
+    colors, pixels = reduced(image, camera), camera.pixels()
+    if count is not None and count < len(pixels):
+        drawn = torch.randperm(len(pixels), generator=seed)[:count]
+        colors, pixels = colors[drawn], pixels[drawn]
+    return Observation(*view, pixels, colors)
