@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from nerfnav.experiments import correlation, planners
+from nerfnav.experiments import correlation, estimation, ground_robots, planners
 from nerfnav.experiments.study import ExperimentStep, Study
 from nerfnav.world.scene import Task
 from scenes import stonehenge
@@ -30,6 +30,18 @@ EXPERIMENTS = {
         tasks=stonehenge.EXPERIMENT_TASKS,
     ),
     "collision-correlation": Experiment(
-        correlation.run, "collision loss in the field against true overlap, over the iterations of plans"
+        correlation.run,
+        "collision loss in the field against true overlap, over the iterations of plans",
+        place="playground",
+    ),
+    "ground-robots": Experiment(
+        ground_robots.run,
+        "a couch that must turn to pass a gap, and wheels that never slide: overlap, lateral velocity",
+        place="church",
+    ),
+    "estimation": Experiment(
+        estimation.run,
+        "the pose filter against iNeRF on the same disturbed flights: errors, honesty",
+        tasks=stonehenge.EXPERIMENT_TASKS[:10],
     ),
 }

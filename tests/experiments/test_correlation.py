@@ -19,8 +19,8 @@ def test_the_overlap_of_a_straight_way_through_is_volume_times_way() -> None:
 
 
 def test_a_plan_that_begins_in_the_column_leaves_it() -> None:
-    past = Task("Past", (-0.7, 0.15, 0.5), (0.7, 0.15, 0.5))
-    rows = watch(column(), Watch(past, iterations=120, every=2, size=0.05))
+    past = Task("Past", (-0.7, 0.18, 0.5), (0.7, 0.18, 0.5))
+    rows = watch(column(), Watch(past, iterations=160, every=2))
     assert rows[0]["overlap_m4"] > 0 and rows[-1]["overlap_m4"] == 0
     assert rows[-1]["loss"] < 0.05 * rows[0]["loss"]
     summary = summary_of(rows)

@@ -1,0 +1,31 @@
+"""Pictures from places that no field has learned from, with the truth of where they were taken."""
+
+import torch
+from jaxtyping import UInt8
+from torch import Tensor
+
+from nerfnav.experiments.arena import Arena
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from nerfnav.robots.state import RigidState
+from nerfnav.world.capture import CaptureConfig, capture_poses
+from nerfnav.world.raycast import MeshRenderer
+
+CAMERA = Camera.from_fov(200, 200, 90)
+"""As wide as the photographs that bundled fields learned from."""
+SUPERSAMPLE = 2
+"""Rays along each side of a pixel: as of those photographs."""
+_FIRST_SEED = 7001
+"""Of random places; bundled fields were photographed with small ones."""
+
+
+def held_out_poses(arena: Arena, count: int, seed: int = 0) -> RigidState:
+    """Robots at rest, batch shape (count,), at random free places of the box, looking anywhere but into nothing."""
+    config = CaptureConfig(images=count, inside_share=1.0)
+    cameras = capture_poses(arena.scene, config, torch.Generator().manual_seed(_FIRST_SEED + seed))
+    zero = torch.zeros_like(cameras.position)
+    return RigidState(cameras.position, zero, cameras.rotation @ FORWARD_MOUNT.rotation.T, zero)
+
+
+def take_picture(renderer: MeshRenderer, pose: Pose) -> UInt8[Tensor, "height width 3"]:
+    """What a robot's camera sees from T_world_body."""
+    return renderer.render(CAMERA, pose.compose(FORWARD_MOUNT)).image

@@ -1,0 +1,33 @@
+"""How rendering and training are compared: few rays, in a bundled scene."""
+
+import pytest
+import torch
+
+import scenes
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.bench import render, train_step
+from nerfnav.field.checkpoint import load_field
+from nerfnav.field.voxel import VoxelField
+
+
+@pytest.fixture(scope="module")
+def arena() -> Arena:
+    field = load_field(scenes.trained_path("stonehenge"))
+    assert isinstance(field, VoxelField)
+    return Arena(scenes.load("stonehenge"), field)
+
+
+def test_pictures_are_rendered_sooner_and_alike(arena: Arena):
+    before = torch.get_num_threads()
+    found = render.measure(arena, pictures=1, size=40, fast_per_round=3)
+    assert found.name == "render" and found.threads >= 1
+    assert found.ratio > 5
+    assert found.detail["max_color_difference"] < 1e-4
+    assert torch.get_num_threads() == before
+
+
+def test_a_training_step_is_done_sooner_and_with_the_same_gradient(arena: Arena):
+    found = train_step.measure(arena, rays=256, rounds=1, fast_per_round=3)
+    assert found.ratio > 2
+    assert found.detail["max_gradient_difference"] < 1e-3
+    assert found.detail["error_difference"] < 1e-4
