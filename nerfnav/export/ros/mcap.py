@@ -1,0 +1,23 @@
+"""MCAP: one file of ROS 2 messages with their schemas, which Foxglove opens and `ros2 bag play` plays."""
+
+import io
+
+from mcap.writer import Writer
+
+from nerfnav.export.recording import Exported, Recording
+from nerfnav.export.ros.messages import definition, messages, topics
+
+
+def mcap(recording: Recording) -> Exported:
+    """The messages of `nerfnav.export.ros.messages` in MCAP, profile ros2, encoding cdr."""
+    stream, channels, count = io.BytesIO(), {}, 0
+    writer = Writer(stream)
+    writer.start(profile="ros2", library="nerfnav")
+    for topic, kind in topics(recording).items():
+        schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
+        channels[topic] = writer.register_channel(topic, "cdr", schema)
+    for message in messages(recording):
+        writer.add_message(channels[message.topic], message.time_ns, message.content, message.time_ns)
+        count += 1
+    writer.finish()
+    return Exported(stream.getvalue(), {"messages": count, "topics": list(channels)})

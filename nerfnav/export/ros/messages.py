@@ -1,0 +1,147 @@
+"""A flight or a plan as ROS 2 messages.
+
+Axes are those of ROS (REP 103): world ENU, body FLU, so nothing is turned. Quaternions are (x, y, z, w). Stamps count
+from the start, 0 s.
+
+    /path        nav_msgs/Path                          all poses at once, at the start
+    /odometry    nav_msgs/Odometry                      pose in `map`, velocities in the axes of `base_link`
+    /estimate    geometry_msgs/PoseWithCovarianceStamped   of a flight: what the robot believed, with its covariance
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import torch
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from nerfnav.export.recording import Recording
+from nerfnav.geometry import so3
+from nerfnav.navigation.steps import NavigationStep
+from nerfnav.robots.state import ATTITUDE, POSITION
+
+WORLD, BODY = "map", "base_link"
+"""Frames."""
+TOPICS = {
+    "/path": "nav_msgs/msg/Path",
+    "/odometry": "nav_msgs/msg/Odometry",
+    "/estimate": "geometry_msgs/msg/PoseWithCovarianceStamped",
+}
+"""What is said under which name."""
+
+
+@dataclass(frozen=True)
+class RosMessage:
+    """One message, ready to be written."""
+
+    topic: str
+    """A key of TOPICS."""
+    time_ns: int
+    """From the start [ns]."""
+    content: bytes
+    """In CDR, the encoding of ROS 2."""
+
+
+@cache
+def typestore() -> Typestore:
+    """The message types of ROS 2 Humble, which later releases share."""
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+def definition(message_type: str) -> str:
+    """The definition of a message type and all that it is made of, in ROS 2's language."""
+    return typestore().generate_msgdef(message_type, ros_version=2)[0]
+
+
+def topics(recording: Recording) -> dict[str, str]:
+    """Topics of a recording and their message types; plans have no estimate."""
+    return {topic: kind for topic, kind in TOPICS.items() if recording.steps or topic != "/estimate"}
+
+
+def messages(recording: Recording) -> Iterator[RosMessage]:
+    """All messages in the order of their times."""
+    made = _Maker(recording)
+    yield made.message("/path", 0, made.path())
+    for row in range(len(recording.times)):
+        yield made.message("/odometry", row, made.odometry(row))
+        if recording.steps:
+            yield made.message("/estimate", row, made.estimate(recording.steps[row]))
+
+
+class _Maker:
+    """Makes messages of the rows of a recording."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._times = recording.times.tolist()
+        self._position, self._quaternion = recording.position.tolist(), recording.quaternion.tolist()
+        rotation = so3.matrix_from_quaternion(recording.quaternion)
+        self._velocity_body = (recording.velocity[:, None] @ rotation)[:, 0].tolist()
+        self._rate = recording.body_rate.tolist()
+
+    def message(self, topic: str, row: int, content: Any) -> RosMessage:
+        cdr = bytes(typestore().serialize_cdr(content, TOPICS[topic]))
+        return RosMessage(topic, round(1e9 * self._times[row]), cdr)
+
+    def path(self) -> Any:
+        rows = range(len(self._times))
+        poses = [_new("geometry_msgs/msg/PoseStamped", self._header(row), self._pose(row)) for row in rows]
+        return _new("nav_msgs/msg/Path", self._header(0), poses)
+
+    def odometry(self, row: int) -> Any:
+        unknown = np.zeros(36)
+        twist = _new("geometry_msgs/msg/Twist", _vector(self._velocity_body[row]), _vector(self._rate[row]))
+        return _new(
+            "nav_msgs/msg/Odometry",
+            self._header(row),
+            BODY,
+            _new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), unknown),
+            _new("geometry_msgs/msg/TwistWithCovariance", twist, unknown),
+        )
+
+    def estimate(self, step: NavigationStep) -> Any:
+        mean = step.belief.mean
+        quaternion = so3.quaternion_from_matrix(mean.rotation.double()).tolist()
+        pose = _pose(mean.position.tolist(), quaternion)
+        covariance = _new("geometry_msgs/msg/PoseWithCovariance", pose, pose_covariance(step))
+        return _new("geometry_msgs/msg/PoseWithCovarianceStamped", _header(step.time), covariance)
+
+    def _header(self, row: int) -> Any:
+        return _header(self._times[row])
+
+    def _pose(self, row: int) -> Any:
+        return _pose(self._position[row], self._quaternion[row])
+
+
+def pose_covariance(step: NavigationStep) -> np.ndarray:
+    """Covariance of position [m] and attitude [rad] about fixed world axes, 36 numbers row by row.
+
+    The belief's attitude error is in the body, R Exp(dtheta); about world axes it is R dtheta.
+    """
+    picked = [*range(12)[POSITION], *range(12)[ATTITUDE]]
+    covariance = step.belief.covariance.double()[picked][:, picked]
+    turn = torch.eye(6, dtype=torch.float64)
+    turn[3:, 3:] = step.belief.mean.rotation.double()
+    return (turn @ covariance @ turn.T).numpy().reshape(-1)
+
+
+def _new(name: str, *values: Any) -> Any:
+    return typestore().types[name](*values)
+
+
+def _header(seconds: float) -> Any:
+    nanoseconds = round(1e9 * seconds)
+    stamp = _new("builtin_interfaces/msg/Time", nanoseconds // 10**9, nanoseconds % 10**9)
+    return _new("std_msgs/msg/Header", stamp, WORLD)
+
+
+def _vector(values: list[float]) -> Any:
+    return _new("geometry_msgs/msg/Vector3", *values)
+
+
+def _pose(position: list[float], wxyz: list[float]) -> Any:
+    w, x, y, z = wxyz
+    point, quaternion = _new("geometry_msgs/msg/Point", *position), _new("geometry_msgs/msg/Quaternion", x, y, z, w)
+    return _new("geometry_msgs/msg/Pose", point, quaternion)

@@ -1,0 +1,32 @@
+"""rosbag2: a folder of metadata and an SQLite database, in one zip. Unzip it, then `ros2 bag play FOLDER`."""
+
+import io
+import tempfile
+import zipfile
+from pathlib import Path
+
+from rosbags.rosbag2 import Writer
+
+from nerfnav.export.recording import Exported, Recording
+from nerfnav.export.ros.messages import messages, topics, typestore
+
+_NAME = "nerfnav_bag"
+
+
+def rosbag2(recording: Recording) -> Exported:
+    """The messages of `nerfnav.export.ros.messages` as a bag of ROS 2 Humble, zipped."""
+    with tempfile.TemporaryDirectory() as parent:
+        folder, count = Path(parent) / _NAME, 0
+        with Writer(folder, version=8) as writer:
+            connections = {
+                topic: writer.add_connection(topic, kind, typestore=typestore())
+                for topic, kind in topics(recording).items()
+            }
+            for message in messages(recording):
+                writer.write(connections[message.topic], message.time_ns, message.content)
+                count += 1
+        stream = io.BytesIO()
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as packed:
+            for path in sorted(folder.iterdir()):
+                packed.write(path, f"{_NAME}/{path.name}")
+    return Exported(stream.getvalue(), {"messages": count, "topics": list(connections)})

@@ -1,0 +1,88 @@
+"""The surface of a place made small enough for a page: vertices that share a cell of a grid become one.
+
+Clustering after Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes" (1993).
+"""
+
+import base64
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.export.glb import parts
+
+_FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
+_MOST_VERTICES = 45_000
+_FINEST, _COARSER = 256, 1.15  # cells along the longest edge to begin with; how much larger cells become each time
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Coloured triangles."""
+
+    points: np.ndarray
+    """(n, 3), world axes [m]."""
+    colors: np.ndarray
+    """(n, 3), linear, 0 to 1."""
+    triangles: np.ndarray
+    """(m, 3), numbers of points."""
+
+    @classmethod
+    def of_glb(cls, glb: bytes) -> "Surface":
+        """The first mesh of a binary glTF with vertex colours. Raises InvalidInputError for anything else."""
+        try:
+            document, binary = parts(glb)
+            primitive = document["meshes"][0]["primitives"][0]
+            names = primitive["attributes"]
+            arrays = [_array(document, binary, n) for n in (names["POSITION"], names["COLOR_0"], primitive["indices"])]
+        except (ValueError, KeyError, IndexError) as error:
+            raise InvalidInputError(f"this is no binary glTF of a coloured mesh: {error}") from error
+        points, colors, indices = arrays
+        return cls(points, colors[:, :3] / 65535.0, indices.reshape(-1, 3))
+
+    def thinned(self, most: int = _MOST_VERTICES) -> "Surface":
+        """The same with at most `most` vertices, each the mean of those in its cell."""
+        if len(self.points) <= most:
+            return self
+        low, size = self.points.min(0), float(np.ptp(self.points, axis=0).max())
+        cells, coarse = float(_FINEST), self
+        while len(coarse.points) > most:
+            coarse = self._clustered(np.floor((self.points - low) / size * cells).astype(np.int64))
+            cells /= _COARSER
+        return coarse
+
+    def _clustered(self, cells: np.ndarray) -> "Surface":
+        _, cluster, sizes = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+        cluster = cluster.reshape(-1)
+
+        def mean(values: np.ndarray) -> np.ndarray:
+            columns = [np.bincount(cluster, values[:, i], len(sizes)) for i in range(values.shape[1])]
+            return np.stack(columns, -1) / sizes[:, None]
+
+        triangles = cluster[self.triangles]
+        a, b, c = triangles.T
+        return Surface(mean(self.points), mean(self.colors), triangles[(a != b) & (b != c) & (c != a)])
+
+    def packed(self) -> dict[str, Any]:
+        """For a page: points as 16 bits within a box, colours as 8 bits of sRGB, triangles as 32 bits; base64."""
+        low = self.points.min(0)
+        size = np.maximum(np.ptp(self.points, axis=0), 1e-9)
+        shares = np.round(65535 * (self.points - low) / size).astype("<u2")
+        curved = np.where(self.colors <= 0.0031308, 12.92 * self.colors, 1.055 * self.colors ** (1 / 2.4) - 0.055)
+        parts = {
+            "points": shares,
+            "colors": np.round(255 * curved).astype(np.uint8),
+            "triangles": self.triangles.astype("<u4"),
+        }
+        packed = {name: base64.b64encode(part.tobytes()).decode() for name, part in parts.items()}
+        return packed | {"low": low.tolist(), "size": size.tolist()}
+
+
+def _array(document: dict[str, Any], binary: bytes, number: int) -> np.ndarray:
+    accessor = document["accessors"][number]
+    kind = {_FLOAT: "<f4", _UINT16: "<u2", _UINT32: "<u4"}[accessor["componentType"]]
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+    start = document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
+    flat = np.frombuffer(binary, kind, accessor["count"] * width, start)
+    return flat.reshape(-1, width).astype(np.int64 if kind == "<u4" else np.float64)

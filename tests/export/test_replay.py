@@ -1,0 +1,99 @@
+"""The page of a flight."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from app.surface import unlit_glb
+from nerfnav.errors import InvalidInputError
+from nerfnav.export.formats import FORMATS
+from nerfnav.export.recording import Recording
+from nerfnav.export.replay import ellipsoid_95, replay
+from nerfnav.export.surface import Surface
+from nerfnav.robots.quadrotor import Quadrotor
+from tests.export.flights import flight, flown, plan
+
+
+def shown(recording: Recording) -> dict:
+    """What a page shows."""
+    page = replay(recording).content.decode()
+    found = re.search(r"^const replay = (.*);$", page, re.MULTILINE)
+    assert found is not None
+    return json.loads(found[1])
+
+
+def ball() -> trimesh.Trimesh:
+    """A coloured ball."""
+    mesh = trimesh.creation.icosphere(subdivisions=4)
+    mesh.visual.vertex_colors = np.uint8(127 + 127 * mesh.vertices)
+    return mesh
+
+
+def test_the_page_shows_what_was_flown() -> None:
+    data, steps = shown(flight()), flown()
+    assert data["outcome"] == "the robot touched the ground-truth mesh" and data["title"] == "a helix"
+    for told, step in zip(data["steps"], steps, strict=True):
+        np.testing.assert_allclose(told["truth"][:3], step.truth.position, atol=1e-5)
+        np.testing.assert_allclose(np.reshape(told["truth"][3:], (3, 3)), step.truth.rotation, atol=1e-5)
+        np.testing.assert_allclose(told["belief"][:3], step.belief.mean.position, atol=1e-5)
+        np.testing.assert_allclose(np.reshape(told["plan"], (-1, 3)), step.plan.states.position, atol=1e-5)
+        assert told["touched"] == step.touched and (told["picture"] is None) == (step.image is None)
+
+
+def test_ellipsoids_are_as_large_as_the_covariance_says() -> None:
+    factor = 0.1 * torch.randn(3, 3, generator=torch.Generator().manual_seed(1))
+    shape = ellipsoid_95(factor @ factor.T)
+    torch.testing.assert_close(shape @ shape.T, 2.7955**2 * (factor @ factor.T).double(), rtol=1e-5, atol=1e-8)
+    assert torch.linalg.det(shape) > 0
+
+
+def test_a_page_needs_nothing_from_anywhere_and_names_cannot_break_out_of_its_script() -> None:
+    title = "</script><script>alert(1)</script>"
+    page = replay(Recording.of_flight(flown(), Quadrotor(), title)).content.decode()
+    assert page.count("<script>") == page.count("</script>") == 1
+    assert not re.search(r"(src|href)=\"(?!data:)|https?://|@import|url\((?!data:)", page)
+    assert shown(Recording.of_flight(flown(), Quadrotor(), title))["title"] == title
+
+
+def test_the_place_stands_in_the_page_as_it_is() -> None:
+    glb = unlit_glb(ball())
+    packed = shown(flight().standing_in(glb))["surface"]
+    assert set(packed) == {"points", "colors", "triangles", "low", "size"}
+    surface = Surface.of_glb(glb)
+    np.testing.assert_allclose(surface.points, ball().vertices, atol=1e-6)
+    assert shown(flight())["surface"] is None
+
+
+def test_a_thinned_surface_is_still_the_same_shape_and_colour() -> None:
+    surface = Surface.of_glb(unlit_glb(ball()))
+    thin = surface.thinned(400)
+    assert 100 < len(thin.points) <= 400 and len(thin.triangles) > 200
+    np.testing.assert_allclose(np.linalg.norm(thin.points, axis=-1), 1.0, atol=0.05)
+    srgb = np.where(thin.colors <= 0.0031308, 12.92 * thin.colors, 1.055 * thin.colors ** (1 / 2.4) - 0.055)
+    np.testing.assert_allclose(srgb, (127 + 127 * thin.points) / 255, atol=0.08)
+    assert surface.thinned(10**6) is surface
+
+
+def test_what_is_no_coloured_model_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="no binary glTF"):
+        Surface.of_glb(b"a picture")
+
+
+def test_a_plan_cannot_be_replayed() -> None:
+    with pytest.raises(InvalidInputError, match="fly the plan first"):
+        replay(plan())
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_takes_a_flight_and_a_plan_or_says_why_not(name: str) -> None:
+    form = FORMATS[name]
+    assert form.make(flight()).content and form.purpose and form.ending
+    if form.flights_only:
+        with pytest.raises(InvalidInputError, match="plan"):
+            form.make(plan())
+    else:
+        assert form.make(plan()).content
