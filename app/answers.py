@@ -9,6 +9,7 @@ from app.records import PlanRecord
 from app.runs.changes import reported
 from app.runs.questions import RunsReport
 from app.session import Session
+from app.trials.state import TrialsReport
 
 
 def answered(session: Session, answer: q.Answer) -> Session:
@@ -22,10 +23,14 @@ def answered(session: Session, answer: q.Answer) -> Session:
             return _replanned(session, answer)
         case q.Landed():
             return _landed(session, answer)
+        case q.Profile():
+            return replace(session, profile=answer)
         case q.EyeView():
             return replace(session, sights=session.sights.seen(answer))
         case q.SpaceView():
             return replace(session, sights=session.sights.with_space(answer))
+        case TrialsReport():
+            return replace(session, trials=replace(session.trials, report=answer))
         case RunsReport():
             return reported(session, answer)
         case q.SliceView():

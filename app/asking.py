@@ -8,6 +8,7 @@ from app.questions import (
     EndQuestion,
     EyeQuestion,
     PlanQuestion,
+    ProfileQuestion,
     Question,
     SliceQuestion,
     Space,
@@ -25,7 +26,10 @@ WIDTHS = (240, 720)
 
 def questions_of(session: Session) -> tuple[Question, ...]:
     """What is not known yet, the most urgent first."""
-    return () if session.place is None else (*runs_questions(session), *_of_ends(session), *_of_sights(session), *_of_robot(session))
+    if session.place is None:
+        return ()
+    shown = (*_of_ends(session), *_of_sights(session), *_of_robot(session))
+    return (*runs_questions(session), *shown, *_of_trials(session))
 
 
 def _of_ends(session: Session) -> Iterator[Question]:
@@ -50,11 +54,23 @@ def _of_robot(session: Session) -> Iterator[Question]:
     """What the robot would see from where it believes to be, or from the ends."""
     flight, ends = session.shown_flight, session.ends
     if flight is not None and flight.steps:
-        seen = ViewQuestion(("flight", session.jobs_begun, session.runs.asked, len(flight.steps)), (flight.steps[-1].belief.mean,))
+        key = ("flight", session.jobs_begun, session.runs.asked, len(flight.steps))
+        seen = ViewQuestion(key, (flight.steps[-1].belief.mean,))
     else:
         seen = ViewQuestion(("ends", ends), (ends.start.state(), ends.goal.state()))
     if session.view is None or session.view.question != seen:
         yield seen
+    plan = session.plan
+    if plan is not None and plan.latest is not None and plan.outcome is not None and session.job is None:
+        asked = ProfileQuestion(id(plan.latest), plan.latest.motion)
+        if session.profile is None or session.profile.question != asked:
+            yield asked
+
+
+def _of_trials(session: Session) -> Iterator[Question]:
+    question = session.trials.question
+    if question is not None and session.job is None:  # it takes a second the first time
+        yield question
 
 
 def _of_sights(session: Session) -> Iterator[Question]:

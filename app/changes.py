@@ -7,6 +7,7 @@ from app.ends import End, Ends, Which
 from app.place import Place
 from app.records import FlightRecord
 from app.session import JobKind, Notice, Session
+from app.sources import without_paths
 
 Value = TypeVar("Value")
 _NOTICES_KEPT = 5
@@ -15,7 +16,7 @@ _NOTICES_KEPT = 5
 def noticed(session: Session, title: str, body: str, bad: bool = False) -> Session:
     """The session with one more notice."""
     number = session.notices[-1].id + 1 if session.notices else 0
-    notice = Notice(number, title, body, bad, session.jobs_begun)
+    notice = Notice(number, title, without_paths(body), bad, session.jobs_begun)
     return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])
 
 

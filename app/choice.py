@@ -14,7 +14,7 @@ class Choice:
     """One of `nerfnav.robots.names()`."""
     planner: str = "fast"
     """One of `app.registry.PLANNERS`."""
-    estimator: str = "paper"
+    estimator: str = "fast"
     """One of `app.registry.ESTIMATORS`."""
 
     def check(self) -> None:

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
+from keyword import iskeyword
 from typing import Any
 
 import tyro
@@ -20,10 +21,13 @@ from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 COMMANDS = {
     "serve": "open a scene or a field in the browser (what `nerfnav` alone does, with stonehenge)",
     "scenes": "list the bundled scenes and their tasks",
-    "train": "photograph a scene and train a field from the pictures",
+    "train": "train a field of a scene, a mesh, or somebody's photographs",
+    "import": "make a field of a trained NeRF or of Gaussian splats",
+    "bake": "turn a field into a voxel field",
     "info": "tell what a field file holds",
     "plan": "plan a trajectory through a field",
     "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",
+    "localize": "find where in a field a picture was taken",
     "export": "write the trajectory of a plan or a flight in another format",
     "experiment": "run one of the experiments: trials judged on the ground truth, a table, figures",
     "bench": "time nerfnav against the paper's way on this machine",
@@ -68,7 +72,7 @@ def parse(words: Sequence[str]) -> tuple[Any, Any]:
     name, rest = ("serve", words) if not words or words[0].startswith("-") else (words[0], words[1:])
     if name not in COMMANDS:
         raise UnknownNameError("command", name, COMMANDS)
-    command = importlib.import_module(f"app.commands.{name}")
+    command = importlib.import_module(f"app.commands.{name}{'_' if iskeyword(name) else ''}")
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):

@@ -1,7 +1,7 @@
 """What the page draws of the place and of a flight: one choice for everyone who looks."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from nerfnav.errors import InvalidInputError
@@ -38,6 +38,12 @@ class Look:
     """Share of the place's height at which a slice through the density is drawn; None draws none."""
     ellipsoid: float = 1.0
     """How much larger than the 95 % region covariance ellipsoids and attitude cones are drawn."""
+
+    def where(self, splats: bool) -> "Look":
+        """The look at a place that opens: its splats, where it was made of some, until something else is asked for."""
+        if splats:
+            return replace(self, backdrop=Backdrop.SPLATS)
+        return replace(self, backdrop=Backdrop.SURFACE) if self.backdrop is Backdrop.SPLATS else self
 
     def check(self) -> None:
         """Raise InvalidInputError for numbers that nothing can be drawn with; a browser can send anything."""

@@ -1,15 +1,18 @@
 """What the session reacts to: commands of the user, reports of jobs, answers to its questions, the time."""
 
 from dataclasses import dataclass
+from enum import Enum
+from typing import Any
 
 from app.choice import Choice
 from app.ends import End, Which
 from app.events import JobEvent
-from app.flying import FlightSettings
-from app.look import Eye, Look
+from app.look import Eye
 from app.place import Place
 from app.questions import Answer, Vector
+from app.records import Rival
 from app.runs.commands import RunCommand
+from app.trials.state import TrialsCommand
 
 
 @dataclass(frozen=True)
@@ -59,11 +62,23 @@ class Point:
     """Where it goes, of any length."""
 
 
-@dataclass(frozen=True)
-class SetLook:
-    """Draw the place otherwise."""
+class Settings(Enum):
+    """Records whose numbers a person may change."""
 
-    look: Look
+    LOOK = "look"
+    PLANNING = "planning"
+    WEIGHTS = "weights"
+    FLYING = "flying"
+
+
+@dataclass(frozen=True)
+class Adjust:
+    """Change one number of the settings; the others may be changed elsewhere at the same time."""
+
+    settings: Settings
+    name: str
+    """Name of the record's field."""
+    value: Any
 
 
 @dataclass(frozen=True)
@@ -83,10 +98,8 @@ class Left:
 
 
 @dataclass(frozen=True)
-class SetFlight:
-    """Fly otherwise: the noise and the seed from the next flight on, the speed at once."""
-
-    settings: FlightSettings
+class StartComparison:
+    """Let every planner find its way between the ends."""
 
 
 @dataclass(frozen=True)
@@ -145,10 +158,10 @@ Command = (
     | Choose
     | Aim
     | Point
-    | SetLook
+    | Adjust
     | Looked
     | Left
-    | SetFlight
+    | StartComparison
     | Gust
     | StartPlan
     | StartFlight
@@ -158,6 +171,7 @@ Command = (
     | StepOnce
     | Reset
     | RunCommand
+    | TrialsCommand
     | Tell
 )
 
@@ -178,12 +192,19 @@ class SurfaceShaped:
 
 
 @dataclass(frozen=True)
+class Compared:
+    """One planner of a comparison has ended."""
+
+    rival: Rival
+
+
+@dataclass(frozen=True)
 class Reported:
     """A job has yielded something."""
 
     job: int
     """Which job, `Job.id`."""
-    event: JobEvent | PlaceOpened | SurfaceShaped
+    event: JobEvent | PlaceOpened | SurfaceShaped | Compared
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,12 @@ def is_loopback(host: str) -> bool:
     return bool(addresses) and all(ipaddress.ip_address(entry.split("%")[0]).is_loopback for entry in addresses)
 
 
+def page_url(host: str, port: int, token: str | None) -> str:
+    """Where the page of a server is, token included."""
+    name = "localhost" if host in ("0.0.0.0", "::", "") else host
+    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
+
+
 def _reason(host: str, port: int, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return f"port {port} of {host} is taken: stop what listens there, or choose another with --port"

@@ -1,18 +1,23 @@
 """A place: a field that a robot can plan in, with the ground truth to judge by where there is one."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import scenes
 from nerfnav import robots
 from nerfnav.errors import NerfnavError, UnknownNameError
-from nerfnav.field.checkpoint import load_field
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.checkpoint import StoredField, load_field
+from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.importers.meshes.truth import load_truth
+from nerfnav.importers.splats.layouts import load_splats
+from nerfnav.importers.splats.splats import Splats, splats_beside
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.robot import Robot
 from nerfnav.world.scene import Scene, Task
+
+_STEPS_IN_VOXEL = 2
 
 
 class NoTrainedFieldError(NerfnavError):
@@ -25,12 +30,14 @@ class Place:
 
     name: str
     """Name of the scene, or of the field's file."""
-    field: VoxelField
+    field: StoredField
     """What is planned in."""
     scene: Scene | None
     """The ground truth that the field was trained from; None where there is none."""
     robot: Robot
     """What moves."""
+    splats: Splats | None = None
+    """The splats that the field was made of; None where it was made of something else."""
 
     @property
     def tasks(self) -> tuple[Task, ...]:
@@ -41,18 +48,44 @@ class Place:
 def open_place(what: str, robot: str = "quadrotor") -> Place:
     """Open a bundled scene by name, or a field file by path.
 
-    A field that was trained from a bundled scene finds that scene again as its ground truth.
+    A field that was trained from a bundled scene finds that scene again as its ground truth, one that was trained from
+    a mesh finds that beside its file; without it, nothing is judged there.
     Raises UnknownNameError, NoTrainedFieldError or FieldFileError.
     """
-    body, field = robots.load(robot), load_field(field_file(what))
-    name = what if what in scenes.names() else Path(what).stem
-    source = what if what in scenes.names() else field.info.source
-    return Place(name, field, scenes.load(source) if source in scenes.names() else None, body)
+    path = field_file(what)
+    body, field = robots.load(robot), load_field(path)
+    if what in scenes.names():
+        return Place(what, field, scenes.load(what), body)
+    beside = splats_beside(path)
+    splats = load_splats(beside) if beside.is_file() else None
+    return Place(path.stem, field, ground_truth(field, path), body, splats)
+
+
+def ground_truth(field: StoredField, path: Path) -> Scene | None:
+    """What the field in the file `path` was trained from; None where that is unknown, or no longer beside the file.
+
+    Raises FieldFileError where what lies there is something else.
+    """
+    if field.info.truth:
+        truth = path.with_name(Path(field.info.truth).name)
+        return load_truth(truth, field.info.truth_sha256) if truth.is_file() else None
+    return scenes.load(field.info.source) if field.info.source in scenes.names() else None
+
+
+@lru_cache(maxsize=4)
+def planning_place(place: Place, unknown: Unknown) -> Place:
+    """The place as planners see it, its unknown space taken for solid or not; made once, as maps of it are."""
+    field = planning_field(place.field, unknown)
+    return place if field is place.field else replace(place, field=field)
 
 
 @lru_cache(maxsize=4)
 def occupancy_of(place: Place, config: OccupancyConfig) -> OccupancyMap:
-    """The map that paths are searched on; made once, for it takes longer than most searches."""
+    """The map that paths are searched on; made once, for it takes longer than most searches.
+
+    It is no finer than the field: in a large place that would take long and tell nothing more.
+    """
+    config = replace(config, voxel=max(config.voxel, _STEPS_IN_VOXEL * place.field.step))
     return OccupancyMap.of(place.field, place.robot.body, config)
 
 

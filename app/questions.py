@@ -10,8 +10,9 @@ from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.look import Eye
 from app.runs.questions import RunsQuestion, RunsReport
+from app.trials.state import TrialsQuestion, TrialsReport
 from nerfnav.planner.steps import PlanStep
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.state import Motion, RigidState
 
 Vector = tuple[float, float, float]
 
@@ -83,6 +84,24 @@ class Landed:
     question: PointQuestion
     position: Vector | None
     """Where the end goes [m]; None where the ray meets nothing."""
+
+
+@dataclass(frozen=True)
+class ProfileQuestion:
+    """How near does a plan come to what is dense?"""
+
+    number: int
+    """Which plan: two questions of one number have the same answer."""
+    motion: Motion = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How near a plan comes to what is dense, step by step."""
+
+    question: ProfileQuestion
+    rows: np.ndarray = field(compare=False)
+    """Time [s], clearance [cm] and bound on the probability of a collision [%] of each step, (3, n)."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +177,15 @@ class View:
 
 
 Question = (
-    EndQuestion | ViewQuestion | PlanQuestion | PointQuestion | EyeQuestion | SpaceQuestion | SliceQuestion
+    EndQuestion
+    | ViewQuestion
+    | PlanQuestion
+    | PointQuestion
+    | ProfileQuestion
+    | EyeQuestion
+    | SpaceQuestion
+    | SliceQuestion
     | RunsQuestion
+    | TrialsQuestion
 )
-Answer = EndReport | View | Replanned | Landed | EyeView | SpaceView | SliceView | RunsReport
+Answer = EndReport | View | Replanned | Landed | Profile | EyeView | SpaceView | SliceView | RunsReport | TrialsReport

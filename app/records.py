@@ -81,6 +81,13 @@ class PlanRecord:
         count = min(int(self.replayed * len(self.recorded)), len(self.recorded) - 1)
         return tuple(self.recorded[index].motion for index in range(max(0, count - self.TRAIL), count))
 
+    @property
+    def others(self) -> tuple[Motion, ...]:
+        """Where the other first guesses have led, if there were several; the best one is the plan."""
+        best = None if self.latest is None else self.latest.start_index
+        ends = {step.start_index: step.motion for step in self.recorded}
+        return tuple(motion for start, motion in ends.items() if start != best)
+
     def with_step(self, step: PlanStep) -> "PlanRecord":
         """With one more iteration; iterations 1, 2, 4, 8, ... stay visible, as the line moves most early on."""
         trail = self.trail
@@ -89,6 +96,20 @@ class PlanRecord:
         recorded = (*self.recorded, step) if len(self.recorded) < self.RECORDED else self.recorded
         history = self.history.appended(step.iteration, step.cost)
         return replace(self, latest=step, trail=trail, history=history, recorded=recorded)
+
+
+@dataclass(frozen=True)
+class Rival:
+    """What one planner has found, to be held against the others."""
+
+    planner: str
+    """Its name."""
+    motion: Motion | None
+    """Its plan; None where it refused."""
+    summary: dict[str, Any]
+    """The job's numbers."""
+    complaint: str = ""
+    """Why it refused."""
 
 
 @dataclass(frozen=True)

@@ -5,22 +5,21 @@ from dataclasses import replace
 
 from app import messages as m
 from app import questions as q
+from app.adjust import adjusted
 from app.answers import answered
 from app.changes import moved, noticed
 from app.choice import Choice
 from app.ends import Ends
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
-from app.flying import FlightSettings
-from app.look import Look
 from app.place import Place
 from app.records import FlightRecord, PlanRecord
 from app.runs.changes import commanded, rolled, source_elsewhere
-from app.runs.commands import CompareRun, DeleteRun, OpenRun, PlayBack, RenameRun, Scrub
-from app.runs.questions import RunsReport
+from app.runs.commands import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, Scrub
 from app.session import Job, JobKind, Session, opening_ends
 from app.sources import title_of, without_folder
+from app.trials.state import ListTrials, ShowResult, StartTrials
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.errors import UnknownNameError
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanOutcome, PlanStep
@@ -28,16 +27,13 @@ from nerfnav.planner.steps import PlanOutcome, PlanStep
 
 def reduce(session: Session, message: m.Message) -> Session:
     """The session after `message`."""
+    if isinstance(message, q.Answer):
+        return answered(session, message)
     match message:
         case m.Reported(job, event):
             # a cancelled job may still report: it is no longer the one that is wanted
             wanted = session.job is not None and session.job.id == job
             return _report(session, event) if wanted else session
-        case (
-            q.EndReport() | q.View() | q.Replanned() | q.Landed() | q.EyeView() | q.SpaceView() | q.SliceView()
-            | RunsReport()
-        ):
-            return answered(session, message)
         case m.Tick(seconds):
             return rolled(_passed(session, seconds), seconds)
         case m.Tell(title, body, bad):
@@ -70,7 +66,7 @@ def _command(session: Session, command: m.Command) -> Session:
             return _open(session, what)
         case OpenRun(name) if (source := source_elsewhere(session, name)) is not None:
             return commanded(_open(session, source), command)
-        case OpenRun() | CompareRun() | RenameRun() | DeleteRun() | Scrub() | PlayBack():
+        case ListRuns() | OpenRun() | CompareRun() | RenameRun() | DeleteRun() | Scrub() | PlayBack():
             return commanded(session, command)
         case m.Choose(choice):
             return _choose(session, session.place, choice)
@@ -78,14 +74,17 @@ def _command(session: Session, command: m.Command) -> Session:
             return replace(session, aiming=which)
         case m.Point(origin, direction):
             return _pointed(session, origin, direction)
-        case m.SetLook(look):
-            return _set_look(session, look)
+        case m.Adjust(settings, name, value):
+            return adjusted(session, settings, name, value)
         case m.Looked(client, eye):
             return replace(session, sights=session.sights.looked(client, eye)) if eye.is_sound else session
         case m.Left(client):
             return replace(session, sights=session.sights.left(client))
-        case m.SetFlight(settings):
-            return _set_flight(session, settings)
+        case m.StartComparison():
+            return _begin(session, JobKind.COMPARE)
+        case StartTrials() | ShowResult() | ListTrials():
+            session = replace(session, trials=session.trials.commanded(command))
+            return _begin(session, JobKind.EXPERIMENT) if isinstance(command, StartTrials) else session
         case m.Gust():
             job = session.job
             if job is None or job.kind is not JobKind.FLY:
@@ -102,7 +101,7 @@ def _command(session: Session, command: m.Command) -> Session:
         case m.Reset():
             ends = opening_ends(session.place, session.home) or session.ends
             stopped = _cancel(session)
-            return replace(stopped, task=session.home, ends=ends, problems={}, plan=None, flight=None)
+            return replace(stopped, task=session.home, ends=ends, problems={}, plan=None, flight=None, rivals=())
     raise TypeError(f"the session knows no message of type {type(command).__name__}")
 
 
@@ -126,7 +125,7 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
         return chosen
     # plans and flights are those of another body
     other = replace(place, robot=robots.load(choice.robot))
-    return _settled(replace(_cancel(chosen), plan=None, flight=None, view=None), other)
+    return _settled(replace(_cancel(chosen), plan=None, flight=None, rivals=(), view=None), other)
 
 
 def _pointed(session: Session, origin: q.Vector, direction: q.Vector) -> Session:
@@ -136,23 +135,6 @@ def _pointed(session: Session, origin: q.Vector, direction: q.Vector) -> Session
     return replace(session, clicked=q.PointQuestion(session.aiming, origin, direction), aiming=None)
 
 
-def _set_look(session: Session, look: Look) -> Session:
-    try:
-        look.check()
-    except InvalidInputError as error:
-        return noticed(session, "Not taken", f"{str(error).capitalize()}.", bad=True)
-    return replace(session, look=look)
-
-
-def _set_flight(session: Session, settings: FlightSettings) -> Session:
-    try:
-        settings.check()
-    except InvalidInputError as error:
-        return noticed(session, "Not taken", f"{str(error).capitalize()}.", bad=True)
-    job = None if session.job is None else replace(session.job, pace=settings.pace)
-    return replace(session, flying=settings, job=job)
-
-
 def _settled(session: Session, place: Place) -> Session:
     """The session in a place, at the ends of the first task that is there for the robot."""
     tasks = place.tasks
@@ -160,7 +142,7 @@ def _settled(session: Session, place: Place) -> Session:
     ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
     return replace(
         session, place=place, task=name, home=name, ends=ends, problems={}, offers={}, aiming=None, clicked=None,
-        sights=session.sights.elsewhere(),
+        sights=session.sights.elsewhere(), look=session.look.where(splats=place.splats is not None),
     )  # fmt: skip
 
 
@@ -169,7 +151,12 @@ def _begin(session: Session, kind: JobKind) -> Session:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
     job = replace(job, pace=session.flying.pace)
-    begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1, flight=None)
+    begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
+    if kind is JobKind.COMPARE:
+        return replace(begun, rivals=())
+    if kind is JobKind.EXPERIMENT:
+        return begun
+    begun = replace(begun, flight=None, rivals=())
     if kind is JobKind.PLAN:
         return replace(begun, plan=PlanRecord(session.ends))
     return replace(begun, plan=session.fresh_plan, flight=FlightRecord(session.ends))
@@ -211,6 +198,8 @@ def _report(session: Session, event: object) -> Session:
             return _settled(session, place)
         case m.SurfaceShaped(glb):
             return replace(session, surface=glb)
+        case m.Compared(rival):
+            return replace(session, rivals=(*session.rivals, rival))
         case Progress(label, fraction):
             return replace(session, job=replace(job, label=label, fraction=fraction))
         case PlanStep() | FilterStep() | NavigationStep():
@@ -243,6 +232,8 @@ def _step(session: Session, job: Job, event: PlanStep | FilterStep | NavigationS
 
 
 def _finished(session: Session, job: Job, event: JobFinished) -> Session:
+    if job.kind is JobKind.EXPERIMENT and event.files:
+        return replace(session, trials=session.trials.ended(event.files[0].parent.name))
     if job.kind is JobKind.PLAN and session.plan is not None:
         quick = event.summary.get("wall_s", PlanRecord.QUICK_S) < PlanRecord.QUICK_S
         plan = replace(session.plan, summary=event.summary, replayed=0.0 if quick else None)

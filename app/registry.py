@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from nerfnav.errors import UnknownNameError
+from nerfnav.estimator.fast import FastFilter, inerf
 from nerfnav.estimator.filter import PoseFilter
 from nerfnav.navigation.baselines import MinSnapPlanner, RRTPlanner
 from nerfnav.navigation.planners import FastPlanner, PaperPlanner
@@ -16,7 +17,7 @@ PLANNERS = {"paper": PaperPlanner, "fast": FastPlanner, "minsnap": MinSnapPlanne
 """Name to what makes a planner for a field and a robot."""
 PLAN_CONFIGS = {"paper": PlanConfig.paper, "fast": FastPlanConfig, "minsnap": MinSnapConfig, "rrt": RRTConfig}
 """Name of a planner to what makes its settings."""
-ESTIMATORS = {"paper": PoseFilter}
+ESTIMATORS = {"fast": FastFilter, "paper": PoseFilter, "inerf": inerf}
 """Name to what makes an estimator for a field, a robot and a camera."""
 
 Entry = TypeVar("Entry")

@@ -16,6 +16,8 @@ from app.questions import (
     EyeView,
     Landed,
     PointQuestion,
+    Profile,
+    ProfileQuestion,
     SliceQuestion,
     SliceView,
     Space,
@@ -29,7 +31,8 @@ from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.planner.ends import nearest_free_pose
 from nerfnav.planner.occupancy import OccupancyConfig, body_density
-from nerfnav.robots.state import RigidState
+from nerfnav.planner.safety import SafetyConfig, clearance_of, safety_of
+from nerfnav.robots.state import Motion, RigidState
 
 _LEAST_OPACITY = 0.5  # of a ray that has met something
 _FAR = 150.0  # [m] where there is nothing: as far as the page can tell
@@ -74,6 +77,20 @@ def view(place: Place, question: ViewQuestion) -> View:
 def view_from(place: Place, state: RigidState) -> np.ndarray:
     """The field as the robot's camera would see it from a state, sRGB bytes."""
     return _picture(render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT)))
+
+
+def profile(place: Place, question: ProfileQuestion) -> Profile:
+    """Clearance and bound on the probability of a collision of each step of a plan."""
+    motion, body, config = question.motion, place.robot.body, SafetyConfig()
+    bound = safety_of(place.field, motion, body).per_step
+    room = [
+        clearance_of(place.field, Motion(motion.states[k : k + 2], motion.actions[k : k + 1], motion.dt), body, config)
+        for k in range(len(motion.actions))
+    ]
+    # where nothing is within reach, that is how much room there is at least
+    clearance = np.array([config.reach if free is None else free for free in room])
+    times = motion.dt * (1 + np.arange(len(room)))
+    return Profile(question, np.stack([times, 100 * clearance, 100 * bound.numpy()]))
 
 
 def eye_view(place: Place, question: EyeQuestion) -> EyeView:

@@ -9,8 +9,6 @@ import logging
 import queue
 import threading
 import time
-import webbrowser
-from collections.abc import Callable
 from typing import Protocol
 
 import viser
@@ -23,8 +21,10 @@ from app.layers.notices import NoticesLayer
 from app.layers.plan import PlanLayer
 from app.layers.scene import SceneLayer
 from app.layers.sights import SightsLayer
+from app.layers.splats import SplatsLayer
+from app.layers.timeline import ComparisonLayer
 from app.messages import Message, Reported, Tick
-from app.net import check_address
+from app.net import check_address, page_url
 from app.panels.tabs import panels
 from app.reduce import reduce
 from app.session import Session
@@ -47,26 +47,6 @@ class Shows(Protocol):
         ...
 
 
-def serve(
-    what: str, host: str, port: int, token: str | None, open_browser: bool, announce: Callable[[str], None]
-) -> None:
-    """Serve `what` (scene name or field file) until interrupted; `announce` is told the address once it answers.
-
-    Raises NerfnavError when the address cannot be listened at, a token is missing, or `what` cannot be opened.
-    """
-    app = App(what, host, port, token)
-    app.start()
-    try:
-        announce(app.url)
-        if open_browser:
-            webbrowser.open(app.url)
-        app.wait()
-    except KeyboardInterrupt:
-        return  # the way to end a server
-    finally:
-        app.stop()
-
-
 class App:
     """One place, served to any number of tabs."""
 
@@ -77,14 +57,15 @@ class App:
         port: int = 8080,
         token: str | None = None,
         work: Work | None = None,
+        server: viser.ViserServer | None = None,
     ) -> None:
-        """Nothing is listened at before `start`."""
+        """Nothing is listened at before `start`; with `server`, that one is used, which whoever gives it stops."""
         self._host, self._port, self._token = host, port, token
         self._session = Session.opening(what)
         self._inbox: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._worker = Worker(work or NavigationWork(), self.post, TORCH_THREADS)
         self._loop = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
-        self._server: viser.ViserServer | None = None
+        self._given, self._server = server, server
         self._parts: tuple[Shows, ...] = ()
         self._uploads = Uploads()
 
@@ -96,21 +77,24 @@ class App:
     @property
     def url(self) -> str:
         """Where the page is, token included."""
-        host = "localhost" if self._host in ("0.0.0.0", "::", "") else self._host
-        return f"http://{host}:{self._port}/" + (f"?token={self._token}" if self._token else "")
+        return page_url(self._host, self._port, self._token)
 
     def start(self) -> None:
         """Listen, put up the page, and begin to open the place."""
-        check_address(self._host, self._port)
-        self._server = server = guarded_server(self._host, self._port, self._token)
+        if self._given is None:
+            check_address(self._host, self._port)
+        self._server = server = self._given or guarded_server(self._host, self._port, self._token)
+        server.gui.reset()  # a given one may have said that more is to come
         dress(server)
         layers: tuple[Shows, ...] = (
             SceneLayer(server),
+            SplatsLayer(server),
             SightsLayer(server),
             EyesLayer(server, self.post),
             EndsLayer(server, self.post),
             PlanLayer(server),
             FlyLayer(server),
+            ComparisonLayer(server),
             NoticesLayer(server),
         )
         self._parts = (*layers, *panels(server, self.post, self._uploads))
@@ -122,7 +106,7 @@ class App:
         self._inbox.put(None)
         self._loop.join(5)
         self._worker.stop()
-        if self._server is not None:
+        if self._server is not None and self._given is None:
             self._server.stop()
         self._uploads.close()
 

@@ -13,10 +13,12 @@ from app.ends import End, Ends, Which
 from app.flying import FlightSettings
 from app.look import Look
 from app.place import Place
-from app.questions import PointQuestion, View
-from app.records import FlightRecord, PlanRecord
+from app.planning import PlanningSettings
+from app.questions import PointQuestion, Profile, View
+from app.records import FlightRecord, PlanRecord, Rival
 from app.runs.state import Runs
 from app.sights import Sights
+from app.trials.state import Trials
 from nerfnav.planner.steps import PlanOutcome
 
 _FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
@@ -28,6 +30,8 @@ class JobKind(Enum):
     OPEN = "open"
     PLAN = "plan"
     FLY = "fly"
+    COMPARE = "compare"
+    EXPERIMENT = "do the experiment"
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,8 @@ class Session:
     """Scene name or field file that is opened."""
     choice: Choice = field(default_factory=Choice)
     """Which robot, planner and estimator."""
+    planning: PlanningSettings = field(default_factory=PlanningSettings)
+    """How plans are made."""
     flying: FlightSettings = field(default_factory=FlightSettings)
     """How flights are flown."""
     place: Place | None = None
@@ -108,12 +114,18 @@ class Session:
     """How many jobs there were."""
     plan: PlanRecord | None = None
     """The last plan."""
+    rivals: tuple[Rival, ...] = ()
+    """What the planners of the last comparison have found, as far as it has come."""
+    profile: Profile | None = None
+    """How near the last plan comes to what is dense."""
     flight: FlightRecord | None = None
     """The last flight."""
     view: View | None = None
     """The field's rendering of the last view that was asked for."""
     runs: Runs = field(default_factory=Runs)
     """Stored flights, and the timeline."""
+    trials: Trials = field(default_factory=Trials)
+    """Experiments and their results."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
     before: "Session | None" = None

@@ -1,14 +1,13 @@
 """A mesh made ready for a browser: cleaned, and as bytes that are shown as they are (binary glTF without light)."""
 
-import json
-import struct
-from typing import Any
 
 import numpy as np
 import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from trimesh.visual.color import ColorVisuals
+
+from nerfnav.export.glb import packed, parts
 
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
@@ -52,7 +51,7 @@ def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
         {"bufferView": 2, "componentType": _UINT32, "count": faces.size, "type": "SCALAR"},
     ]
     primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "extras": {"below": below}}
-    return _glb(
+    return packed(
         {
             "asset": {"version": "2.0"},
             "extensionsUsed": ["KHR_materials_unlit"],
@@ -71,7 +70,7 @@ def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
 
 def dressed(glb: bytes, opacity: float, clip: float) -> bytes:
     """A surface from `unlit_glb`, less opaque (0 to 1), and without what is above a share `clip` of its height."""
-    document, binary = _parts(glb)
+    document, binary = parts(glb)
     (primitive,) = document["meshes"][0]["primitives"]
     indices = document["accessors"][primitive["indices"]]
     # the faces stand in the order of their heights: what is cut off are the last ones
@@ -80,7 +79,7 @@ def dressed(glb: bytes, opacity: float, clip: float) -> bytes:
         document["materials"][0] |= {
             "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, opacity]}
         }  # fmt: skip
-    return _glb(document, binary)
+    return packed(document, binary)
 
 
 def _by_height(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[int]]:
@@ -98,19 +97,3 @@ def _vertex_colors(mesh: trimesh.Trimesh) -> np.ndarray:
     """sRGB bytes (n, 3)."""
     assert isinstance(mesh.visual, ColorVisuals), "only vertex colours are shown as they are"
     return np.asarray(mesh.visual.vertex_colors)[:, :3]
-
-
-def _parts(glb: bytes) -> tuple[dict[str, Any], bytes]:
-    """The JSON and the data of a binary glTF that `_glb` has made."""
-    (length,) = struct.unpack_from("<I", glb, 12)
-    document = json.loads(glb[20 : 20 + length])
-    return document, glb[20 + length + 8 :][: document["buffers"][0]["byteLength"]]
-
-
-def _glb(document: dict[str, Any], binary: bytes) -> bytes:
-    """The container of binary glTF: a header, a chunk of JSON, a chunk of data, each padded to 4 bytes."""
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    binary += b"\0" * (-len(binary) % 4)
-    header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(binary))
-    return header + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary

@@ -1,6 +1,6 @@
 """Small pieces of HTML that several panels use: legends, tables, notes. All text is escaped here."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 
 from app.theme import HIT, MUTED, START, Rgb, css
@@ -40,6 +40,20 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
         for name, value in rows
     )
     return f'<div style="{_PADDING} display: grid; grid-template-columns: auto auto; gap: 0.05em 1em">{cells}</div>'
+
+
+def columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Names on the left, several values beside each other, under a head of as many columns."""
+    cells = "".join(f'<div style="text-align: right; font-weight: 600">{escape(name)}</div>' for name in head[1:])
+    cells = f'<div style="color: {MUTED}">{escape(head[0])}</div>{cells}'
+    for name, *values in rows:
+        cells += f'<div style="color: {MUTED}">{escape(name)}</div>'
+        cells += "".join(
+            f'<div style="text-align: right; font-variant-numeric: tabular-nums">{escape(value)}</div>'
+            for value in values
+        )
+    grid = " ".join("auto" for _ in head)
+    return f'<div style="{_PADDING} display: grid; grid-template-columns: {grid}; gap: 0.05em 1em">{cells}</div>'
 
 
 def legend(entries: Iterable[tuple[Rgb, str]]) -> str:

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app import sensing
-from app.choice import Choice
 from app.ends import Ends
 from app.events import JobFinished
 from app.helm import Helm
-from app.jobs import fly, plan, scene
+from app.jobs import compare, fly, plan, scene
 from app.jobs.fly import FlyRequest
 from app.jobs.plan import PlanRequest
 from app.place import Place
@@ -20,6 +19,7 @@ from app.questions import (
     EyeQuestion,
     PlanQuestion,
     PointQuestion,
+    ProfileQuestion,
     Question,
     Replanned,
     SliceQuestion,
@@ -29,11 +29,16 @@ from app.questions import (
 from app.runs.questions import RunsQuestion, RunsReport, report
 from app.runs.shelf import Shelf
 from app.session import Job, JobKind, Session
+from app.trials import drawer as trials
+from app.trials.state import TrialsQuestion
 from nerfnav.errors import NerfnavError
 from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
+
+RIVALS = ("fast", "minsnap", "rrt", "paper")
+"""Planners that are compared, the quick ones first."""
 
 
 @dataclass
@@ -55,7 +60,12 @@ class NavigationWork:
         if job.kind is JobKind.OPEN:
             return self.open(session.what)
         assert session.place is not None, "nothing but opening is asked for before the place is open"
-        route = self._route(job.ends, session.choice)
+        if job.kind is JobKind.COMPARE:
+            routes = [self._route(session, job.ends, name) for name in RIVALS]
+            return compare.run(routes, session.place)
+        if job.kind is JobKind.EXPERIMENT:
+            return self._experiment(session)
+        route = self._route(session, job.ends)
         if job.kind is JobKind.PLAN:
             return plan.run(route, session.place)
         made = job.first_plan.latest if job.first_plan is not None else None
@@ -86,35 +96,55 @@ class NavigationWork:
         assert place is not None, "there are no questions before the place is open"
         match question:
             case PlanQuestion():
-                return self._replanned(question, place)
+                return self._replanned(session, question, place)
             case EndQuestion():
                 return sensing.end_report(place, question)
             case PointQuestion():
                 return sensing.landing(place, question)
             case ViewQuestion():
                 return sensing.view(place, question)
+            case ProfileQuestion():
+                return sensing.profile(place, question)
             case EyeQuestion():
                 return sensing.eye_view(place, question)
             case SpaceQuestion():
                 return sensing.space_view(place, question)
             case RunsQuestion():
                 return RunsReport(question) if self.shelf is None else report(self.shelf, question)
+            case TrialsQuestion():
+                return trials.report(self._drawer, question)
             case SliceQuestion():
                 return sensing.slice_view(place, question)
 
-    def _replanned(self, question: PlanQuestion, place: Place) -> Replanned:
+    @property
+    def _drawer(self) -> trials.Drawer:
+        return trials.Drawer((self.shelf or Shelf()).folder)
+
+    def _experiment(self, session: Session) -> Iterator[Any]:
+        # imported when somebody asks: with their figures, experiments take long to import
+        from app.jobs import experiment
+
+        asked = session.trials.asked
+        assert asked is not None, "an experiment is begun by who says which"
+        request = experiment.ExperimentRequest(asked.name, trials=asked.trials, out=self._drawer.new(asked.name))
+        return experiment.run(request)
+
+    def _replanned(self, session: Session, question: PlanQuestion, place: Place) -> Replanned:
         steps, summary = [], {}
         with suppress(NerfnavError):  # the ends are shown with what is wrong with them
-            for event in plan.run(self._route(question.ends, question.choice), place):
+            for event in plan.run(self._route(session, question.ends), place):
                 if isinstance(event, PlanStep):
                     steps.append(event)
                 elif isinstance(event, JobFinished):
                     summary = event.summary
         return Replanned(question, tuple(steps), summary)
 
-    def _route(self, ends: Ends, choice: Choice) -> PlanRequest:
-        start, goal = ends.start, ends.goal
-        config = self.plans.get(choice.planner)
-        return PlanRequest(
-            start.position, goal.position, start.yaw, goal.yaw, planner=choice.planner, config=config
-        )
+    def _route(self, session: Session, ends: Ends, planner: str | None = None) -> PlanRequest:
+        """What the session wants to be planned, by its own planner or another one."""
+        start, goal, settings = ends.start, ends.goal, session.planning
+        name = session.choice.planner if planner is None else planner
+        route = PlanRequest(
+            start.position, goal.position, start.yaw, goal.yaw, planner=name,
+            config=settings.config(name, self.plans.get(name)), shortest=settings.shortest,
+        )  # fmt: skip
+        return route.lasting(settings.duration_s)

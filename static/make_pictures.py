@@ -1,4 +1,4 @@
-"""Make the README's picture: the real app in a real browser, a real plan and a real flight at Stonehenge.
+"""Make README's pictures: the real app in a real browser, a real plan and a real flight at Stonehenge, tab by tab.
 
     python static/make_pictures.py
 
@@ -13,36 +13,59 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from app.messages import ChooseTask, Pause, Resume, StartFlight, StartPlan
+from app.messages import Adjust, ChooseTask, Pause, Resume, Settings, StartComparison, StartFlight, StartPlan
 from app.server import App
 from nerfnav.errors import NerfnavError
 
 CHROMIUM = "/usr/bin/chromium"
+DRAWN_BY_SOFTWARE = [
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"
+]  # fmt: skip
 PORT = 8093
 SIZE = {"width": 1280, "height": 800}
-TASK, STEPS = "Headline, across the ring", 12
+TASK, STEPS = "Headline, across the ring", 14
 _QUIET = ".mantine-Notifications-root { display: none }"
+_SEEN_BITS = 0xFC  # the last two bits of each colour are not seen, but fill the file
 
 
 def main() -> None:
-    """Write app.png beside this file."""
+    """Write app.png, and a picture of each tab, beside this file."""
     app = App("stonehenge", port=PORT)
     app.start()
     try:
-        fly_until(app, STEPS)
-        picture = photograph(app)
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=DRAWN_BY_SOFTWARE)
+            page = browser.new_page(viewport=SIZE, device_scale_factor=1)  # type: ignore[arg-type]
+            photograph(app, page)
+            browser.close()
     finally:
         app.stop()
-    # the last two bits of each colour are not seen, but fill the file
-    picture.point(lambda value: value & 0xFC).save(Path(__file__).with_name("app.png"), optimize=True)
 
 
-def fly_until(app: App, steps: int) -> None:
-    """Plan, then fly that many time steps and hold."""
-    wait(lambda: app.session.job is None, 60)
+def photograph(app: App, page: Page) -> None:
+    """Compare planners, plan, fly, and take a picture of each tab where it has most to show."""
+    wait(lambda: app.session.job is None and app.session.place is not None, 60)
+    page.goto(f"{app.url}?fixedDpr=1")
+    page.add_style_tag(content=_QUIET)
     app.post(ChooseTask(TASK))
     app.post(StartPlan())
     wait(lambda: app.session.fresh_plan is not None and app.session.job is None, 120)
+    app.post(StartComparison())
+    wait(lambda: len(app.session.rivals) == 4, 300)
+    save(page, "Plan")
+    fly_until(app, STEPS)
+    app.post(Adjust(Settings.LOOK, "ellipsoid", 3.0))
+    for tab in ("Scene", "Fly", "Estimate", "Runs", "Experiments", "Export"):
+        save(page, tab)
+    app.post(Resume())
+    page.get_by_role("tab", name="Fly", exact=True).click()
+    page.wait_for_timeout(500)
+    write(page, "app")
+
+
+def fly_until(app: App, steps: int) -> None:
+    """Fly that many time steps and hold."""
+    app.post(Adjust(Settings.FLYING, "pace", 1.0))
     app.post(StartFlight())
     wait(lambda: app.session.flight is not None, 5)
     wait(lambda: app.session.steps_reported > steps or app.session.job is None, 300)
@@ -52,23 +75,17 @@ def fly_until(app: App, steps: int) -> None:
     wait(lambda: app.session.job is not None and app.session.job.paused, 5)
 
 
-def photograph(app: App) -> Image.Image:
-    """What a browser shows, scrolled to plan and flight, while the flight goes on."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM,
-            args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"],
-        )
-        page: Page = browser.new_page(viewport=SIZE, device_scale_factor=1)  # type: ignore[arg-type]
-        page.goto(f"{app.url}?fixedDpr=1")
-        page.add_style_tag(content=_QUIET)
-        page.get_by_role("button", name="Step", exact=True).wait_for()
-        app.post(Resume())
-        page.locator(".uplot").first.evaluate("chart => chart.scrollIntoView({block: 'start'})")
-        page.wait_for_timeout(8000)  # the scene fades in
-        picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-        browser.close()
-    return picture
+def save(page: Page, tab: str) -> None:
+    """Open a tab of the side panel and write its picture."""
+    page.get_by_role("tab", name=tab, exact=True).click()
+    page.wait_for_timeout(4000)  # the scene fades in
+    write(page, tab.lower())
+
+
+def write(page: Page, name: str) -> None:
+    """Write what the browser shows."""
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    picture.point(lambda value: value & _SEEN_BITS).save(Path(__file__).with_name(f"{name}.png"), optimize=True)
 
 
 def wait(condition: Callable[[], bool], limit_s: float) -> None:

@@ -12,12 +12,16 @@ from app.jobs.export import run as run_job
 
 @dataclass(frozen=True)
 class Arguments:
-    """Write the trajectory of a plan or a flight in another format: csv or json."""
+    """Write the trajectory of a plan or a flight in another format.
+
+    Formats: csv, json (tables); tum, tum-estimate (for evaluation); px4, crazyflie (setpoints, polynomials); mcap,
+    rosbag2 (ROS 2); gltf (the path and the moving robot); html (a replay that needs no server).
+    """
 
     run: Positional[Path]
-    """Folder that `nerfnav plan --out` or `nerfnav fly --out` wrote."""
+    """Folder that `nerfnav plan --out` or `nerfnav fly` wrote, or the name of a flight in runs/."""
     format: str
-    """csv or json."""
+    """csv, json, tum, tum-estimate, px4, crazyflie, mcap, rosbag2, gltf or html."""
     out: Path
     """File to write."""
     json: bool = False

@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.commands.screen import follow, show
+from app.commands.screen import follow, note, show
 from app.commands.values import Route
 from app.jobs.fly import FlyRequest
 from app.jobs.fly import run as run_job
+from app.runs.shelf import Shelf
 from nerfnav.navigation.replan import NavigateConfig
 
 
@@ -14,14 +15,15 @@ from nerfnav.navigation.replan import NavigateConfig
 class Arguments(Route):
     """Fly with nothing but a simulated camera, replanning at every step; Ctrl-C lands and keeps what was flown."""
 
-    estimator: str = "paper"
+    estimator: str = "fast"
     """Which pose filter."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
     out: Path | None = None
-    """Folder for the flight: episode.npz, episode.json, trajectory.csv, trajectory.json."""
+    """Folder for the flight: run.json, steps.jsonl, pictures, and at the end episode.npz, episode.json,
+    trajectory.csv, trajectory.json; by default a new one in runs/ (or where NERFNAV_RUNS points)."""
     config: NavigateConfig = field(default_factory=NavigateConfig)
 
 
@@ -34,6 +36,10 @@ def run(arguments: Arguments) -> None:
         open_loop=arguments.open_loop,
         seed=arguments.seed,
         config=arguments.config,
-        out=arguments.out,
+        source=arguments.place,
+        task=arguments.task_name(place),
+        out=arguments.out or Shelf().new(place.name),
     )
     show(f"flight in {place.name}", follow(run_job(request, place), can_stop_early=True).summary, arguments.json)
+    if arguments.out is None:
+        note(f"the flight is kept in {request.out}")

@@ -2,21 +2,24 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import torch
-import trimesh
 from tyro.conf import Positional
 
 import scenes
 from app.commands.screen import show
 from app.jobs.outputs import prepare_file
+from app.place import ground_truth
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.geometry import GeometryReport, measure_geometry
-from nerfnav.field.checkpoint import load_field
+from nerfnav.field.checkpoint import StoredField, load_field
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Camera, look_at
+from nerfnav.importers.meshes.importer import SceneConfig, import_mesh
+from nerfnav.importers.placement import Placement
 from nerfnav.world.capture import CaptureConfig, capture_poses, images_taken
 from nerfnav.world.scene import Scene
 
@@ -32,7 +35,8 @@ class Arguments:
     field: Positional[str]
     """Path of a field file, or name of a bundled scene."""
     mesh: str | None = None
-    """Name of a bundled scene or path of a mesh, in the field's frame, to judge the field's shape by."""
+    """Name of a bundled scene, or path of a mesh (the one it was trained from, or one in its frame), to judge its shape
+    by."""
     png: Path | None = None
     """File for a small picture of the field."""
     json: bool = False
@@ -46,47 +50,61 @@ def run(arguments: Arguments) -> None:
     field = load_field(path)
     summary = {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
-        "resolution": list(field.shape),
-        "voxel_m": field.spacing.max().item(),
+        **_grain(field),
         **asdict(field.info),
         "file_bytes": path.stat().st_size,
     }
     if arguments.mesh is not None:
-        summary["geometry"] = asdict(_geometry(field, _truth(arguments.mesh, field)))
+        summary["geometry"] = asdict(_geometry(field, _truth(arguments.mesh, field, path)))
     if arguments.png is not None:
         summary["png"] = str(_picture(field, arguments.png))
     show(str(path), summary, arguments.json)
 
 
-def _geometry(field: VoxelField, scene: Scene) -> GeometryReport:
+def _grain(field: StoredField) -> dict[str, Any]:
+    """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
+    if isinstance(field, VoxelField):
+        return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
+    shape = field.fine.config
+    return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
+
+
+def _geometry(field: StoredField, scene: Scene) -> GeometryReport:
     """The field against the mesh, seen from where the photographs that it was trained from were taken."""
     learned = field.info.images
     config = CaptureConfig(images=images_taken(learned) if learned else CaptureConfig.images)
+    if scene.paint is not None:  # an imported place, of any size
+        config = config.clear_of(_grain(field)["voxel_m"])
     poses = capture_poses(scene, config, torch.Generator().manual_seed(field.info.seed))
     camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
-    return measure_geometry(field, field.spacing.max().item(), scene, (camera, poses))
+    return measure_geometry(field, _grain(field)["voxel_m"], scene, (camera, poses))
 
 
-def _truth(what: str, field: VoxelField) -> Scene:
-    """A bundled scene, or a mesh file as a scene in the field's box."""
+def _truth(what: str, field: StoredField, path: Path) -> Scene:
+    """A bundled scene, or a mesh file: as the field's own ground truth has it where that was made from this file."""
     if what in scenes.names():
         return scenes.load(what)
     if not Path(what).is_file():
         raise InvalidInputError(f"there is no mesh file {what}, and no scene of that name; known are: {_known()}")
-    try:
-        mesh = trimesh.load(what, force="mesh")
-    except Exception as error:
-        raise InvalidInputError(f"{what} cannot be read as a mesh: {error}") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InvalidInputError(f"{what} holds no faces: give a mesh, such as .glb, .obj, .ply or .stl")
-    return Scene(Path(what).stem, Path(what).name, mesh, (mesh,), field.box, (1.0, 1.0, 1.0), ())
+    own = ground_truth(field, path)
+    if own is not None and own.name == Path(what).name:
+        return own
+    box = (_corner(field.box.lower), _corner(field.box.upper))
+    *_, last = import_mesh(Path(what), SceneConfig(Placement(box=box)))
+    assert last.imported is not None  # the last step carries the scene
+    return last.imported.scene
+
+
+def _corner(point: torch.Tensor) -> tuple[float, float, float]:
+    x, y, z = point.tolist()
+    return x, y, z
 
 
 def _known() -> str:
     return ", ".join(scenes.names())
 
 
-def _picture(field: VoxelField, out: Path) -> Path:
+def _picture(field: StoredField, out: Path) -> Path:
     """What the field looks like from above one of its corners."""
     path = prepare_file(out)
     eye = field.box.center + torch.tensor(_STANDPOINT) * field.box.size.max()

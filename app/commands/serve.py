@@ -1,16 +1,26 @@
-"""nerfnav serve: the browser app."""
+"""nerfnav serve: the browser app.
+
+The page is up before the libraries that compute are imported, which takes longer than a browser needs to load it.
+"""
 
 import contextlib
+import importlib.util
+import json
 import sys
+import webbrowser
 from dataclasses import dataclass
+from pathlib import Path
 
+import viser
 from tyro.conf import Positional
 
-from app.commands.screen import show
-from app.net import check_address
-from app.place import field_file
-from app.server import serve
-from nerfnav.field.checkpoint import load_field
+from app.guard import guarded_server
+from app.net import check_address, page_url
+from app.theme import dress
+from app.widgets import heading
+
+_SWITCH_S = 0.001
+"""How long the worker may keep the interpreter when the page wants it; a click needs it several times."""
 
 
 @dataclass(frozen=True)
@@ -33,17 +43,51 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Check what can be checked at once, serve, tell the address."""
-    load_field(field_file(arguments.place))  # the app would open it later, on a page that nobody may look at
+    if not _comes_along(arguments.place):
+        _check(arguments.place)  # the app would open it later, on a page that nobody may look at
     check_address(arguments.host, arguments.port)
     stdout = sys.stdout
-
-    def announce(url: str) -> None:
-        with contextlib.redirect_stdout(stdout):
-            if arguments.json:
-                show("serve", {"url": url, "place": arguments.place}, as_json=True)
-            else:
-                stdout.write(f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)\n")
-            stdout.flush()
-
     with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout is for the address alone
-        serve(arguments.place, arguments.host, arguments.port, arguments.token, arguments.open, announce)
+        server = guarded_server(arguments.host, arguments.port, arguments.token)
+        try:
+            dress(server)
+            server.gui.add_html(heading("nerfnav", "Starting…"))
+            url = page_url(arguments.host, arguments.port, arguments.token)
+            told = f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)"
+            stdout.write((json.dumps({"url": url, "place": arguments.place}) if arguments.json else told) + "\n")
+            stdout.flush()
+            if arguments.open:
+                webbrowser.open(url)
+            _run_app(arguments, server)
+        except KeyboardInterrupt:
+            return  # the way to end a server
+        finally:
+            server.stop()
+
+
+def _run_app(arguments: Arguments, server: viser.ViserServer) -> None:
+    """Bring the app to the page, and wait for its end."""
+    from app.server import App
+
+    sys.setswitchinterval(_SWITCH_S)
+    app = App(arguments.place, arguments.host, arguments.port, arguments.token, server=server)
+    app.start()
+    try:
+        app.wait()
+    finally:
+        app.stop()
+
+
+def _comes_along(place: str) -> bool:
+    """Whether it is a bundled scene with its field, found without importing what builds scenes."""
+    spec = importlib.util.find_spec("scenes")
+    assert spec is not None and spec.origin is not None, "scenes are a part of nerfnav"
+    return place.isidentifier() and (Path(spec.origin).parent / "trained" / f"{place}.npz").is_file()
+
+
+def _check(place: str) -> None:
+    """Raise NerfnavError where there is no such scene or file."""
+    from app.place import field_file
+    from nerfnav.field.checkpoint import load_field
+
+    load_field(field_file(place))

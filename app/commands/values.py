@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import Positional
 from tyro.constructors import PrimitiveConstructorSpec
@@ -12,6 +12,7 @@ from app.place import Place, open_place
 from app.registry import PLAN_CONFIGS, named
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
+from nerfnav.field.unknown import Unknown
 from nerfnav.planner.optimize import PlanConfig
 
 
@@ -74,6 +75,8 @@ class Route:
     """Number of time steps."""
     dt: float = 0.1
     """Length of a step [s]."""
+    unknown: Literal["occupied", "free"] = "occupied"
+    """What planners take space for that no camera ever saw into, such as the insides of walls."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
@@ -100,8 +103,15 @@ class Route:
             steps=self.steps,
             dt=self.dt,
             planner=self.planner,
+            unknown=Unknown(self.unknown),
             config=None if config in (own, PlanConfig.paper()) else config,
         )
+
+    def task_name(self, place: Place) -> str | None:
+        """Name of the scene's task that is asked for; None where the ends are given."""
+        tasks = place.scene.tasks if place.scene else ()
+        number = 0 if self.task is None else self.task
+        return tasks[number].name if self.start is None and 0 <= number < len(tasks) else None
 
     def _ends(self, place: Place) -> tuple[End, End]:
         """Start and goal. Raises InvalidInputError where they cannot be told from what was said."""

@@ -1,9 +1,10 @@
-"""Make a field of a file that somebody brings, so that it can be opened: a mesh, a capture, Gaussian splats."""
+"""Make a field of a file that somebody brings, so that it can be opened: a mesh, a capture, splats, a NeRF."""
 
 from pathlib import Path
 
 from app.events import JobEvents
-from app.jobs import train
+from app.jobs import import_, train
+from app.jobs.import_ import ImportRequest
 from app.jobs.train import TrainRequest
 
 BUDGET_S = 60.0
@@ -11,5 +12,7 @@ BUDGET_S = 60.0
 
 
 def run(source: Path, out: Path) -> JobEvents:
-    """Yield what training or importing yields, and leave the field in `out`."""
+    """Yield what training or importing yields, and leave the field in `out`; NeRFs are baked, to be quick."""
+    if import_.imports(source):
+        return import_.run(ImportRequest(source, out, bake=True))
     return train.run(TrainRequest(str(source), out, budget=BUDGET_S))

@@ -20,6 +20,8 @@ MEASURES = ("plan", "replan", "filter", "render", "train_step")
 QUICK: dict[str, dict[str, Any]] = {
     "plan": {"tasks": 2, "fast_per_round": 3},
     "replan": {"tasks": 2, "rounds": 1},
+    "render": {"pictures": 1, "size": 60},
+    "train_step": {"rays": 256, "rounds": 1},
     "scaling": {"repeats": 10, "tasks": 2},
 }
 """What a quick bench asks of each measure, in place of its own defaults."""

@@ -17,6 +17,7 @@ from app.registry import named
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import Results, Row, Study, TrialDone
+from nerfnav.field.voxel import VoxelField
 from nerfnav.world.scene import Task
 
 
@@ -66,6 +67,8 @@ def open_arena(place: str) -> Arena:
     opened = open_place(place)
     if opened.scene is None:
         raise InvalidInputError(f"experiments are judged on a ground truth, and {place} has none: name a scene")
+    if not isinstance(opened.field, VoxelField):
+        raise InvalidInputError(f"experiments fly in voxel fields: run `nerfnav bake {place}` first")
     return Arena(opened.scene, opened.field)
 
 

@@ -1,19 +1,24 @@
 """Export: the trajectory of a stored plan or flight in another format."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.events import JobEvents, JobFinished, JobStarted
-from app.jobs.outputs import prepare_file, write_text
+from app.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.outputs import prepare_file, write_bytes
+from app.jobs.scene import surface_of
+from app.place import open_place
 from app.registry import named
-from nerfnav.errors import InvalidInputError
-from nerfnav.export.tables import Table, csv_text, json_text, table_of_json
+from app.runs import log
+from app.runs.about import About
+from app.runs.shelf import Shelf
+from nerfnav import robots
+from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.export.formats import FORMATS
+from nerfnav.export.recording import Recording
+from nerfnav.export.tables import table_of_json
 
 TRAJECTORY = "trajectory.json"
-"""What every run folder holds, whether of a plan or of a flight."""
-FORMATS: dict[str, Callable[[Table], str]] = {"csv": csv_text, "json": json_text}
-"""Name to what makes a table into the text of a file."""
+"""What the folder of a plan holds."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +26,7 @@ class ExportRequest:
     """What to export."""
 
     run: Path
-    """Folder that `nerfnav plan --out` or `nerfnav fly --out` wrote."""
+    """Folder that `nerfnav plan --out` or `nerfnav fly` wrote, or the name of a flight on the shelf."""
     format: str
     """Name of the format."""
     out: Path
@@ -30,30 +35,61 @@ class ExportRequest:
 
 def run(request: ExportRequest) -> JobEvents:
     """Write the file. Raises NerfnavError where the run, the format or the file is not what it should be."""
-    text_of = named("format", request.format, FORMATS)
-    table = read_run(request.run)
+    form = named("format", request.format, FORMATS)
+    folder = _folder(request.run)
+    made = read_run(folder)
     out = prepare_file(request.out)
     yield JobStarted("export")
-    write_text(out, text_of(table))
+    if form.shows_place and made.steps:
+        yield Progress("shaping the surface of the place", 0.2)
+        made = made.standing_in(_surface(folder))
+    exported = form.make(made)
+    write_bytes(out, exported.content)
     summary = {
         "format": request.format,
-        "rows": table.values.shape[0],
-        "columns": list(table.columns),
+        "rows": made.table.values.shape[0],
+        "columns": list(made.table.columns),
+        **exported.info,
         "file": str(out),
         "file_bytes": out.stat().st_size,
     }
     yield JobFinished("export", summary, (out,))
 
 
-def read_run(folder: Path) -> Table:
-    """The trajectory of a run folder."""
+def read_run(folder: Path) -> Recording:
+    """The flight or plan in a folder; of a flight that was interrupted, what was flown."""
+    if (folder / log.FILE).is_file():
+        about = About.load(folder)
+        return Recording.of_flight(log.read_steps(folder), robots.load(about.robot), title_of(about))
     path = folder / TRAJECTORY
     try:
-        return table_of_json(path.read_text())
+        table = table_of_json(path.read_text())
+        robot = str(table.info.get("robot", ""))
+        known = robot in robots.names()
+        return Recording(table, extents=robots.load(robot).body.extents) if known else Recording(table)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InvalidInputError(
-            f"{folder} is not the folder of a run (it has no {TRAJECTORY}); "
+            f"{folder} is not the folder of a run (it has no {log.FILE} and no {TRAJECTORY}); "
             "make one with `nerfnav plan` or `nerfnav fly` and --out"
         ) from error
     except (OSError, UnicodeDecodeError) as error:
         raise InvalidInputError(f"{path} cannot be read: {error}") from error
+
+
+def title_of(about: About) -> str:
+    """A flight in a few words."""
+    return f"{about.place}, {about.task}" if about.task else about.place
+
+
+def _folder(run: Path) -> Path:
+    """The folder that is meant: as it is written, else a flight of that name on the shelf."""
+    shelved = Shelf().folder / run.name
+    return shelved if not run.exists() and len(run.parts) == 1 and shelved.is_dir() else run
+
+
+def _surface(folder: Path) -> bytes | None:
+    """What stands for the place of a flight; None where the place is gone, which the export's numbers tell."""
+    try:
+        return surface_of(open_place(About.load(folder).source)) or None
+    except NerfnavError:
+        return None

@@ -7,12 +7,15 @@ from typing import Any
 
 import torch
 
+from app.ends import End, Ends
 from app.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.export import TRAJECTORY
 from app.jobs.outputs import prepare_folder, write_text
 from app.jobs.plan import PlanRequest
-from app.place import Place, occupancy_of
+from app.place import Place, occupancy_of, planning_place
 from app.registry import ESTIMATORS, PLANNERS, named
+from app.runs.about import About
+from app.runs.log import logged
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.export.tables import csv_text, episode_table, json_text
@@ -41,7 +44,7 @@ class FlyRequest:
     """From where to where, and how the first plan is made; its `out` is not used."""
     plan: Motion | None = None
     """The first plan where it is already made, from the route's start to its goal."""
-    estimator: str = "paper"
+    estimator: str = "fast"
     """Name of the estimator."""
     open_loop: bool = False
     """Fly the first plan blindly."""
@@ -51,8 +54,13 @@ class FlyRequest:
     """How the flight is flown; its `plan` gives way to the settings of the route."""
     orders: Callable[[], Orders] = Orders
     """Asked at each time step for what has changed on the way."""
+    source: str = ""
+    """What was opened, for the record: scene name or field file; empty means the place's name."""
+    task: str | None = None
+    """The scene's task that is flown, for the record; None where the ends were chosen freely."""
     out: Path | None = None
-    """Folder for the episode and trajectory.csv, trajectory.json; None writes nothing."""
+    """Folder for the log, which grows with each step, then the episode and trajectory.csv, trajectory.json; None
+    writes nothing."""
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:
@@ -65,16 +73,19 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     yield JobStarted("fly")
     yield Progress("finding a way", 0.0)
     flown: list[NavigationStep] = []
-    for event in _begin(request, place):
-        stop = yield event
-        if isinstance(event, NavigationStep):
-            flown.append(event)
-            stop = (yield Progress("flying", min(1.0, event.index / request.route.steps))) or stop
-        elif isinstance(event, PlanStep) and not flown:
-            fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
-            stop = (yield Progress("optimising the first plan", fraction)) or stop
-        if stop and flown:
-            break
+    with logged(out, _about(request, place), lambda episode: summary_of(episode, place)) as log:
+        for event in _begin(request, place):
+            if log is not None and isinstance(event, NavigationStep):
+                log.append(event)
+            stop = yield event
+            if isinstance(event, NavigationStep):
+                flown.append(event)
+                stop = (yield Progress("flying", min(1.0, event.index / request.route.steps))) or stop
+            elif isinstance(event, PlanStep) and not flown:
+                fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
+                stop = (yield Progress("optimising the first plan", fraction)) or stop
+            if stop and flown:
+                break
     episode = Episode.of(flown)
     summary = summary_of(episode, place)
     yield JobFinished("fly", summary, () if out is None else save(out, episode, place))
@@ -96,8 +107,24 @@ def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
     )
 
 
+def _about(request: FlyRequest, place: Place) -> About:
+    route = request.route
+    return About(
+        place=place.name,
+        source=request.source or place.name,
+        robot=place.robot.name,
+        planner=route.planner,
+        estimator=request.estimator,
+        seed=request.seed,
+        dt=route.dt,
+        ends=Ends(End(route.start, route.start_yaw), End(route.goal, route.goal_yaw)),
+        task=request.task,
+        open_loop=request.open_loop or request.config.open_loop,
+    )
+
+
 def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
-    route, field_ = request.route, place.field
+    route, seen_as = request.route, planning_place(place, request.route.unknown)
     planner = named("planner", route.planner, PLANNERS)
     estimator = named("estimator", request.estimator, ESTIMATORS)
     settings = route.settings
@@ -106,8 +133,8 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
-        planner(field_, place.robot, settings, again, occupancy_of(place, settings.occupancy)),
-        estimator(field_, place.robot, CAMERA, config=config.filter),
+        planner(seen_as.field, place.robot, settings, again, occupancy_of(seen_as, settings.occupancy)),
+        estimator(place.field, place.robot, CAMERA, config=config.filter),
     )
     contact = None if place.scene is None else contact_check(place.scene, place.robot.body)
     simulator = Simulator(

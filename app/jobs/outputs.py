@@ -35,9 +35,14 @@ def prepare_file(path: Path) -> Path:
 
 def write_text(path: Path, text: str) -> Path:
     """Write a whole file or none."""
+    return write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> Path:
+    """Write a whole file or none."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        beside.write_text(text)
+        beside.write_bytes(content)
         beside.replace(path)
     except OSError as error:
         beside.unlink(missing_ok=True)

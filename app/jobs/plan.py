@@ -9,10 +9,11 @@ from app.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.checks import require_positive
 from app.jobs.clock import Stopwatch
 from app.jobs.outputs import json_line, prepare_folder, write_text
-from app.place import Place, occupancy_of
+from app.place import Place, occupancy_of, planning_place
 from app.registry import PLAN_CONFIGS, PLANNERS, named
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.tables import csv_text, json_text, motion_table
+from nerfnav.field.unknown import Unknown
 from nerfnav.navigation.planners import Planner
 from nerfnav.planner.chance import within_chance
 from nerfnav.planner.duration import shortest_plan
@@ -56,6 +57,8 @@ class PlanRequest:
     """Whether to find the shortest duration that keeps the robot's limits, in place of `steps`."""
     max_collision: float | None = None
     """Largest bound on the probability of a collision that is accepted; None accepts any."""
+    unknown: Unknown = Unknown.OCCUPIED
+    """What space that no camera ever saw into is taken for."""
     out: Path | None = None
     """Folder for trajectory.csv, trajectory.json and plan.json; None writes nothing."""
 
@@ -95,7 +98,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
 
     Raises NerfnavError where the request cannot be worked with.
     """
-    planner = named("planner", request.planner, PLANNERS)
+    planner, place = named("planner", request.planner, PLANNERS), planning_place(place, request.unknown)
     out = None if request.out is None else prepare_folder(request.out)
     yield JobStarted("plan")
     yield Progress("finding a way", 0.0)
@@ -161,7 +164,8 @@ def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
     """What the motion asks of each of the robot's bounds."""
     return {
         use.name: {
-            "least": use.least, "most": use.most, "lower": use.lower, "upper": use.upper, "violated": use.violated
+            "least": use.least, "most": use.most, "lower": use.lower, "upper": use.upper, "unit": use.unit,
+            "violated": use.violated,
         }
         for use in limit_uses(place.robot, motion)
     }  # fmt: skip

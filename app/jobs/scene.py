@@ -2,30 +2,38 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 
 from app.events import JobEvent, JobFinished, Progress
-from app.jobs import adopt, plan
+from app.jobs import adopt, import_, plan
 from app.jobs.plan import PlanRequest
 from app.messages import PlaceOpened, SurfaceShaped
 from app.place import Place, open_place
 from app.session import opening_ends
 from app.sources import FIELD, is_source
 from app.surface import unlit_glb, without_specks
+from nerfnav.cached import code_of, kept
 from nerfnav.errors import NerfnavError
+from nerfnav.field import meshing
 from nerfnav.field.meshing import field_mesh
+from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
+from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Camera, look_at
 
 _CELLS = 170
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
-_LEVEL = 15.0
-"""Density at the surface [1/m]: low enough that thin parts have no holes, high enough that fog is not seen."""
+_LEVEL, _DEPTH = 15.0, 0.3
+"""Density at the surface [1/m], or this optical depth of a voxel where that is less: low enough that thin parts have
+no holes, high enough that fog is not seen."""
 
 _SPECK = 400
 """Parts of the surface with fewer faces than this are not shown."""
+
+_APP, _FIELDS = Path(__file__).parents[1], Path(meshing.__file__).parent  # whose code the surface depends on
 
 
 def run(
@@ -43,14 +51,39 @@ def run(
         what = str(made)
     yield Progress("opening the field", 0.05)
     place = opener(what)
+    if isinstance(place.field, NeuralField):  # a page wants answers within moments
+        place = replace(place, field=(yield from import_.baking(place.field, None)))
     yield PlaceOpened(place)
     yield Progress("shaping the surface", 0.3)
-    spacing = float(place.field.box.size.max()) / _CELLS
-    surface = without_specks(field_mesh(place.field, spacing, _LEVEL), _SPECK)
-    yield SurfaceShaped(unlit_glb(surface))
+    if surface := surface_of(place):
+        yield SurfaceShaped(surface)
     yield Progress("compiling kernels, which takes longer the first time", 0.6)
     warm_up(place)
     yield JobFinished("open", {"name": place.name})
+
+
+def surface_of(place: Place) -> bytes:
+    """What stands for the field in viewers, as unlit binary glTF; shaped once on this machine for each field.
+
+    Empty where the field has nothing dense, such as one that was hardly trained.
+    """
+
+    def shape() -> bytes:
+        spacing = float(place.field.box.size.max()) / _CELLS
+        mesh = without_specks(field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
+        return unlit_glb(mesh) if len(mesh.faces) else b""
+
+    if not isinstance(place.field, VoxelField):
+        return shape()
+    box, values = place.field.box, place.field.values
+    parts = [tensor.detach().cpu().numpy().tobytes() for tensor in (box.lower, box.upper, values)]
+    return kept("surfaces", b"".join([code_of(_APP, _FIELDS), repr(values.shape).encode(), *parts]), shape)
+
+
+def _voxel(place: Place) -> float:
+    """How fine the field is [m]."""
+    field = place.field
+    return field.spacing.mean().item() if isinstance(field, VoxelField) else field.step
 
 
 def warm_up(place: Place) -> None:
@@ -58,7 +91,7 @@ def warm_up(place: Place) -> None:
     box = place.field.box
     eye = box.center + 0.4 * box.size * torch.tensor([1.0, 0.0, 0.0])
     render_image(place.field, Camera.from_fov(8, 8, 90), look_at(eye, box.center))
-    ends = opening_ends(place, None) if place.scene is None else opening_ends(place, place.scene.tasks[0].name)
+    ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None
     request = PlanRequest(ends.start.position, ends.goal.position)
     with suppress(NerfnavError):  # ends that nobody chose may be occupied

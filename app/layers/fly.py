@@ -5,7 +5,7 @@ import trimesh
 import viser
 import viser.transforms as tf
 
-from app.layers.nodes import Bodies, Fan, Line, positions, quaternions, robot_shape
+from app.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions, robot_shape
 from app.session import Session
 from app.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav.estimator.belief import Belief
@@ -15,6 +15,7 @@ from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
 _CHI_95 = 2.7955
 """Square root of the 95 % quantile of the chi-squared distribution with three degrees of freedom."""
 _NOSE, _RIM = 0.2, 12  # length [m] and number of the lines that show where the nose may point
+_PAST = 5  # earlier plans that are still drawn
 _LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
 
 
@@ -26,6 +27,7 @@ class FlyLayer:
         self._truth = Line(server, "/flight/truth", TRUTH, 0.016)
         self._belief = Line(server, "/flight/belief", BELIEF, 0.004)
         self._plan = Line(server, "/flight/plan", PLAN, 0.013)
+        self._past = Trail(server, "/flight/plans", PLAN, 0.006)
         ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
         self._covariance = Bodies(server, "/flight/covariance", ball, BELIEF, opacity=0.3)
         self._means = Bodies(server, "/flight/means", ball, BELIEF, opacity=None)
@@ -54,6 +56,7 @@ class FlyLayer:
             self._belief.show(_path([step.belief.mean for step in steps]))
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
+            self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
             self._covariance.show(*ellipsoids([step.belief for step in steps], scale))
             self._nose.show(cone(steps[-1].belief, scale) if steps else None)
             # dots, for a good estimate's line lies within the line of the truth

@@ -4,9 +4,11 @@ import numpy as np
 import viser
 
 from app.layers.nodes import Bodies, Line, Trail, positions, quaternions, robot_shape
+from app.records import PlanRecord, Rival
 from app.session import Session
-from app.theme import PLAN, STALE
+from app.theme import PLAN, RIVAL_COLORS, STALE
 from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion
 
 _THICKNESS = 0.017  # [m]
 
@@ -19,11 +21,14 @@ class PlanLayer:
         self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
+        self._rivals = {name: Line(server, f"/plan/{name}", color, 0.008) for name, color in RIVAL_COLORS.items()}
+        self._compared: tuple[Rival, ...] = ()
         self._robot: Robot | None = None
         self._shown: tuple[int, bool, bool] | None = None
 
     def show(self, session: Session) -> None:
         """Draw the plan; greyed where the ends have moved since, hidden where a flight shows its own."""
+        self._compare(session.rivals)
         flying = session.flight is not None and bool(session.flight.steps)
         plan = None if flying else session.plan
         stale, busy = session.plan_is_stale, session.job is not None
@@ -37,9 +42,24 @@ class PlanLayer:
         motion = None if step is None else step.motion
         with self._server.atomic():
             self._line.show(None if motion is None else positions(motion.states), STALE if stale else PLAN)
-            self._trail.show(plan.shown_trail if plan is not None and (busy or replaying) and not stale else ())
+            self._trail.show(_beside(plan, moving=busy or replaying) if plan is not None and not stale else ())
             bodies = motion if motion is not None and not (busy or replaying or stale) else None
             if bodies is None:
                 self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
             else:
                 self._bodies.show(positions(bodies.states), quaternions(bodies.states))
+
+    def _compare(self, rivals: tuple[Rival, ...]) -> None:
+        """Draw the plans of a comparison."""
+        if rivals is self._compared:
+            return
+        self._compared = rivals
+        motions = {rival.planner: rival.motion for rival in rivals}
+        for name, line in self._rivals.items():
+            motion = motions.get(name)
+            line.show(None if motion is None else positions(motion.states))
+
+
+def _beside(plan: PlanRecord, moving: bool) -> tuple[Motion, ...]:
+    """What is drawn faintly: earlier iterations while the plan moves, then where other first guesses have led."""
+    return plan.shown_trail if moving else plan.others

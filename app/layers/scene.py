@@ -44,9 +44,10 @@ class SceneLayer:
 def frame(server: viser.ViserServer, box: Box) -> None:
     """Let everyone look at the box from above one corner."""
     center, size = box.center.numpy().astype(float), box.size.numpy().astype(float)
-    reach = float(np.hypot(size[0], size[1]))
+    reach = float(np.linalg.norm(size))
     eye = center + reach * np.array([-0.31, -0.60, 0.57])
-    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, 0.6 * size[2]])
+    # low places leave room above them for plans; tall ones stand in the middle
+    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, min(0.6 * size[2], 0.13 * reach)])
     server.initial_camera.position = eye
     server.initial_camera.look_at = target
     server.initial_camera.fov = float(np.deg2rad(45))

@@ -1,18 +1,14 @@
 """Fly, hold, step and push, and the numbers of the flight."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import viser
 
-from app.look import Look
-from app.messages import Cancel, Command, Gust, Pause, Resume, SetLook, StartFlight, StepOnce
-from app.panels.charts import ChartsPanel
-from app.panels.choice import ChoiceList
+from app.messages import Cancel, Command, Gust, Pause, Resume, StartFlight, StepOnce
+from app.panels.charts import TimesChart
 from app.panels.flying import FlyingPanel
 from app.records import FlightRecord
-from app.registry import ESTIMATORS
 from app.session import JobKind, Session
 from app.widgets import note, number, table, warning
 from nerfnav.robots.state import ATTITUDE, POSITION
@@ -23,24 +19,14 @@ class FlyPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._look = Look()
-        self._estimator = ChoiceList(server, "estimator", ESTIMATORS, "How the robot knows where it is", post)
         self._fly = server.gui.add_button("Fly", icon=viser.Icon.DRONE, disabled=True)
         self._steer = server.gui.add_button_group("Flight", ("Pause", "Step", "Stop"), visible=False)
         self._gust = server.gui.add_button(
             "Gust", color="gray", icon=viser.Icon.WIND, visible=False, hint="Push the robot, now"
         )
         self._settings = FlyingPanel(server, post)
-        self._ellipsoid = server.gui.add_slider(
-            "Ellipsoids ×", 1.0, 10.0, 0.5, 1.0, hint="Draw the 95 % regions larger than they are"
-        )
         self._numbers = server.gui.add_html("")
-        self._charts = ChartsPanel(server)
-
-        @self._ellipsoid.on_update
-        async def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                post(SetLook(replace(self._look, ellipsoid=float(self._ellipsoid.value))))
+        self._times = TimesChart(server)
 
         @self._gust.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -58,15 +44,12 @@ class FlyPanel:
 
     def show(self, session: Session) -> None:
         """Show the flight as far as it is."""
-        self._estimator.show(session)
         job = session.job
         flying = job is not None and job.kind is JobKind.FLY
         self._fly.disabled = session.place is None or job is not None
         self._fly.visible, self._steer.visible, self._gust.visible = not flying, flying, flying
         self._settings.show(session)
-        self._look = session.look
-        self._ellipsoid.value = session.look.ellipsoid
-        self._charts.show(session)
+        self._times.show(session)
         if job is not None:
             self._steer.options = ("Resume" if job.paused else "Pause", "Step", "Stop")
         self._numbers.content = describe(session.shown_flight, session.flight_is_stale, flying)

@@ -1,14 +1,12 @@
 """How the next flight is flown: seed, noise, speed, with open eyes or blindly."""
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import viser
 
-from app.flying import FlightSettings
-from app.messages import Command, SetFlight
+from app.messages import Command, Settings
+from app.panels.binding import Binder
 from app.session import Session
 
 _SPEEDS = {"as fast as it can": 0.0, "real time": 1.0, "half": 0.5, "a quarter": 0.25}
@@ -19,7 +17,6 @@ class FlyingPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._post, self._settings = post, FlightSettings()
         with server.gui.add_folder("Settings", expand_by_default=False):
             self._speed: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
                 "Speed", list[str](_SPEEDS), hint="Counts at once, also while flying"
@@ -34,24 +31,16 @@ class FlyingPanel:
             self._blind = server.gui.add_checkbox(
                 "Blindly", False, hint="Fly the first plan without looking, for comparison"
             )
-        self._bind(self._speed, lambda now, value: replace(now, pace=_SPEEDS.get(str(value), now.pace)))
-        self._bind(self._seed, lambda now, value: replace(now, seed=round(value)))
-        self._bind(self._position, lambda now, value: replace(now, position_noise_m=0.01 * float(value)))
-        self._bind(self._attitude, lambda now, value: replace(now, attitude_noise_rad=float(np.deg2rad(value))))
-        self._bind(self._blind, lambda now, value: replace(now, open_loop=bool(value)))
-
-    def _bind(self, widget: Any, change: Callable[[FlightSettings, Any], FlightSettings]) -> None:
-        """Ask for what a user sets in `widget`, and for nothing else: what the other widgets show is rounded."""
-
-        async def take(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None:
-                self._post(SetFlight(change(self._settings, widget.value)))
-
-        widget.on_update(take)
+        bind = Binder(Settings.FLYING, post)
+        bind(self._speed, "pace", lambda value: _SPEEDS.get(str(value), 0.0))
+        bind(self._seed, "seed", round)
+        bind(self._position, "position_noise_m", lambda value: 0.01 * float(value))
+        bind(self._attitude, "attitude_noise_rad", lambda value: float(np.deg2rad(value)))
+        bind(self._blind, "open_loop", bool)
 
     def show(self, session: Session) -> None:
         """Put the session's settings into the widgets."""
-        settings = self._settings = session.flying
+        settings = session.flying
         self._speed.value = next(name for name, pace in _SPEEDS.items() if pace == settings.pace)
         self._seed.value = settings.seed
         self._position.value = round(100 * settings.position_noise_m, 2)

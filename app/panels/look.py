@@ -1,13 +1,12 @@
 """What is drawn of the place."""
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
 
 import viser
 
-from app.look import Backdrop, Look
-from app.messages import Command, SetLook
+from app.look import Backdrop
+from app.messages import Command, Settings
+from app.panels.binding import Binder
 from app.session import Session
 
 _BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
@@ -19,7 +18,6 @@ class LookPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._post, self._look = post, Look()
         with server.gui.add_folder("View", expand_by_default=False):
             gui = server.gui
             self._backdrop: viser.GuiDropdownHandle[str] = gui.add_dropdown(
@@ -32,26 +30,24 @@ class LookPanel:
             self._unknown = gui.add_checkbox("Unknown", False, hint="What no camera saw: planners keep out of it")
             self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
             self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
-        self._bind(self._backdrop, lambda now, value: replace(now, backdrop=_BACKDROPS.get(str(value), now.backdrop)))
-        self._bind(self._opacity, lambda now, value: replace(now, opacity=0.01 * float(value)))
-        self._bind(self._clip, lambda now, value: replace(now, clip=0.01 * float(value)))
-        self._bind(self._truth, lambda now, value: replace(now, truth=bool(value)))
-        self._bind(self._occupied, lambda now, value: replace(now, occupied=bool(value)))
-        self._bind(self._unknown, lambda now, value: replace(now, unknown=bool(value)))
-        self._bind(self._sliced, lambda now, value: replace(now, slice=_SHOWN_AT_FIRST if value else None))
-        self._bind(self._height, lambda now, value: replace(now, slice=0.01 * float(value)))
-
-    def _bind(self, widget: Any, change: Callable[[Look, Any], Look]) -> None:
-        async def take(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None:
-                self._post(SetLook(change(self._look, widget.value)))
-
-        widget.on_update(take)
+        bind = Binder(Settings.LOOK, post)
+        bind(self._backdrop, "backdrop", lambda value: _BACKDROPS.get(str(value), Backdrop.SURFACE))
+        bind(self._opacity, "opacity", _share)
+        bind(self._clip, "clip", _share)
+        bind(self._truth, "truth", bool)
+        bind(self._occupied, "occupied", bool)
+        bind(self._unknown, "unknown", bool)
+        bind(self._sliced, "slice", lambda value: _SHOWN_AT_FIRST if value else None)
+        bind(self._height, "slice", _share)
 
     def show(self, session: Session) -> None:
         """Put the session's look into the widgets."""
-        look = self._look = session.look
+        look = session.look
         place = session.place
+        splats = place is not None and place.splats is not None
+        choices = tuple(name for name, backdrop in _BACKDROPS.items() if splats or backdrop is not Backdrop.SPLATS)
+        if self._backdrop.options != choices:
+            self._backdrop.options = choices
         self._backdrop.value = look.backdrop.value
         self._opacity.value, self._clip.value = round(100 * look.opacity), round(100 * look.clip)
         self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE
@@ -61,3 +57,7 @@ class LookPanel:
         self._sliced.value, self._height.visible = look.slice is not None, look.slice is not None
         if look.slice is not None:
             self._height.value = round(100 * look.slice)
+
+
+def _share(percent: float) -> float:
+    return 0.01 * float(percent)

@@ -27,6 +27,7 @@ class PlacePanel:
         self._places.on_update(self._open)
         self._upload = server.gui.add_upload_button(
             "Open a file",
+            color="gray",
             icon=viser.Icon.UPLOAD,
             mime_type=",".join(SUFFIXES),
             hint="A field, a mesh (glb, obj, ply, ...), Gaussian splats (ply, splat), or a capture in a zip",

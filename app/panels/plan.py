@@ -1,17 +1,19 @@
 """Ask for a plan, and watch its cost fall."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import viser
-from viser import uplot
 
-from app.messages import Cancel, Command, StartPlan
+from app.messages import Cancel, Command, StartComparison, StartPlan
+from app.panels.chart import Chart
 from app.panels.choice import ChoiceList
-from app.records import CostHistory, PlanRecord
+from app.panels.planning import PlanningPanel
+from app.records import CostHistory, PlanRecord, Rival
 from app.registry import PLANNERS
 from app.session import JobKind, Session
-from app.theme import HIT, STALE, TRUTH, css
+from app.theme import HIT, RIVAL_COLORS, STALE, START, TRUTH
 from app.widgets import legend, note, number, table, warning
 
 _LEAST_COST = 1e-3  # of what the logarithmic axis shows
@@ -26,10 +28,21 @@ class PlanPanel:
         self._planner = ChoiceList(server, "planner", PLANNERS, "How the trajectory is found", post)
         self._plan = server.gui.add_button("Plan", icon=viser.Icon.ROUTE, disabled=True)
         self._cancel = server.gui.add_button("Cancel", color="gray", icon=viser.Icon.X, visible=False)
-        self._chart = _add_chart(server)
-        self._terms = server.gui.add_html(legend(_TERMS), visible=False)
+        self._compare = server.gui.add_button(
+            "Compare planners", color="gray", icon=viser.Icon.SCALE, disabled=True,
+            hint="Fast, minimum snap, RRT, then the paper's: between the same ends",
+        )  # fmt: skip
         self._numbers = server.gui.add_html(note("No plan yet: press Plan, and its cost shows here."))
+        self._rivals = server.gui.add_html("", visible=False)
+        self._chart = Chart(server, "iteration", _TERMS, logarithmic=True)
+        self._room = Chart(server, "time [s]", ((START, "clearance [cm]"),))
+        self._risk = Chart(server, "time [s]", ((HIT, "bound on the probability of a collision [%]"),))
+        self._settings = PlanningPanel(server, post)
         self._history: CostHistory | None = None
+
+        @self._compare.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(StartComparison())
 
         @self._plan.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -42,27 +55,52 @@ class PlanPanel:
     def show(self, session: Session) -> None:
         """Show the plan as far as it is."""
         self._planner.show(session)
-        planning = session.job is not None and session.job.kind is JobKind.PLAN
-        self._plan.disabled = session.place is None or session.job is not None
+        self._settings.show(session)
+        planning = session.job is not None and session.job.kind in (JobKind.PLAN, JobKind.COMPARE)
+        self._plan.disabled = self._compare.disabled = session.place is None or session.job is not None
         self._plan.visible, self._cancel.visible = not planning, planning
         plan = session.plan
         self._draw(plan.history if plan is not None else CostHistory())
         self._numbers.content = describe(plan, session.plan_is_stale, planning)
+        self._rivals.visible = bool(session.rivals)
+        if session.rivals:
+            self._rivals.content = compared(session.rivals)
+        self._near(session)
+
+    def _near(self, session: Session) -> None:
+        profile, plan = session.profile, session.plan
+        known = profile is not None and plan is not None and profile.question.number == id(plan.latest)
+        rows = profile.rows if profile is not None and known else np.zeros((3, 0))
+        self._room.show(rows[[0, 1]])
+        self._risk.show(rows[[0, 2]])
 
     def _draw(self, history: CostHistory) -> None:
         if history is self._history:
             return
         self._history = history
-        if len(history.iterations) > 1:
-            self._chart.data = chart_data(history)
-        self._chart.visible = self._terms.visible = len(history.iterations) > 1
+        self._chart.show(chart_data(history))
 
 
-def chart_data(history: CostHistory) -> tuple[np.ndarray, ...]:
-    """Iterations, then total, control, collision and limits at each; floored for the logarithmic axis."""
+def chart_data(history: CostHistory) -> np.ndarray:
+    """Rows: iterations, then total, control, collision and limits at each; floored for the logarithmic axis."""
     terms = [(cost.total, cost.control, cost.collision, cost.limits) for cost in history.costs]
-    columns = np.maximum(np.array(terms, dtype=np.float64), _LEAST_COST).T
-    return np.array(history.iterations, dtype=np.float64), *columns
+    rows = np.maximum(np.array(terms, dtype=np.float64).reshape(-1, 4), _LEAST_COST).T
+    return np.concatenate([np.array(history.iterations, dtype=np.float64)[None], rows])
+
+
+def compared(rivals: tuple[Rival, ...]) -> str:
+    """The numbers of several planners, as HTML."""
+    rows = [("planner", "collision · effort · overlap [cm³] · time [s]")]
+    for rival in rivals:
+        if rival.motion is None:
+            rows.append((rival.planner, rival.complaint))
+            continue
+        cost, overlap = rival.summary["cost"], rival.summary["mesh_overlap_m3"]
+        told = "–" if overlap is None else f"{1e6 * overlap:.1f}"
+        numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {told} · {rival.summary['wall_s']:.3g}"
+        rows.append((rival.planner, numbers))
+    lines = legend((RIVAL_COLORS[rival.planner], rival.planner) for rival in rivals if rival.motion is not None)
+    return table(rows) + lines
 
 
 def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
@@ -101,21 +139,23 @@ def _judgement(plan: PlanRecord) -> list[tuple[str, str]]:
         rows.append(("Overlap with the true mesh", number(1e6 * summary["mesh_overlap_m3"], "cm³")))
     if summary.get("max_thrust_n") is not None:
         rows.append(("Largest thrust", number(summary["max_thrust_n"], "N")))
+    if summary.get("duration_s") is not None:
+        rows.append(("Duration", number(summary["duration_s"], "s")))
+    if summary.get("safety", {}).get("min_clearance_m") is not None:
+        rows.append(("Least clearance", number(100 * summary["safety"]["min_clearance_m"], "cm")))
+    for name, use in summary.get("limits", {}).items():
+        rows.append((name.replace("_", " ").capitalize(), _used(use)))
     return rows
 
 
-def _add_chart(server: viser.ViserServer) -> viser.GuiUplotHandle:
-    start = np.array([0.0, 1.0])
-    series = [uplot.Series(label="iteration")]
-    series += [uplot.Series(label=name, stroke=css(color), width=1.75) for color, name in _TERMS]
-    quiet = uplot.Axis_Ticks(show=False)
-    return server.gui.add_uplot(
-        (start, *(start + _LEAST_COST for _ in _TERMS)),
-        tuple(series),
-        scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3)},
-        axes=(uplot.Axis(size=26, ticks=quiet), uplot.Axis(size=44, ticks=quiet)),
-        legend=uplot.Legend(show=False),
-        padding=(10, 12, 0, 0),
-        height=170,
-        visible=False,
-    )
+def _used(use: dict[str, Any]) -> str:
+    """How much of a limit is used."""
+    lower, upper, unit = use["lower"], use["upper"], use["unit"]
+    parts = [f"{_rounded(use['least'])} to {number(_rounded(use['most']), unit)}"]
+    parts += [f"at least {lower:.3g}"] if lower is not None else []
+    parts += [f"at most {upper:.3g}"] if upper is not None else []
+    return ", ".join(parts) + (" ✗" if use["violated"] else "")
+
+
+def _rounded(value: float) -> float:
+    return round(value, 3)

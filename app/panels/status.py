@@ -1,7 +1,10 @@
 """What is open and what is happening, always at the top."""
 
+from collections.abc import Callable
+
 import viser
 
+from app.messages import Cancel, Command, StartFlight, StartPlan
 from app.session import JobKind, Session
 from app.sources import title_of
 from app.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
@@ -15,16 +18,24 @@ _MEANINGS = (
     (BELIEF, "estimate, 95 % covariance"),
     (HIT, "hit"),
 )
+_NEXT = {JobKind.PLAN: "Plan the way", JobKind.FLY: "Fly it"}
 
 
 class StatusPanel:
     """The place's name, the job in progress, and the last thing that went wrong."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
         self._title = server.gui.add_html(heading("nerfnav", "…"))
+        self._next = server.gui.add_button(_NEXT[JobKind.PLAN], icon=viser.Icon.PLAYER_PLAY, disabled=True)
+        self._wanted: Command = StartPlan()
         self._progress = server.gui.add_progress_bar(0.0, visible=False, animated=True)
         self._legend = server.gui.add_html(legend(_MEANINGS))
         self._trouble = server.gui.add_html("", visible=False)
+
+        @self._next.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(self._wanted)
 
     def show(self, session: Session) -> None:
         """Say what is open and what is being done."""
@@ -33,10 +44,22 @@ class StatusPanel:
         self._title.content = heading(name, activity(session))
         self._progress.visible = job is not None and not job.paused
         self._progress.value = 100 * (job.fraction or 0.0) if job is not None else 0.0
+        self._wanted, self._next.label = next_step(session)
+        self._next.disabled = session.place is None
+        self._next.color = "gray" if isinstance(self._wanted, Cancel) else None
         trouble = session.trouble
         self._trouble.visible = trouble is not None
         if trouble is not None:
             self._trouble.content = warning(f"{trouble.title}: {trouble.body}")
+
+
+def next_step(session: Session) -> tuple[Command, str]:
+    """What a person most likely wants now, and what to call it."""
+    if session.job is not None and session.job.kind is not JobKind.OPEN:
+        return Cancel(), "Stop now"
+    if session.fresh_plan is not None:
+        return StartFlight(), _NEXT[JobKind.FLY]
+    return StartPlan(), _NEXT[JobKind.PLAN]
 
 
 def activity(session: Session) -> str:
@@ -52,5 +75,11 @@ def activity(session: Session) -> str:
         doing = f": {session.flight.doing}" if session.flight.doing else ""
         return f"Time step {session.steps_reported}{doing}"
     percent = "" if job.fraction is None else f" {100 * job.fraction:.0f} %"
-    default = {JobKind.OPEN: "Opening", JobKind.PLAN: "Planning", JobKind.FLY: "Planning the flight"}[job.kind]
+    default = {
+        JobKind.OPEN: "Opening",
+        JobKind.PLAN: "Planning",
+        JobKind.FLY: "Planning the flight",
+        JobKind.COMPARE: "Comparing",
+        JobKind.EXPERIMENT: "Doing the experiment",
+    }[job.kind]
     return (job.label.capitalize() or default) + percent

@@ -8,13 +8,17 @@ import viser
 from app.messages import Command
 from app.panels.camera import CameraPanel
 from app.panels.ends import EndsPanel
+from app.panels.estimate import EstimatePanel
+from app.panels.experiments import ExperimentsPanel
 from app.panels.export import ExportPanel
 from app.panels.fly import FlyPanel
 from app.panels.look import LookPanel
 from app.panels.palette import Palette
 from app.panels.place import PlacePanel
 from app.panels.plan import PlanPanel
+from app.panels.runs import RunsPanel
 from app.panels.status import StatusPanel
+from app.panels.timeline import TimelinePanel
 from app.session import Session
 from app.uploads import Uploads
 
@@ -29,7 +33,8 @@ class Panel(Protocol):
 
 def panels(server: viser.ViserServer, post: Callable[[Command], None], uploads: Uploads) -> tuple[Panel, ...]:
     """Put up all panels; `post` takes what the user asks, `uploads` what the user brings."""
-    made: list[Panel] = [StatusPanel(server), CameraPanel(server), Palette(server, post)]
+    made: list[Panel] = [StatusPanel(server, post), TimelinePanel(server, post)]
+    made += [CameraPanel(server), Palette(server, post)]
     tabs = server.gui.add_tab_group()
     with tabs.add_tab("Scene", viser.Icon.MAP_2):
         made += [PlacePanel(server, post, uploads), EndsPanel(server, post), LookPanel(server, post)]
@@ -37,6 +42,12 @@ def panels(server: viser.ViserServer, post: Callable[[Command], None], uploads: 
         made += [PlanPanel(server, post)]
     with tabs.add_tab("Fly", viser.Icon.DRONE):
         made += [FlyPanel(server, post)]
+    with tabs.add_tab("Estimate", viser.Icon.FOCUS_2):
+        made += [EstimatePanel(server, post)]
+    with tabs.add_tab("Runs", viser.Icon.HISTORY):
+        made += [RunsPanel(server, post)]
+    with tabs.add_tab("Experiments", viser.Icon.FLASK):
+        made += [ExperimentsPanel(server, post)]
     with tabs.add_tab("Export", viser.Icon.DOWNLOAD):
         made += [ExportPanel(server, post)]
     return tuple(made)

@@ -1,14 +1,21 @@
-"""A place of its own for tests: a field with one block in the middle, made without training."""
+"""What several tests of the app begin with: a field file that needed no training, a session whose place is open."""
 
 from pathlib import Path
 
 import pytest
 import torch
 
+from app import messages as m
+from app import questions as q
+from app.events import JobFinished
+from app.runs.changes import runs_questions
+from app.session import Session
 from nerfnav.field.checkpoint import save_field
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
+from tests.app.doubles import balls_place
+from tests.app.sessions import after, reports
 
 
 @pytest.fixture(scope="session")
@@ -22,3 +29,10 @@ def field_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("fields") / "column.npz"
     save_field(VoxelField(box, values, torch.ones(3), FieldInfo(source="a test", psnr_db=30.0)), path)
     return path
+
+
+@pytest.fixture(scope="module")
+def opened() -> Session:
+    """A session whose place is open and idle, and whose shelf is known to be empty."""
+    session = reports(Session.opening("balls"), m.PlaceOpened(balls_place()), JobFinished("open"))
+    return after(session, *(q.RunsReport(question) for question in runs_questions(session)))

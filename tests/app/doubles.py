@@ -14,6 +14,7 @@ from app.questions import Answer, EndQuestion, EndReport, Question, View
 from app.runs.questions import RunsQuestion, RunsReport, report
 from app.runs.shelf import Shelf
 from app.session import Job, JobKind, Session
+from app.trials.state import TrialsQuestion, TrialsReport
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.field.analytic import BallsField
@@ -119,6 +120,8 @@ class ScriptedWork:
         """All ends are free, all views are grey, and the shelf is as it is."""
         if isinstance(question, RunsQuestion):
             return report(self.shelf, question) if self.shelf is not None else RunsReport(question)
+        if isinstance(question, TrialsQuestion):
+            return TrialsReport(question, (("planners", "which is best"),))
         self.asked.append(question)
         if isinstance(question, EndQuestion):
             return EndReport(question, None)

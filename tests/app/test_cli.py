@@ -119,7 +119,7 @@ def test_info_judges_the_shape_of_a_field_by_a_mesh_and_takes_a_picture(
     assert "no mesh file" in refused(["info", str(field_file), "--mesh", "atlantis"], capsys)
     words = tmp_path / "words.ply"
     words.write_text("no mesh at all")
-    assert "cannot be read as a mesh" in refused(["info", str(field_file), "--mesh", str(words)], capsys)
+    assert "is not a .ply file" in refused(["info", str(field_file), "--mesh", str(words)], capsys)
 
 
 def test_doctor_finds_working_kernels(capsys: Capture) -> None:
@@ -144,7 +144,7 @@ def test_plan_prints_the_numbers_of_its_contract_and_writes_its_files(
         "max_body_rate": None,
         "duration_s": None,
         "limits": {
-            name: dict.fromkeys(("least", "most", "lower", "upper", "violated"))
+            name: dict.fromkeys(("least", "most", "lower", "upper", "unit", "violated"))
             for name in ("thrust", "tilt", "speed", "body rate")
         },
         "safety": dict.fromkeys(("bound", "bound_per_step_max", "min_clearance_m", "worst_step")),
@@ -240,7 +240,7 @@ def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, c
     out = tmp_path / "new" / "blocks.npz"
     quick = ["--iterations", "60", "--images", "20", "--voxel", "0.05"]
     trained = printed(["train", "blocks", "--out", str(out), *quick], capsys)
-    assert set(trained) == {"psnr_db", "train_s", "voxels", "file_bytes"}
+    assert set(trained) == {"psnr_db", "train_s", "voxels", "file_bytes", "source"}
     assert trained["psnr_db"] > 12
     assert trained["file_bytes"] == out.stat().st_size
     plan = printed(["plan", str(out), "--task", "0", *QUICK], capsys)
@@ -250,7 +250,7 @@ def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, c
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["nonsense"], "no command named 'nonsense'; known are: bench, "),
+        (["nonsense"], "no command named 'nonsense'; known are: bake, bench, "),
         (["plan", "atlantis"], "no scene or field file named 'atlantis'; known are: blocks, church, "),
         (["fly", "atlantis"], "known are: blocks, church, playground, stonehenge"),
         (["serve", "atlantis"], "known are: blocks, church, playground, stonehenge"),
@@ -317,7 +317,7 @@ def test_a_foreign_file_is_refused(tmp_path: Path, capsys: Capture) -> None:
 def test_an_unknown_format_is_refused(field_file: Path, tmp_path: Path, capsys: Capture) -> None:
     run(["plan", str(field_file), *FROM, *TO, *QUICK, "--out", str(tmp_path / "run")], capsys)
     words = ["export", str(tmp_path / "run"), "--format", "xml", "--out", str(tmp_path / "x.xml")]
-    assert "no format named 'xml'; known are: csv, json" in refused(words, capsys)
+    assert "no format named 'xml'; known are: crazyflie, csv, " in refused(words, capsys)
     assert not (tmp_path / "x.xml").exists()
 
 

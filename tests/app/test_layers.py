@@ -11,7 +11,7 @@ from app.layers.nodes import quaternions, robot_shape, segments
 from app.panels import ends as ends_panel
 from app.panels import fly as fly_panel
 from app.panels import plan as plan_panel
-from app.panels.export import export_table, subject
+from app.panels.export import recording_of, subject
 from app.panels.status import activity
 from app.records import CostHistory, FlightRecord, PlanRecord
 from app.session import Session
@@ -140,7 +140,7 @@ def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
     assert "press Plan" in plan_panel.describe(None, stale=False, planning=False)
     assert "press Fly" in fly_panel.describe(None, stale=False, flying=False)
     assert "Opening" in activity(session)
-    assert subject(session) is None and export_table(session) is None
+    assert subject(session) is None and recording_of(session) is None
     assert "Checking" in ends_panel.describe(session)
 
 
@@ -156,9 +156,9 @@ def test_numbers_of_a_flight_carry_their_units() -> None:
 def test_the_flight_is_taken_away_where_there_is_one_and_else_the_plan() -> None:
     place = balls_place()
     session = Session("balls", place=place, ends=ENDS, plan=PlanRecord(ENDS).with_step(plan_step(ENDS, 0)))
-    made = export_table(session)
-    assert subject(session) == "plan" and made is not None and len(made.values) == 9
-    np.testing.assert_allclose(made.block(("x", "y", "z"))[-1], ENDS.goal.position, atol=1e-6)
+    made = recording_of(session)
+    assert subject(session) == "plan" and made is not None and len(made.times) == 9
+    np.testing.assert_allclose(made.position[-1], ENDS.goal.position, atol=1e-6)
 
 
 def test_html_from_data_is_escaped() -> None:

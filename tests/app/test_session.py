@@ -14,45 +14,16 @@ from app.asking import questions_of
 from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.events import JobFailed, JobFinished, Progress
-from app.flying import GUST, FlightSettings
+from app.flying import GUST
 from app.helm import Helm
 from app.records import CostHistory, PlanRecord
 from app.reduce import reduce
-from app.runs.changes import runs_questions
 from app.session import JobKind, Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.scene import Task
 from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
-
-
-def after(session: Session, *messages: m.Message) -> Session:
-    """The session after several messages."""
-    for message in messages:
-        session = reduce(session, message)
-    return session
-
-
-def reports(session: Session, *events: object) -> Session:
-    """The session after its running job has reported several events."""
-    for event in events:
-        assert session.job is not None
-        session = reduce(session, m.Reported(session.job.id, event))  # type: ignore[arg-type]
-    return session
-
-
-@pytest.fixture(scope="module")
-def opened() -> Session:
-    """A session whose place is open and idle, and whose shelf is known to be empty."""
-    session = reports(Session.opening("balls"), m.PlaceOpened(balls_place()), JobFinished("open"))
-    return after(session, *(q.RunsReport(question) for question in runs_questions(session)))
-
-
-def planned(session: Session) -> Session:
-    """The session after a whole plan between its ends."""
-    session = after(session, m.StartPlan())
-    steps = [plan_step(session.ends, 0), plan_step(session.ends, 1, PlanOutcome.CONVERGED)]
-    return reports(session, *steps, JobFinished("plan", {"wall_s": 1.5}))
+from tests.app.sessions import after, planned, reports
 
 
 def test_a_session_begins_by_opening_its_place_and_refuses_commands_until_then() -> None:
@@ -328,17 +299,9 @@ def test_slow_planners_do_not_follow_the_hand(opened: Session) -> None:
     assert not any(isinstance(question, q.PlanQuestion) for question in questions_of(session))
 
 
-@pytest.mark.parametrize(
-    "bad", [FlightSettings(seed=-1), FlightSettings(position_noise_m=math.nan), FlightSettings(pace=1e9)]
-)
-def test_settings_that_no_flight_can_have_are_refused_with_a_notice(opened: Session, bad: FlightSettings) -> None:
-    told = after(opened, m.SetFlight(bad))
-    assert told.flying == opened.flying
-    assert told.trouble is not None and "must be" in told.trouble.body
-
-
 def test_the_pace_counts_at_once_and_noise_from_the_next_flight_on(opened: Session) -> None:
-    flying = after(planned(opened), m.StartFlight(), m.SetFlight(FlightSettings(pace=1.0, position_noise_m=0.0)))
+    flying = after(planned(opened), m.StartFlight(), m.Adjust(m.Settings.FLYING, "pace", 1.0))
+    flying = after(flying, m.Adjust(m.Settings.FLYING, "position_noise_m", 0.0))
     assert flying.job is not None and flying.job.pace == 1.0
     assert flying.flying.noise.position_m == 0.0
 
@@ -369,3 +332,12 @@ def test_each_gust_is_felt_once(opened: Session) -> None:
     helm = Helm(flying.job)
     helm.follow(after(flying, m.Gust()))
     assert [helm.orders().gust for _ in range(3)] == [GUST, None, None]
+
+
+def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened: Session) -> None:
+    ends = opened.ends
+    steps = [replace(plan_step(ends, number), start_index=start) for number, start in enumerate((0, 0, 1, 2))]
+    record = PlanRecord(ends)
+    for step in (*steps, replace(plan_step(ends, 4, PlanOutcome.CONVERGED), start_index=1)):
+        record = record.with_step(step)
+    assert record.others == (steps[1].motion, steps[3].motion)

@@ -11,7 +11,6 @@ import pytest
 from app import messages as m
 from app.asking import questions_of
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
-from app.flying import FlightSettings
 from app.reduce import reduce
 from app.session import JobKind, Session
 from app.worker import Worker
@@ -180,7 +179,7 @@ def test_a_place_that_cannot_be_opened_is_told(loop_for: Callable[[ScriptedWork]
 def test_a_flight_is_no_faster_than_its_pace(loop_for: Callable[[ScriptedWork], Loop]) -> None:
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(6)]
     loop = loop_for(ScriptedWork({JobKind.FLY: [*steps, JobFinished("fly")]}))
-    loop.take(m.SetFlight(FlightSettings(pace=2.0)), m.StartFlight())
+    loop.take(m.Adjust(m.Settings.FLYING, "pace", 2.0), m.StartFlight())
     began = time.monotonic()
     loop.until(lambda: loop.session.job is None)
     assert time.monotonic() - began >= 5 * 0.1 / 2.0 - 0.01

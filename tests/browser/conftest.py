@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
 
 from app.server import App
 from app.worker import Work
+from tests.browser.complaints import complaints_of
 from tests.browser.tab import Tab
 
 _CHROMIUM = Path("/usr/bin/chromium")
@@ -28,6 +29,11 @@ _ARGUMENTS = [
 ]
 
 
+def launch(playwright: Playwright) -> Browser:
+    """Chromium without a window, drawing in software."""
+    return playwright.chromium.launch(executable_path=str(_CHROMIUM), headless=True, args=_ARGUMENTS)
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     """Chromium without a window; where CI is set it must be there, elsewhere its tests are skipped without it."""
@@ -36,17 +42,19 @@ def browser() -> Iterator[Browser]:
             pytest.fail(f"{_CHROMIUM} is missing, and in CI the browser tests must run")
         pytest.skip(f"{_CHROMIUM} is missing")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(_CHROMIUM), headless=True, args=_ARGUMENTS)
+        browser = launch(playwright)
         yield browser
         browser.close()
 
 
 @pytest.fixture
 def context(browser: Browser) -> Iterator[BrowserContext]:
-    """A profile of its own, with small pages that software can draw quickly."""
+    """A profile of its own, with small pages that software can draw quickly; no page of it may complain."""
     context = browser.new_context(viewport={"width": 1000, "height": 640}, accept_downloads=True)
+    complaints = complaints_of(context)
     yield context
     context.close()
+    assert not complaints, f"the page complains: {complaints}"
 
 
 def free_port() -> int:

@@ -42,9 +42,11 @@ name => {
 
 
 _TAB_OF_BUTTON = {
-    **dict.fromkeys(("Plan", "Cancel"), "Plan"),
+    **dict.fromkeys(("start", "goal"), "Scene"),
+    **dict.fromkeys(("Plan", "Cancel", "Compare planners"), "Plan"),
     **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop", "Gust"), "Fly"),
-    **dict.fromkeys(("CSV", "JSON", "Reset"), "Export"),
+    **dict.fromkeys(("Open", "Compare", "End comparison", "Rename", "Delete"), "Runs"),
+    **dict.fromkeys(("Download", "Screenshot", "Reset"), "Export"),
 }
 
 
@@ -108,6 +110,44 @@ class Tab:
         with self.page.expect_file_chooser() as chooser:
             self.press(button)
         chooser.value.set_files(file)
+
+    def download(self, button: str) -> Path:
+        """The file that a button gives."""
+        with self.page.expect_download() as given:
+            self.press(button)
+        return Path(given.value.path())
+
+    def export(self, format: str) -> Path:
+        """The plan or the flight in a format."""
+        self.choose("Export", "Format", format)
+        return self.download("Download")
+
+    def fill(self, label: str, text: str) -> None:
+        """Type into a text or a slider's number, and confirm."""
+        box = self.page.locator(f"div:has(> div > p label:text-is('{label}'))").last.locator("input").last
+        box.fill(text)
+        box.press("Enter")
+
+    def check(self, title: str, name: str) -> None:
+        """Toggle a checkbox of the side panel."""
+        self.turn_to(title)
+        self.page.get_by_label(name, exact=True).click()
+
+    def choose(self, title: str, name: str, option: str) -> None:
+        """Take an option of a dropdown of the side panel."""
+        self.turn_to(title)
+        self.page.get_by_label(name, exact=True).click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def unfold(self, title: str, folder: str) -> None:
+        """Open a folder of the side panel."""
+        self.turn_to(title)
+        self.page.get_by_text(folder, exact=True).click()
+
+    def click_at(self, point: tuple[float, float, float]) -> None:
+        """Click into the scene where a world point is."""
+        x, y = self.page.evaluate(_TO_SCREEN, list(point))
+        self.page.mouse.click(x, y)
 
     def drag_along_x(self, which: Which, distance: float, gizmo: float) -> None:
         """Drag the red arrow of an end's gizmo of size `gizmo` [m] by `distance` [m] along x."""

@@ -4,45 +4,16 @@ import csv
 import io
 import json
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from app.ends import Which
-from app.jobs import scene
 from app.layers.ends import GIZMO
+from app.messages import Adjust, Settings
 from app.server import App
-from app.work import NavigationWork
-from nerfnav.estimator.descent import DescentConfig
-from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.pixels import PixelConfig
-from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.navigation.steps import EpisodeOutcome
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.optimize import PlanConfig
-from tests.app.doubles import balls_place
 from tests.browser.tab import Tab
-
-_CALM = StateNoise(0.002, 0.002, 0.002, 0.002)  # so that a filter of few iterations keeps up
-
-
-def small_work() -> NavigationWork:
-    """Real jobs among three balls, with few iterations."""
-    pose_filter = FilterConfig(PixelConfig(count=64), DescentConfig(iterations=15), process_noise=_CALM)
-    return NavigationWork(
-        open=partial(scene.run, opener=lambda _: balls_place()),
-        plans={"fast": FastPlanConfig()},
-        navigate=NavigateConfig(replan=PlanConfig(iterations=5), filter=pose_filter, noise=_CALM, initial=_CALM),
-    )
-
-
-def downloaded(tab: Tab, button: str) -> str:
-    """The text of the file that a button gives."""
-    with tab.page.expect_download() as download:
-        tab.press(button)
-    return Path(download.value.path()).read_text()
+from tests.browser.works import small_work
 
 
 def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
@@ -62,6 +33,8 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     tab.until(lambda: np.allclose(tab.line("/plan/line"), planned, atol=1e-5), "the page shows another plan")
     np.testing.assert_allclose(tab.line("/plan/line")[-1], goal, atol=1e-4)
 
+    for name in ("position_noise_m", "attitude_noise_rad"):
+        app.post(Adjust(Settings.FLYING, name, 0.002))
     tab.press("Fly")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", 120)
     flight = app.session.flight
@@ -70,11 +43,11 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     assert len(tab.line("/flight/truth")) == len(flight.steps)
     assert np.linalg.norm(tab.line("/flight/truth")[-1] - goal) < 0.12
 
-    rows = list(csv.DictReader(io.StringIO(downloaded(tab, "CSV"))))
+    rows = list(csv.DictReader(io.StringIO(tab.export("csv").read_text())))
     assert len(rows) == len(flight.steps)
     truth = np.array([[float(row[name]) for name in "xyz"] for row in rows])
     np.testing.assert_allclose(truth, tab.line("/flight/truth"), atol=1e-5)
-    assert json.loads(downloaded(tab, "JSON"))["format"].startswith("nerfnav")
+    assert json.loads(tab.export("json").read_text())["format"].startswith("nerfnav")
 
     flown = tab.line("/flight/truth")
     tab.load()

@@ -12,6 +12,8 @@ from app.jobs.fly import FlyRequest, run
 from app.jobs.plan import PlanRequest
 from app.jobs.plan import run as plan_job
 from app.place import Place, open_place
+from app.runs.about import About
+from app.runs.log import read_steps
 from nerfnav.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.replan import NavigateConfig
@@ -65,13 +67,25 @@ def test_a_flight_that_is_asked_to_land_keeps_what_was_flown(place: Place, tmp_p
     assert (tmp_path / "run" / "trajectory.csv").is_file()
 
 
-def test_a_cancelled_flight_writes_nothing(place: Place, tmp_path: Path) -> None:
-    job = run(replace(BLIND, out=tmp_path), place)
+def test_a_flight_that_is_cancelled_at_the_start_leaves_nothing(place: Place, tmp_path: Path) -> None:
+    job = run(replace(BLIND, out=tmp_path / "run"), place)
     for event in job:
         if isinstance(event, NavigationStep):
             break
     job.close()
-    assert list(tmp_path.iterdir()) == []
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_flight_that_is_stopped_on_the_way_keeps_the_log_of_what_was_flown(place: Place, tmp_path: Path) -> None:
+    job = run(replace(BLIND, out=tmp_path / "run", task="an example"), place)
+    for event in job:
+        if isinstance(event, NavigationStep) and event.index == 3:
+            break
+    assert About.load(tmp_path / "run").outcome is None, "a flight under way has no outcome"
+    job.close()
+    known = About.load(tmp_path / "run")
+    assert known.outcome == "stopped" and known.metrics["steps"] == 3 and known.task == "an example"
+    assert [step.index for step in read_steps(tmp_path / "run")] == [0, 1, 2, 3]
 
 
 def test_a_name_that_is_no_estimator_is_refused(place: Place) -> None:

@@ -7,7 +7,9 @@ import torch
 
 from app.events import JobFinished, JobStarted, Progress
 from app.jobs.outputs import OutputError
-from app.jobs.train import StoppedError, TrainRequest, run
+from app.jobs.train import run
+from app.materials import Photographs, StoppedError, TrainRequest
+from app.materials.bundled import images_for, iterations_for
 from app.place import NoTrainedFieldError, field_file, open_place
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.checkpoint import load_field
@@ -16,8 +18,9 @@ from nerfnav.world.capture import CaptureConfig
 
 SMALL = {
     "iterations": 40,
-    "images": 10,
-    "config": TrainConfig(voxel=0.06, report_every=10),
+    "voxel": 0.06,
+    "photographs": Photographs(count=10),
+    "config": TrainConfig(report_every=10),
     "capture": CaptureConfig(width=40, height=40, supersample=1),
 }
 
@@ -86,19 +89,19 @@ def test_the_same_seed_learns_the_same_field(tmp_path: Path) -> None:
 
 
 def test_what_a_scene_needs_grows_with_its_size() -> None:
-    asked = TrainRequest("blocks", Path("x"))
-    assert asked.train_config(1.0).iterations < asked.train_config(6.0).iterations
-    assert asked.capture_config(1.0).images < asked.capture_config(6.0).images
-    assert TrainRequest("blocks", Path("x"), iterations=7).train_config(6.0).iterations == 7
+    assert iterations_for(1.0) < iterations_for(6.0)
+    assert images_for(1.0) < images_for(6.0) <= images_for(1e6) == images_for(1e7)
 
 
-def test_a_source_that_is_no_scene_is_refused(tmp_path: Path) -> None:
+def test_a_source_that_is_nothing_known_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="known are: blocks, church, playground, stonehenge"):
         next(run(TrainRequest("atlantis", tmp_path / "f.npz")))
-    mesh = tmp_path / "mesh.glb"
-    mesh.touch()
-    with pytest.raises(InvalidInputError, match="bundled scenes only"):
-        next(run(TrainRequest(str(mesh), tmp_path / "f.npz")))
+    with pytest.raises(InvalidInputError, match=r"there is no file or folder .*missing\.zip"):
+        next(run(TrainRequest(str(tmp_path / "missing.zip"), tmp_path / "f.npz")))
+    text = tmp_path / "letter.txt"
+    text.touch()
+    with pytest.raises(InvalidInputError, match="nothing that a field can be trained from: give a bundled scene"):
+        next(run(TrainRequest(str(text), tmp_path / "f.npz")))
 
 
 def test_a_file_that_cannot_be_written_is_refused_before_work(tmp_path: Path) -> None:

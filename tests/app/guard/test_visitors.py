@@ -1,26 +1,20 @@
 """Who is let in, asked over real sockets."""
 
 import socket
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
 
 import pytest
 import viser
-import viser._messages as viser_messages
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
 
 from app.guard import TokenError, guarded_server
+from app.guard.purse import Purse
+from tests.app.guard.hostile import address, connect_as_viser, free_port
 
 TOKEN = "open-sesame_1"
-
-
-def free_port() -> int:
-    """A port that nobody listens at now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +41,6 @@ def status(url: str, **headers: str) -> int:
         return error.code
 
 
-def address(server: viser.ViserServer, scheme: str = "http") -> str:
-    """Where a server is."""
-    return f"{scheme}://127.0.0.1:{server.get_port()}/"
-
-
 def test_the_token_in_the_address_becomes_a_cookie_that_opens_page_and_connection(guarded: viser.ViserServer) -> None:
     response = urllib.request.urlopen(address(guarded) + f"?token={TOKEN}")
     cookie = response.headers["Set-Cookie"].split(";")[0]
@@ -71,16 +60,6 @@ def test_without_the_right_cookie_there_is_no_connection(guarded: viser.ViserSer
         connect_as_viser(guarded, {"Cookie": cookie})
 
 
-def connect_as_viser(server: viser.ViserServer, headers: dict[str, str]):
-    """A websocket connection, as viser's page opens it."""
-    return connect(
-        address(server, "ws"),
-        additional_headers=headers,
-        subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-        compression=None,
-    )
-
-
 def test_a_local_server_needs_no_token_and_answers_to_local_names_only(local: viser.ViserServer) -> None:
     port = local.get_port()
     assert status(address(local)) == 200
@@ -95,6 +74,13 @@ def test_pages_of_other_sites_cannot_connect(local: viser.ViserServer) -> None:
     connect_as_viser(local, {"Origin": address(local)[:-1]}).close()
 
 
+@pytest.mark.parametrize("path", ["../pyproject.toml", "..%2f..%2fpyproject.toml", "%2e%2e/%2e%2e/etc/passwd", "..\\x"])
+def test_no_path_leads_out_of_the_page(local: viser.ViserServer, path: str) -> None:
+    with socket.create_connection(("127.0.0.1", local.get_port())) as plain:
+        plain.sendall(f"GET /{path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode())
+        assert b" 404 " in plain.recv(100)
+
+
 def test_hosts_that_others_reach_need_a_token() -> None:
     with pytest.raises(TokenError, match="--token"):
         guarded_server("0.0.0.0", free_port(), None)
@@ -106,30 +92,29 @@ def test_a_token_that_cannot_travel_in_an_address_is_refused(token: str) -> None
         guarded_server("127.0.0.1", free_port(), token)
 
 
-def test_nobody_can_ask_for_a_public_tunnel(local: viser.ViserServer) -> None:
-    handlers = local._websock_server._incoming_handlers
-    assert viser_messages.ShareUrlRequest not in handlers
-    assert viser_messages.ShareUrlDisconnect not in handlers
-
-
-def test_a_tab_can_set_values_but_nothing_else_of_a_widget(local: viser.ViserServer) -> None:
-    box = local.gui.add_number("Number", 1.0)
-    loop, (handler,) = local.get_event_loop(), local._websock_server._incoming_handlers[viser_messages.GuiUpdateMessage]
-
-    def send(**updates: object) -> None:
-        import asyncio
-
-        message = viser_messages.GuiUpdateMessage(box._impl.uuid, dict(updates))
-        asyncio.run_coroutine_threadsafe(handler(0, message), loop).result(5)  # type: ignore[arg-type]
-
-    send(update_cb=["anything"])
-    send(value=3.0, removed=True)
-    assert box.value == 1.0 and box._impl.update_cb == [] and not box._impl.removed
-    send(value=2.0)
-    assert box.value == 2.0
+def test_too_many_connections_in_a_moment_are_refused_and_a_moment_later_they_are_not() -> None:
+    server = guarded_server("127.0.0.1", free_port(), None)
+    try:
+        with pytest.raises(InvalidStatus, match="503"):
+            for _ in range(200):
+                connect_as_viser(server).close()
+        time.sleep(0.3)
+        connect_as_viser(server).close()
+    finally:
+        server.stop()
 
 
 def test_the_servers_banner_does_not_reach_the_output(capsys: pytest.CaptureFixture[str]) -> None:
     server = guarded_server("127.0.0.1", free_port(), None)
     assert capsys.readouterr().out == ""
     server.stop()
+
+
+def test_a_purse_gives_what_it_holds_and_fills_again_but_not_over() -> None:
+    clock = [0.0]
+    purse = Purse(10, 2, now=lambda: clock[0])
+    assert purse.spend(10) and not purse.spend(1)
+    clock[0] = 1.0
+    assert purse.spend(2) and not purse.spend(0.1)
+    clock[0] = 1000.0
+    assert not purse.spend(10.1) and purse.spend(10)

@@ -1,0 +1,41 @@
+"""What a person may change about plans: how long they take, and what their cost weighs."""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+
+from app.jobs.plan import PlanSettings
+from app.registry import PLAN_CONFIGS
+from nerfnav.errors import InvalidInputError
+from nerfnav.planner.costs import CostWeights
+
+_SHORTEST_S, _LONGEST_S = 0.5, 20.0
+_HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
+
+
+@dataclass(frozen=True)
+class PlanningSettings:
+    """How long plans take, and what they weigh."""
+
+    duration_s: float = 2.0
+    """How long the robot may take from start to goal [s]."""
+    shortest: bool = False
+    """Whether to find the shortest duration that keeps the robot's limits instead."""
+    weights: CostWeights = field(default_factory=CostWeights)
+    """What the terms of J weigh."""
+
+    def check(self) -> None:
+        """Raise InvalidInputError for numbers that no plan can have; what a browser sends can be anything."""
+        if not (math.isfinite(self.duration_s) and _SHORTEST_S <= self.duration_s <= _LONGEST_S):
+            raise InvalidInputError(f"the duration must be from {_SHORTEST_S:g} to {_LONGEST_S:g} s")
+        most = {"samples_per_step": _MOST_SAMPLES, "margin": _WIDEST_M}
+        for part in fields(self.weights):
+            value, largest = getattr(self.weights, part.name), most.get(part.name, _HEAVIEST)
+            least = 1 if part.name == "samples_per_step" else 0
+            if not (math.isfinite(value) and least <= value <= largest):
+                raise InvalidInputError(f"{part.name.replace('_', ' ')} must be from {least:g} to {largest:g}")
+
+    def config(self, planner: str, own: PlanSettings | None) -> PlanSettings | None:
+        """The planner's settings with these weights; `own` where nobody changed the weights."""
+        if self.weights == CostWeights():
+            return own
+        return replace(PLAN_CONFIGS[planner]() if own is None else own, weights=self.weights)

@@ -1,0 +1,52 @@
+"""What takes seconds to make and always comes out the same is kept in the user's cache folder."""
+
+import contextlib
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+_MOST_OF_A_KIND = 12
+
+
+def cache_root() -> Path:
+    """Where nerfnav keeps what it can make again: in the user's cache folder."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nerfnav"
+
+
+def kept(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:
+    """What `make` gives, from the cache if it was ever made for this `key`; the latest dozen of a kind are kept.
+
+    `key` must hold everything that the result depends on, the code that makes it included. A cache that cannot be
+    read or written only costs time.
+    """
+    path = cache_root() / kind / hashlib.sha256(key).hexdigest()[:32]
+    with contextlib.suppress(OSError):
+        content = path.read_bytes()
+        # a digest goes first: a file that was torn or tampered with is made again
+        if hashlib.sha256(content[32:]).digest() == content[:32]:
+            return content[32:]
+    made = make()
+    with contextlib.suppress(OSError):
+        _write(path, hashlib.sha256(made).digest() + made)
+    return made
+
+
+def code_of(*folders: Path) -> bytes:
+    """A digest of all Python files in `folders`, deeply."""
+    digest = hashlib.sha256()
+    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.digest()
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file that others see whole or not at all, and forget the oldest of its kind."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, draft = tempfile.mkstemp(dir=path.parent)
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(content)
+    Path(draft).replace(path)
+    for old in sorted(path.parent.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-_MOST_OF_A_KIND]:
+        old.unlink()

@@ -1,0 +1,78 @@
+"""Exporting stored plans and flights, as the command line does."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from app.cli import main
+from app.events import JobFinished
+from app.jobs.export import ExportRequest, read_run, run
+from app.runs.log import FILE
+from app.runs.shelf import VARIABLE, Shelf
+from nerfnav import robots
+from nerfnav.errors import InvalidInputError
+from nerfnav.export.formats import FORMATS
+from nerfnav.export.tables import json_text, motion_table
+from nerfnav.export.tum import poses_of_tum
+from nerfnav.robots.state import Motion
+from tests.app.runs.shelves import put
+from tests.export.flights import flown
+
+
+def exported(folder: Path, format: str, out: Path) -> dict:
+    """The numbers of an export."""
+    *_, last = run(ExportRequest(folder, format, out))
+    assert isinstance(last, JobFinished)
+    return last.summary
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_stored_flight_can_be_had_in_every_format(tmp_path: Path, name: str) -> None:
+    folder, out = put(Shelf(tmp_path), "flight"), tmp_path / "out" / f"flight.{FORMATS[name].ending}"
+    numbers = exported(folder, name, out)
+    assert numbers["rows"] == 17 and numbers["file_bytes"] == out.stat().st_size > 100
+
+
+def test_a_replay_shows_the_place_where_it_can_still_be_opened(tmp_path: Path, field_file: Path) -> None:
+    shelf = Shelf(tmp_path)
+    here, gone = put(shelf, "here", source=str(field_file)), put(shelf, "gone", source="nowhere.npz")
+    assert exported(here, "html", tmp_path / "here.html")["has_surface"]
+    assert not exported(gone, "html", tmp_path / "gone.html")["has_surface"]
+    assert "balls" in (tmp_path / "gone.html").read_text()
+
+
+def test_an_interrupted_flight_is_exported_as_far_as_it_went(tmp_path: Path) -> None:
+    folder = put(Shelf(tmp_path), "flight")
+    whole = (folder / FILE).read_bytes()
+    (folder / FILE).write_bytes(whole[: len(whole) // 2])
+    (folder / "trajectory.json").unlink(missing_ok=True)
+    rows = len(read_run(folder).times)
+    assert 2 < rows < 17
+    exported(folder, "tum", tmp_path / "flight.tum")
+    assert len(poses_of_tum((tmp_path / "flight.tum").read_text())[0]) == rows
+
+
+def test_a_flight_can_be_named_as_the_shelf_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "runs"))
+    put(Shelf(), "my flight")
+    assert main(["export", "my flight", "--format", "px4", "--out", str(tmp_path / "x.csv"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frame"] == "NED"
+    assert main(["export", "other", "--format", "px4", "--out", str(tmp_path / "x.csv")]) == 2
+    assert "other is not the folder of a run" in capsys.readouterr().err
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="is not the folder of a run"):
+        read_run(tmp_path)
+
+
+def test_a_stored_plan_has_the_body_of_its_robot(tmp_path: Path) -> None:
+    motion = Motion(flown()[0].plan.states, torch.zeros(16, 2), 0.1)
+    couch = robots.load("couch")
+    table = motion_table(motion, ("a", "b"), couch.name)
+    (tmp_path / "trajectory.json").write_text(json_text(table))
+    assert read_run(tmp_path).extents == couch.body.extents

@@ -1,0 +1,153 @@
+"""How quick the page and its buttons are while the app computes. Prints JSON.
+
+    python -m tests.browser.measure_responsiveness --cores 0,1 --seconds 20
+
+The app runs on the given cores, the browser on `--browser-cores` (the others by default). One number is the time from
+a click to the callback of its button in the app's process, the other the frames that the page draws each second, both
+while nothing happens and while flights replan at full speed. Run it on a machine that does nothing else.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import msgspec
+import numpy as np
+import viser
+from playwright.sync_api import sync_playwright
+from websockets.sync.client import ClientConnection, connect
+
+from tests.app.guard.hostile import CAMERA, free_port
+from tests.browser.conftest import launch
+
+_FRAMES = """
+seconds => new Promise(done => {
+  let count = 0;
+  const began = performance.now();
+  const frame = now => (now - began > 1000 * seconds) ? done(1000 * count / (now - began))
+                                                      : (count++, requestAnimationFrame(frame));
+  requestAnimationFrame(frame);
+})
+"""
+_DRAWN = """
+() => {
+  const camera = window.__viserMutable.cameraControl, frame = () => {
+    camera.rotate(0.002, 0, false);
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+}
+"""
+_READY = "'/field' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__viserMutable?.cameraControl"
+
+
+def serve(port: int) -> None:
+    """The app with one more button, which tells on stdout when it was pressed."""
+    from app.commands.serve import _SWITCH_S
+    from app.server import App
+
+    sys.setswitchinterval(_SWITCH_S)
+    app = App("stonehenge", port=port)
+    app.start()
+    assert app._server is not None
+    probe = app._server.gui.add_button("Probe", visible=False)
+
+    @probe.on_click
+    async def _(_: viser.GuiEvent) -> None:
+        print(json.dumps({"at": time.monotonic(), "job": str(app.session.job and app.session.job.kind)}), flush=True)
+
+    print(json.dumps({"uuid": probe._impl.uuid}), flush=True)
+    app.wait()
+
+
+@contextmanager
+def app_on(cores: set[int], port: int) -> Iterator[subprocess.Popen[str]]:
+    """The app as a process on these cores."""
+    command = [sys.executable, "-m", "tests.browser.measure_responsiveness", "--serve", str(port)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    os.sched_setaffinity(process.pid, cores)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(30)
+
+
+def click_often(
+    process: subprocess.Popen[str], connection: ClientConnection, uuid: str, seconds: float, found: list[float]
+) -> None:
+    """Click some ten times each second, and add to `found` how long each took to come to its callback [ms]."""
+    click = msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": True}})
+    end = time.monotonic() + seconds
+    assert process.stdout is not None
+    while time.monotonic() < end:
+        sent = time.monotonic()
+        connection.send(click)
+        found.append(1000 * (json.loads(process.stdout.readline())["at"] - sent))
+        time.sleep(0.1)
+
+
+def measure(cores: set[int], browser_cores: set[int], seconds: float) -> dict[str, object]:
+    """Idle, then busy."""
+    os.sched_setaffinity(0, browser_cores)
+    port = free_port()
+    with app_on(cores, port) as process, sync_playwright() as playwright:
+        assert process.stdout is not None
+        uuid = json.loads(process.stdout.readline())["uuid"]
+        browser = launch(playwright)
+        page = browser.new_page(viewport={"width": 640, "height": 480})
+        page.goto(f"http://127.0.0.1:{port}/?fixedDpr=0.5")
+        page.wait_for_function(_READY, timeout=120_000)
+        page.wait_for_timeout(8000)  # kernels are compiled
+        page.evaluate(_DRAWN)  # the view turns, so that there is a frame to draw each time
+        connection = connect(f"ws://127.0.0.1:{port}/", subprotocols=[f"viser-v{viser.__version__}"], max_size=None)  # type: ignore[list-item]
+        connection.send(msgspec.msgpack.encode(CAMERA))
+        drain = threading.Thread(target=lambda: [None for _ in connection], daemon=True)
+        drain.start()
+        time.sleep(1)
+        report: dict[str, object] = {"cores": sorted(cores), "browser_cores": sorted(browser_cores)}
+        for name, busy in (("idle", False), ("busy", True)):
+            clicks: list[float] = []
+            clicker = threading.Thread(target=click_often, args=(process, connection, uuid, seconds, clicks))
+            clicker.start()
+            frames = []
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                if busy:
+                    page.keyboard.press("f")
+                frames.append(page.evaluate(_FRAMES, 2))
+            clicker.join()
+            p50, p95, worst = np.percentile(clicks, [50, 95, 100])
+            report[name] = {
+                "click_ms": {"p50": round(p50, 1), "p95": round(p95, 1), "max": round(worst, 1), "count": len(clicks)},
+                "frames_per_s": round(float(np.median(frames)), 1),
+            }
+        browser.close()
+    return report
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cores", default="0,1")
+    parser.add_argument("--browser-cores", default=None)
+    parser.add_argument("--seconds", type=float, default=20)
+    parser.add_argument("--serve", type=int, default=None, help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.serve is not None:
+        serve(asked.serve)
+        return
+    cores = {int(core) for core in asked.cores.split(",")}
+    others = set(range(os.cpu_count() or 1)) - cores or cores
+    browser_cores = {int(core) for core in asked.browser_cores.split(",")} if asked.browser_cores else others
+    print(json.dumps(measure(cores, browser_cores, asked.seconds)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""A hostile connection beside a real page: the page does not notice."""
+
+import threading
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+from websockets.exceptions import ConnectionClosed
+
+from app.ends import Which
+from app.layers.ends import GIZMO
+from app.server import App
+from tests.app.doubles import ScriptedWork
+from tests.app.guard.hostile import CAMERA, NAN, POSE, connect_as_viser
+from tests.browser.tab import Tab
+
+_WIDGETS = "() => Object.keys(window.__viserGui?.getState?.().guiConfigFromUuid ?? {}).length"
+
+
+def nonsense(app: App) -> list[bytes]:
+    """What no page would send, aimed at all that this app has."""
+    assert app._server is not None
+    uuids = [*app._server.gui._gui_input_handle_from_uuid, *app._server.gui._command_handle_from_uuid]
+    places = ([NAN] * 3, [1e30] * 3, [])
+    poses = [POSE | {"name": f"/{which.value}", "position": place} for which in Which for place in places]
+    values = [NAN, 1e30, "x" * 5000, [NAN, 0, 0], None, {"a": 1}]
+    updates = [
+        {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {name: value}}
+        for uuid in uuids
+        for name, value in [*(("value", value) for value in values), ("visible", False), ("disabled", True)]
+    ]
+    others = [{"type": "ShareUrlRequest"}, {"type": "ResetGuiMessage"}]
+    others += [{"type": "RemoveSceneNodeMessage", "name": "/goal"}]
+    return [b"\xc1", *(msgspec.msgpack.encode(message) for message in (*poses, *updates, *others))]
+
+
+def attack(app: App) -> None:
+    """Send all of it, coming back whenever one is put out."""
+    waiting = nonsense(app)
+    while waiting:
+        try:
+            with connect_as_viser(app._server) as hostile:  # type: ignore[arg-type]
+                hostile.send(msgspec.msgpack.encode(CAMERA))
+                few, waiting = waiting[:25], waiting[25:]
+                for raw in few:
+                    hostile.send(raw)
+                hostile.recv(5)
+        except ConnectionClosed:
+            continue
+
+
+def test_a_page_lives_on_beside_a_hostile_connection(serve: Callable[..., App], open_tab: Callable[[App], Tab]) -> None:
+    app = serve(ScriptedWork())
+    tab = open_tab(app)
+    before, widgets = app.session, tab.page.evaluate(_WIDGETS)
+    hostile = threading.Thread(target=attack, args=(app,))
+    hostile.start()
+    while hostile.is_alive():
+        tab.page.wait_for_timeout(100)
+    session = app.session
+    assert (session.ends, session.choice, session.flying, session.look) == (
+        before.ends, before.choice, before.flying, before.look
+    )  # fmt: skip
+    assert session.job is None and session.notices == before.notices
+    for which in Which:
+        np.testing.assert_allclose(tab.position(which), session.ends.of(which).position, atol=1e-5)
+    assert tab.page.evaluate(_WIDGETS) == widgets
+    tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    tab.until(lambda: app.session.ends != before.ends, "the page was harmed")
+    tab.load()
+    np.testing.assert_allclose(tab.position(Which.GOAL), app.session.ends.goal.position, atol=1e-3)

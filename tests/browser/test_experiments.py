@@ -1,0 +1,65 @@
+"""The tab of experiments: one is done, its numbers and figures appear, and stay in the list."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from app.events import JobFinished, Progress
+from app.messages import Answer
+from app.questions import Question
+from app.server import App
+from app.session import JobKind, Session
+from app.trials.drawer import Drawer, report
+from app.trials.state import TrialsQuestion
+from tests.app.doubles import ScriptedWork
+from tests.browser.tab import Tab
+
+
+@dataclass
+class Laboratory(ScriptedWork):
+    """An experiment of two trials whose results are in a real folder."""
+
+    folder: Path = Path()
+
+    def answer(self, session: Session, question: Question) -> Answer:
+        """What the folder holds."""
+        if isinstance(question, TrialsQuestion):
+            return report(Drawer(self.folder), question)
+        return super().answer(session, question)
+
+
+def test_an_experiment_is_done_and_its_results_are_shown_and_kept(
+    serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path
+) -> None:
+    folder = Drawer(tmp_path).folder / "2026-01-02-030405-planners"
+
+    def trial(job: object) -> Progress:
+        time.sleep(0.5)
+        return Progress("planning, 1 of 2", 0.5)
+
+    def write(job: object) -> JobFinished:
+        folder.mkdir(parents=True)
+        (folder / "results.json").write_text(json.dumps({"summary": {"failures": 7}}))
+        cv2.imwrite(str(folder / "cost.png"), np.full((40, 60, 3), 200, np.uint8))
+        return JobFinished("experiment", {}, (folder / "results.json",))
+
+    app = serve(Laboratory({JobKind.EXPERIMENT: [trial, trial, write]}, folder=tmp_path))
+    tab = open_tab(app)
+    tab.turn_to("Experiments")
+    tab.until(lambda: tab.says("Its numbers and figures appear here"), "nothing says what it is for")
+    tab.until(lambda: tab.says("Nerfnav, minimum snap and RRT"), "the purpose is not told")
+    images = tab.page.locator("img[src^='data:image'], img[src^='blob:']")
+    before = images.count()
+    tab.press("Run the experiment")
+    tab.until(lambda: tab.says("Planning, 1 of 2 50 %"), "no progress is shown")
+    tab.until(lambda: app.session.trials.result is not None, "there is no result")
+    tab.until(lambda: tab.says("failures"), "the numbers are not shown")
+    tab.until(lambda: images.count() == before + 1, "the figure is not shown")
+    tab.load()
+    tab.turn_to("Experiments")
+    tab.until(lambda: tab.says("2026-01-02-030405-planners"), "a reload has lost the result")

@@ -1,0 +1,130 @@
+"""What was flown before can be seen, moved through, compared, renamed, deleted and taken away."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from playwright.sync_api import BrowserContext
+
+from app.events import JobFinished
+from app.messages import Adjust, PlaceOpened, Settings, StartFlight
+from app.runs.shelf import Shelf
+from app.server import App
+from app.work import NavigationWork
+from nerfnav.export.tum import poses_of_tum
+from tests.app.doubles import ScriptedWork, balls_place
+from tests.app.runs.shelves import put
+from tests.browser.tab import Tab
+from tests.export.flights import flown
+
+Serve = Callable[..., App]
+OpenTab = Callable[[App], Tab]
+
+
+def wait_for(condition: Callable[[], object], complaint: str) -> None:
+    """Wait until `condition` holds, without a page."""
+    end = time.monotonic() + 90
+    while not condition():
+        assert time.monotonic() < end, complaint
+        time.sleep(0.05)
+
+
+def robot_of(tab: Tab, node: str = "/flight/robot") -> np.ndarray:
+    """Where the page has a robot [m]."""
+    return np.array(tab.property(node, "batched_positions")).reshape(-1, 3)[0]
+
+
+def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_robot(
+    serve: Serve, open_tab: OpenTab, tmp_path: Path
+) -> None:
+    opening = [PlaceOpened(balls_place()), JobFinished("open")]
+    first = serve(NavigationWork(open=lambda _: iter(opening), shelf=Shelf(tmp_path)))
+    wait_for(lambda: first.session.job is None and first.session.place, "the place was not opened")
+    first.post(Adjust(Settings.FLYING, "open_loop", True))
+    first.post(StartFlight())
+    wait_for(lambda: first.session.job is None and first.session.runs.entries, "the flight is not listed")
+    flight = first.session.flight
+    assert flight is not None
+    first.stop()
+
+    tab = open_tab(serve(ScriptedWork(shelf=Shelf(tmp_path))))
+    (entry,) = Shelf(tmp_path).entries()
+    tab.turn_to("Runs")
+    shelf = tab.page.get_by_label("Flight", exact=True)
+    tab.until(lambda: shelf.input_value() == entry.name, "the flight is not listed")
+    tab.press("Open")
+    tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
+    for at in (3, len(flight.steps) - 1):
+        tab.fill("Time step", str(at))
+        truth = flight.steps[at].truth.position.numpy()
+        tab.until(lambda truth=truth: np.allclose(robot_of(tab), truth, atol=1e-5), "the robot stays where it was")
+    assert len(tab.line("/flight/truth")) == len(flight.steps)
+
+
+def test_flights_are_compared_renamed_and_deleted_in_the_page(
+    serve: Serve, open_tab: OpenTab, tmp_path: Path
+) -> None:
+    shelf = Shelf(tmp_path)
+    put(shelf, "second", date="2026-01-02T00:00:00+00:00")
+    put(shelf, "first", flown()[:9], date="2026-01-01T00:00:00+00:00")
+    tab = open_tab(serve(ScriptedWork(shelf=shelf)))
+    tab.press("Open")
+    tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
+    tab.choose("Runs", "Flight", "first")
+    tab.press("Compare")
+    tab.until(lambda: tab.is_visible("/compared/robot"), "the second flight is not shown")
+    tab.until(lambda: tab.says("First: second. Second: first."), "their numbers are not beside each other")
+    tab.fill("Time step", "5")
+    here = flown()[5].truth.position.numpy()
+    for node in ("/flight/robot", "/compared/robot"):
+        tab.until(lambda node=node: np.allclose(robot_of(tab, node), here, atol=1e-5), f"{node} is elsewhere")
+    tab.press("End comparison")
+    tab.until(lambda: not tab.is_visible("/compared/robot"), "the second flight is still shown")
+
+    tab.fill("New name", "../outside")
+    tab.press("Rename")
+    tab.until(lambda: tab.says("A name has up to 80 letters"), "a bad name is not refused")
+    tab.fill("New name", "My best flight")
+    tab.press("Rename")
+    tab.until(lambda: [entry.name for entry in shelf.entries()] == ["second", "My best flight"], "not renamed")
+    tab.choose("Runs", "Flight", "My best flight")
+    for answer, left in (("Keep it", 2), ("Delete for good", 1)):
+        tab.press("Delete")
+        tab.page.get_by_role("button", name=answer, exact=True).click()
+        tab.until(lambda left=left: len(shelf.entries()) == left, "the answer does not count")
+    assert [entry.name for entry in shelf.entries()] == ["second"]
+
+
+def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(
+    serve: Serve, open_tab: OpenTab, context: BrowserContext, tmp_path: Path
+) -> None:
+    put(Shelf(tmp_path / "runs"), "flight")
+    tab = open_tab(serve(ScriptedWork(shelf=Shelf(tmp_path / "runs"))))
+    tab.press("Open")
+    tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
+    truth = np.stack([step.truth.position.numpy() for step in flown()])
+    np.testing.assert_allclose(poses_of_tum(tab.export("tum").read_text())[1], truth, atol=1e-6)
+    assert tab.export("mcap").read_bytes().startswith(b"\x89MCAP")
+    page = tmp_path / "replay.html"
+    page.write_bytes(tab.export("html").read_bytes())
+    picture = cv2.imread(str(tab.download("Screenshot")))
+    assert picture is not None and picture.shape == (720, 1280, 3) and picture.std() > 5
+
+    told: list[str] = []
+    replay = context.new_page()
+    context.set_offline(True)
+    replay.on("console", lambda message: told.append(message.text))
+    replay.on("pageerror", lambda error: told.append(str(error)))
+    replay.on("request", lambda request: told.append(request.url) if request.url.startswith("http") else None)
+    replay.goto(page.as_uri())
+    assert replay.locator("#time").text_content() == "1.60 s of 1.60 s"
+    replay.locator("#at").fill("5")
+    assert replay.locator("#time").text_content() == "0.50 s of 1.60 s"
+    # a pixel of the robot's colour shows that it is drawn
+    seen = cv2.imdecode(np.frombuffer(replay.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1].astype(int)
+    assert ((seen[..., 2] > 120) & (seen[..., 0] < 60) & (seen[..., 1] > 90)).sum() > 50
+    replay.get_by_role("button", name="Play").click()
+    replay.wait_for_function("document.getElementById('play').textContent === 'Play' && at > 15")
+    assert not told

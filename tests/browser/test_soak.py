@@ -1,0 +1,160 @@
+"""A long time of hard use: five tabs, flights that replan, random drags, clicks, keys and reloads.
+
+Two minutes of it are a test. Half an hour, with its numbers as JSON:
+
+    python -m tests.browser.test_soak --minutes 30
+"""
+
+import argparse
+import json
+import os
+import random
+import sys
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from playwright.sync_api import Browser, BrowserContext, Error, sync_playwright
+
+from app.ends import Which
+from app.layers.ends import GIZMO
+from tests.browser.complaints import complaints_of
+from tests.browser.conftest import launch
+from tests.browser.process import Served, served
+from tests.browser.tab import Tab
+
+TABS = 5
+WARM_UP_S = 300.0
+"""Until then memory may grow as it likes."""
+MOST_GROWTH_MB = 50.0
+"""From then on."""
+_KEYS = ("f", "f", "f", "p", "t", "g", "s", "Space", "x", "Shift+r")
+_QUIET = ("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save")  # which ask for files, or touch what is kept
+_READY = "'/goal' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__viserMutable?.nodePoseData?.['/goal']"
+
+
+@dataclass
+class Account:
+    """What happened."""
+
+    actions: dict[str, int] = field(default_factory=dict)
+    """How often each was done."""
+    memory_mb: list[tuple[float, float]] = field(default_factory=list)
+    """Seconds since the start, and the server's memory."""
+    complaints: list[str] = field(default_factory=list)
+    """Of pages and of the server's log."""
+    idle: bool = False
+    """Whether at the end nothing was running any more."""
+
+    def growth_mb(self, since_s: float) -> float:
+        """How much the largest memory after `since_s` is above that at `since_s` [MB]."""
+        late = [memory for at, memory in self.memory_mb if at >= since_s]
+        return max(late) - late[0] if late else 0.0
+
+
+class Crowd:
+    """People who do things at random."""
+
+    def __init__(self, server: Served, context: BrowserContext, seed: int) -> None:
+        self._server, self._random = server, random.Random(seed)
+        self._tabs = [Tab(context.new_page(), None) for _ in range(TABS)]  # type: ignore[arg-type]
+        for tab in self._tabs:
+            self._load(tab)
+
+    def _load(self, tab: Tab) -> None:
+        tab.page.goto(f"{self._server.url}?fixedDpr=0.25")
+        tab.page.wait_for_function(_READY, timeout=60_000)
+
+    def act(self) -> str:
+        """Do one thing in one tab; what it was."""
+        tab = self._random.choice(self._tabs)
+        action = self._random.choices(["key", "drag", "click", "turn", "reload"], [8, 4, 4, 2, 1])[0]
+        try:
+            getattr(self, f"_{action}")(tab)
+        except Error as error:  # a button that went away under the mouse is no fault
+            if "Timeout" not in str(error):
+                raise
+            return f"{action}, in vain"
+        return action
+
+    def _key(self, tab: Tab) -> None:
+        tab.page.evaluate("document.activeElement?.blur()")
+        tab.page.keyboard.press(self._random.choice(_KEYS))
+
+    def _drag(self, tab: Tab) -> None:
+        tab.drag_along_x(self._random.choice(list(Which)), self._random.uniform(-0.3, 0.3), GIZMO)
+
+    def _click(self, tab: Tab) -> None:
+        buttons = [entry for entry in tab.page.get_by_role("button").all() if entry.is_visible() and entry.is_enabled()]
+        safe = [entry for entry in buttons if not any(word in entry.inner_text() for word in _QUIET)]
+        if safe:
+            self._random.choice(safe).click(timeout=2000, force=True)
+
+    def _turn(self, tab: Tab) -> None:
+        self._random.choice(tab.page.get_by_role("tab").all()).click(timeout=2000)
+
+    def _reload(self, tab: Tab) -> None:
+        self._load(tab)
+
+    def leave_quiet(self, patience_s: float) -> bool:
+        """Stop what is running; whether it then ends."""
+        tab, end = self._tabs[0], time.monotonic() + patience_s
+        self._load(tab)
+        while time.monotonic() < end:
+            if tab.page.get_by_text("Move start and goal, plan, then fly.").count():
+                return True
+            tab.page.keyboard.press("x")
+            tab.page.wait_for_timeout(500)
+        print("still busy:", tab.page.locator("body").inner_text()[:400], file=sys.stderr)
+        return False
+
+
+def soak(server: Served, context: BrowserContext, actions: int, most_s: float, seed: int = 0) -> Account:
+    """Do that many things, but stop after `most_s`."""
+    account = Account()
+    page_complaints = complaints_of(context)
+    crowd, began, noted = Crowd(server, context, seed), time.monotonic(), -np.inf
+    for _ in range(actions):
+        now = time.monotonic() - began
+        if now > most_s:
+            break
+        if now - noted > 5:
+            noted = now
+            account.memory_mb.append((round(now, 1), round(server.memory_mb(), 1)))
+        done = crowd.act()
+        account.actions[done] = account.actions.get(done, 0) + 1
+    account.memory_mb.append((round(time.monotonic() - began, 1), round(server.memory_mb(), 1)))
+    account.idle = crowd.leave_quiet(180)
+    account.complaints = [*page_complaints, *server.complaints()]
+    return account
+
+
+def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser: Browser) -> None:
+    with served("stonehenge") as server:
+        context = browser.new_context(viewport={"width": 800, "height": 560})
+        account = soak(server, context, actions=150, most_s=75)
+        context.close()
+    assert not account.complaints
+    assert account.idle, "a job goes on that nobody can stop"
+    assert sum(account.actions.values()) > 20, account.actions
+    # within the first minutes kernels, maps and pictures are still being made for the first time
+    assert account.growth_mb(30) < 4 * MOST_GROWTH_MB, account.memory_mb
+
+
+def main() -> None:
+    """Soak for long, and tell."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=30)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--cores", type=int, default=2, help="on which the app runs")
+    asked = parser.parse_args()
+    cores = set(sorted(os.sched_getaffinity(0))[: asked.cores])
+    with sync_playwright() as playwright, served("stonehenge", cores=cores) as server:
+        browser = launch(playwright)
+        account = soak(server, browser.new_context(viewport={"width": 800, "height": 560}), 10**6, 60 * asked.minutes)
+        browser.close()
+    print(json.dumps({"growth_mb": account.growth_mb(WARM_UP_S), **vars(account)}))
+
+
+if __name__ == "__main__":
+    main()

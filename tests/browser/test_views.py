@@ -1,0 +1,139 @@
+"""What the page can show of a place, and what can be asked of it by hand, as the browser has it."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from app.ends import Which
+from app.events import JobFinished
+from app.flying import FlightSettings
+from app.look import Backdrop
+from app.messages import MoveEnd
+from app.server import App
+from app.session import JobKind
+from tests.app.doubles import ScriptedWork, flight_step
+from tests.browser.tab import Tab
+from tests.browser.works import small_work
+
+Serve = Callable[..., App]
+OpenTab = Callable[[App], Tab]
+
+
+def test_slice_occupied_space_and_surface_are_shown_as_asked(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(small_work())
+    tab = open_tab(app)
+    tab.unfold("Scene", "View")
+    tab.check("Scene", "Density slice")
+    tab.until(lambda: app.session.sights.slice is not None and tab.is_visible("/slice"), "no slice is shown")
+    assert tab.property("/slice", "render_width") == 2.0
+    tab.check("Scene", "Occupied")
+    tab.until(lambda: tab.is_visible("/space/occupied"), "occupied space is not shown")
+    assert len(tab.property("/space/occupied", "points")) > 300
+    tab.check("Scene", "Density slice")
+    tab.until(lambda: not tab.is_visible("/slice"), "the slice stays")
+    tab.choose("Scene", "Field", Backdrop.NOTHING.value)
+    tab.until(lambda: not tab.is_visible("/field"), "the surface stays")
+    tab.load()
+    assert not tab.is_visible("/field") and tab.is_visible("/space/occupied"), "a reload has forgotten the view"
+
+
+def test_the_field_itself_is_rendered_for_each_tab_from_its_own_camera(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(small_work())
+    first, second = open_tab(app), open_tab(app)
+    first.unfold("Scene", "View")
+    first.choose("Scene", "Field", Backdrop.RENDER.value)
+    first.until(lambda: len(app.session.sights.views) == 2, "a tab has no rendering of its own")
+    before = dict(app.session.sights.eyes)
+    second.page.bring_to_front()
+    box = second.page.locator("canvas").first.bounding_box()
+    assert box is not None
+    x, y = box["x"] + 0.6 * box["width"], box["y"] + 0.8 * box["height"]
+    second.page.mouse.move(x, y)
+    second.page.mouse.down()
+    second.page.mouse.move(x - 120, y, steps=6)
+    second.page.mouse.up()
+    second.until(lambda: app.session.sights.eyes != before, "nobody looks from anywhere else")
+    moved = [client for client, eye in app.session.sights.eyes.items() if eye != before[client]]
+    assert len(moved) == 1, "one person's viewpoint is another's too"
+    second.until(
+        lambda: all(view.question.eye == app.session.sights.eyes[client]
+                    for client, view in app.session.sights.views.items()),
+        "a rendering stays behind its camera",
+    )  # fmt: skip
+    assert not first.is_visible("/field")
+
+
+def test_a_click_into_the_scene_puts_an_end_there(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(small_work())
+    tab = open_tab(app)
+    tab.press("goal")
+    tab.until(lambda: app.session.aiming is Which.GOAL, "nothing aims")
+    tab.click_at((-0.4, -0.5, 0.38))
+    tab.until(lambda: app.session.ends.goal.position[0] < 0, "the goal did not move")
+    goal = np.array(app.session.ends.goal.position)
+    assert np.linalg.norm(goal[:2] - [-0.4, -0.5]) < 0.15 and 0.3 < goal[2] < 0.6, "it is not on the ball"
+    tab.until(lambda: np.allclose(tab.position(Which.GOAL), goal, atol=1e-3), "the page has the goal elsewhere")
+    tab.click_at((0.5, 0.4, 0.3))
+    tab.page.wait_for_timeout(400)
+    assert np.allclose(app.session.ends.goal.position, goal), "one click is enough"
+
+
+def test_an_occupied_end_is_offered_the_nearest_free_place(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(small_work())
+    tab = open_tab(app)
+    end = app.session.ends.start
+    app.post(MoveEnd(Which.START, type(end)((0.0, 0.05, 0.3), end.yaw)))
+    button = "Move the start to the nearest free point"
+    tab.until(lambda: tab.page.get_by_role("button", name=button).is_visible(), "nothing is offered")
+    tab.until(lambda: tab.property("/start/label", "text") == "start: no room", "the handle does not say so")
+    tab.page.get_by_role("button", name=button).click()
+    tab.until(lambda: app.session.problems.get(Which.START, "?") is None, "the robot does not fit there either")
+    tab.until(lambda: not tab.page.get_by_role("button", name=button).is_visible(), "the offer stays")
+
+
+def test_planners_are_drawn_side_by_side(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(small_work())
+    tab = open_tab(app)
+    tab.press("Compare planners")
+    tab.until(lambda: len(app.session.rivals) >= 2, "no planner has ended", timeout_s=60)
+    tab.press("Cancel")
+    tab.until(lambda: app.session.job is None, "the comparison goes on", timeout_s=60)
+    for rival in app.session.rivals[:2]:
+        assert rival.motion is not None
+        tab.until(lambda rival=rival: tab.is_visible(f"/plan/{rival.planner}"), "a planner is not drawn")
+        np.testing.assert_allclose(
+            tab.line(f"/plan/{rival.planner}"), rival.motion.states.position.numpy(), atol=1e-5
+        )
+
+
+def test_weights_and_duration_are_set_in_the_page_and_refused_where_they_make_no_sense(
+    serve: Serve, open_tab: OpenTab
+) -> None:
+    app = serve(small_work())
+    tab = open_tab(app)
+    tab.unfold("Plan", "Weights")
+    tab.page.get_by_label("Collision", exact=True).fill("5")
+    tab.page.get_by_label("Duration [s]", exact=True).fill("3")
+    tab.until(lambda: app.session.planning.weights.collision == 5.0, "the weight was not taken")
+    tab.until(lambda: app.session.planning.duration_s == 3.0, "the duration was not taken")
+    tab.page.get_by_label("Collision", exact=True).fill("-7")
+    tab.until(lambda: tab.says("Collision must be from 0 to 1e+06"), "nobody complains")
+    assert app.session.planning.weights.collision == 5.0
+
+
+def test_a_flight_is_slowed_pushed_and_charted(serve: Serve, open_tab: OpenTab) -> None:
+    steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(200)]
+    app = serve(ScriptedWork({JobKind.FLY: [*steps, JobFinished("fly")]}))
+    tab = open_tab(app)
+    tab.unfold("Fly", "Settings")
+    tab.choose("Fly", "Speed", "real time")
+    tab.until(lambda: app.session.flying == FlightSettings(pace=1.0), "the speed was not taken")
+    tab.press("Fly")
+    tab.until(lambda: app.session.steps_reported > 3, "it does not fly")
+    tab.press("Gust")
+    tab.until(lambda: app.session.job is not None and app.session.job.gusts == 1, "no gust blows")
+    tab.until(lambda: tab.page.locator(".uplot").locator("visible=true").count() == 1, "there is no chart")
+    tab.until(lambda: tab.is_visible("/flight/attitude"), "the attitude's uncertainty is not drawn")
+    tab.press("Stop")
+    tab.until(lambda: app.session.job is None, "it flies on")
+    assert app.session.steps_reported < 200

@@ -1,0 +1,26 @@
+"""Real jobs that are small enough for tests in a browser."""
+
+from functools import partial
+
+from app.jobs import scene
+from app.work import NavigationWork
+from nerfnav.estimator.descent import DescentConfig
+from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.pixels import PixelConfig
+from nerfnav.navigation.replan import NavigateConfig
+from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.optimize import PlanConfig
+from tests.app.doubles import balls_place
+
+_CALM = StateNoise(0.002, 0.002, 0.002, 0.002)  # so that a filter of few iterations keeps up
+
+
+def small_work() -> NavigationWork:
+    """Real jobs among three balls, with few iterations."""
+    pose_filter = FilterConfig(PixelConfig(count=64), DescentConfig(iterations=15), process_noise=_CALM)
+    return NavigationWork(
+        open=partial(scene.run, opener=lambda _: balls_place()),
+        plans={"fast": FastPlanConfig()},
+        navigate=NavigateConfig(replan=PlanConfig(iterations=5), filter=pose_filter, noise=_CALM, initial=_CALM),
+    )
