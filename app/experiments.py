@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from nerfnav.experiments import correlation, estimation, ground_robots, planners
+from nerfnav.experiments import basin, correlation, estimation, ground_robots, planners, relocalisation, tangent
 from nerfnav.experiments.study import ExperimentStep, Study
 from nerfnav.world.scene import Task
 from scenes import stonehenge
@@ -43,5 +43,16 @@ EXPERIMENTS = {
         estimation.run,
         "the pose filter against iNeRF on the same disturbed flights: errors, honesty",
         tasks=stonehenge.EXPERIMENT_TASKS[:10],
+    ),
+    "relocalisation": Experiment(
+        relocalisation.run, "finding a camera anywhere in the place from one picture: how often, how sure, how fast"
+    ),
+    "basin": Experiment(
+        basin.run,
+        "from how far off one picture leads the pose filter back",
+        tasks=stonehenge.EXPERIMENT_TASKS[:10],
+    ),
+    "tangent-plane": Experiment(
+        tangent.run, "Adam in the tangent of the last state against a single tangent plane: convergence (paper Eq. 8)"
     ),
 }

@@ -1,7 +1,8 @@
 """nerfnav fly: the whole loop, with a simulated camera."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 from app.commands.screen import follow, note, show
 from app.commands.values import Route
@@ -17,6 +18,9 @@ class Arguments(Route):
 
     estimator: str = "fast"
     """Which pose filter."""
+    covariance: Literal["gauss-newton", "exact"] = "gauss-newton"
+    """How the fast filter tells how sure it is: from what its steps know anyway, or by the exact second derivatives
+    of the paper, which takes longer."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
     seed: int = 0
@@ -30,12 +34,15 @@ class Arguments(Route):
 def run(arguments: Arguments) -> None:
     """Fly, and print the numbers of the flight."""
     place = arguments.open()
+    config = arguments.config
+    if arguments.covariance == "exact":
+        config = replace(config, filter=replace(config.filter, exact_covariance=True))
     request = FlyRequest(
         arguments.request(place, arguments.config.plan),
         estimator=arguments.estimator,
         open_loop=arguments.open_loop,
         seed=arguments.seed,
-        config=arguments.config,
+        config=config,
         source=arguments.place,
         task=arguments.task_name(place),
         out=arguments.out or Shelf().new(place.name),

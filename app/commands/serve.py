@@ -6,7 +6,9 @@ The page is up before the libraries that compute are imported, which takes longe
 import contextlib
 import importlib.util
 import json
+import signal
 import sys
+import threading
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +48,8 @@ def run(arguments: Arguments) -> None:
     if not _comes_along(arguments.place):
         _check(arguments.place)  # the app would open it later, on a page that nobody may look at
     check_address(arguments.host, arguments.port)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # what supervisors send ends it as Ctrl-C does
     stdout = sys.stdout
     with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout is for the address alone
         server = guarded_server(arguments.host, arguments.port, arguments.token)

@@ -18,6 +18,7 @@ from app.runs.about import About
 from app.runs.log import logged
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.photometric import ColorNoise
+from nerfnav.estimator.relocalise import Searcher
 from nerfnav.export.tables import csv_text, episode_table, json_text
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import Camera, Pose
@@ -135,6 +136,7 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     pilot = Pilot(
         planner(seen_as.field, place.robot, settings, again, occupancy_of(seen_as, settings.occupancy)),
         estimator(place.field, place.robot, CAMERA, config=config.filter),
+        Searcher(place.field, CAMERA, config.filter.color_noise),
     )
     contact = None if place.scene is None else contact_check(place.scene, place.robot.body)
     simulator = Simulator(

@@ -24,6 +24,8 @@ MOST_VOXELS = 30_000_000
 """Training holds a dozen numbers for each voxel and thread."""
 OUTSIDE_NODES = 128
 """Nodes along each edge of the grid over what photographs show around the box."""
+SMOOTHNESS = (1e-8, 1e-7)
+"""Weights of the roughness of densities and of colours for real photographs, which are few and differ in exposure."""
 
 __all__ = ["StoppedError", "TrainRequest", "run"]
 
@@ -69,13 +71,24 @@ def _save(trained: StoredField, truth: Scene | None, out: Path) -> tuple[int, tu
 
 
 def _config(request: TrainRequest, material: Material) -> TrainConfig:
-    config = request.config
+    config = request.config if material.bounded else _of_photographs(request.config)
     return replace(
         config,
         voxel=request.voxel or material.voxel or config.voxel,
         iterations=request.iterations or material.iterations or config.iterations,
         budget=request.budget,
-        outside=config.outside or (0 if material.bounded else OUTSIDE_NODES),
+    )
+
+
+def _of_photographs(config: TrainConfig) -> TrainConfig:
+    """The same for photographs of a real place: what is around the box is learned too, and all of it more smoothly."""
+    rough_density, rough_color = SMOOTHNESS
+    return replace(
+        config,
+        outside=config.outside or OUTSIDE_NODES,
+        exposure=True,
+        rough_density=config.rough_density or rough_density,
+        rough_color=config.rough_color or rough_color,
     )
 
 

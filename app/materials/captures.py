@@ -17,8 +17,9 @@ from nerfnav.importers.captures.views import CaptureError
 
 ITERATIONS = 2000
 """Training steps that photographs ask for where nobody gave a number."""
-NODES = 6_000_000
-"""Nodes of the field of a capture, where nobody gave the size of a voxel."""
+NODES = 2_000_000
+"""Nodes of the field of a capture, where nobody gave the size of a voxel: fifty photographs do not tell more apart, and
+finer fields learn their noise (the fox: 22.5 dB with 6 million, 23.2 dB with 2)."""
 
 
 def takes(source: str) -> bool:

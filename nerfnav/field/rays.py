@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from nerfnav.field.kernels.pixels import rays_of_pixels
 from nerfnav.geometry.images import PosedImages
@@ -36,6 +38,11 @@ class RaySampler:
         self._rotations = np.ascontiguousarray(photographs.poses.rotation.numpy(), np.float32)
         self._positions = np.ascontiguousarray(photographs.poses.position.numpy(), np.float32)
         self._generator = generator
+        self._brightness = np.full(len(photographs), 1 / 255, np.float32)
+
+    def correct(self, gains: Float[Tensor, " n"]) -> None:
+        """From now on, take each photograph for brighter than it should be by its gain (see field/exposure.py)."""
+        self._brightness = (1 / (255 * gains)).numpy().astype(np.float32)
 
     def draw(self, count: int) -> RayBatch:
         """`count` random rays with their colours."""
@@ -44,4 +51,5 @@ class RaySampler:
         origins, directions = rays_of_pixels(
             chosen, *self._size, self._focal, self._center, self._rotations, self._positions
         )
-        return RayBatch(origins, directions, self._pixels[chosen] * np.float32(1 / 255), jitter)
+        brightness = self._brightness[chosen // (self._size[0] * self._size[1])]
+        return RayBatch(origins, directions, self._pixels[chosen] * brightness[:, None], jitter)

@@ -19,6 +19,7 @@ from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
 from nerfnav.field.calibration import calibrated
+from nerfnav.field.exposure import gains
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.learner import Finish, GridLearner, LearningRates, Place
 from nerfnav.field.rays import RaySampler
@@ -71,6 +72,8 @@ class TrainConfig:
     outside: int = 0
     """Nodes along each edge of the grid over what is around the box, as photographs of real places need it; 0 where the
     background is one colour. See field/surroundings.py."""
+    exposure: bool = False
+    """Whether photographs may differ in exposure: their gains are then found between the stages."""
     device: str = "cpu"
     """Where to train: on "cpu" with compiled kernels, on "cuda" and others in torch, the same to rounding."""
     report_every: int = 50
@@ -126,6 +129,8 @@ def train(
     while fraction < 1 and not stop:
         if fraction >= ends[stage]:
             stage += 1
+            if config.exposure:
+                sampler.correct(gains(learner.field(config.finish), photographs))
             learner = learner.refined(_shape(box, config, stage), _outside(config, stage))
         with threads(workers):
             loss = learner.step(sampler.draw(config.rays), _rates(config, fraction))

@@ -39,7 +39,7 @@ _FINER = 4
 class ScoutConfig:
     """How the first guesses are compared."""
 
-    points: int = 12
+    points: int = 24
     """Body points at which scouts ask for density: a coarse body."""
     samples_per_step: int = 3
     """Densities taken along each of their ways through a step."""

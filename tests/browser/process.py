@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -63,6 +62,6 @@ def served(*arguments: str, cores: set[int] | None = None) -> Iterator[Served]:
                 assert process.stdout is not None
                 yield Served(process, json.loads(process.stdout.readline())["url"], log)
             finally:
-                process.send_signal(signal.SIGINT)
+                process.terminate()
                 code = process.wait(60)
         assert code == 0, log.read_text(errors="replace")[-2000:]
