@@ -23,7 +23,7 @@ DRAWN_BY_SOFTWARE = [
 ]  # fmt: skip
 PORT = 8093
 SIZE = {"width": 1280, "height": 800}
-TASK, STEPS = "Headline, across the ring", 14
+TASK, STEPS = "East to west", 14
 _QUIET = ".mantine-Notifications-root { display: none }"
 _SEEN_BITS = 0xFC  # the last two bits of each colour are not seen, but fill the file
 

@@ -14,7 +14,7 @@ from app.jobs.experiment import run as run_job
 class Arguments:
     """Run an experiment: many trials, judged on the ground truth, summed up in a table and figures.
 
-    Known are: planners, collision-correlation, ground-robots, estimation.
+    Known are: planners, collision-correlation, ground-robots, estimation, relocalisation, basin, tangent-plane.
     """
 
     name: Positional[str]

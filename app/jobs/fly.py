@@ -18,7 +18,7 @@ from app.runs.about import About
 from app.runs.log import logged
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.relocalise import Searcher
+from nerfnav.estimator.relocalise import RelocaliseStep, Searcher
 from nerfnav.export.tables import csv_text, episode_table, json_text
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import Camera, Pose
@@ -85,6 +85,8 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
             elif isinstance(event, PlanStep) and not flown:
                 fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
                 stop = (yield Progress("optimising the first plan", fraction)) or stop
+            elif isinstance(event, RelocaliseStep):
+                stop = (yield Progress("looking everywhere for the robot", event.fraction)) or stop
             if stop and flown:
                 break
     episode = Episode.of(flown)

@@ -10,7 +10,7 @@ marginalised.
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -28,7 +28,8 @@ from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined
 from nerfnav.estimator.photometric import Observation, difference, inliers, patches
 from nerfnav.estimator.pixels import PixelSource, choose_pixels
 from nerfnav.estimator.predict import predict
-from nerfnav.estimator.pyramid import View, small_observation
+from nerfnav.estimator.pyramid import Stage, View, small_observation
+from nerfnav.estimator.starts import THREADS, drawn, likeliest
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.estimator.verdict import check_image, contrast, predicted_only
 from nerfnav.field.field import Field
@@ -38,7 +39,8 @@ from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import BODY_RATE, TANGENT, VELOCITY, RigidState
 
-_THREADS = 2
+_End = tuple[FilterStep, Observation, Iterate]
+"""Where a descent is."""
 _TOLD = 3
 """Fewest directions of the six in which a picture must halve the variance to be more than WEAK."""
 _TYPICAL_DEPTH = 0.3
@@ -103,49 +105,66 @@ class _Update:
     generator: torch.Generator
 
     def run(self) -> Iterator[FilterStep]:
-        """From coarse to fine; once more, from many starts, where that ends in a false minimum."""
-        starts = [True] if self._spread_px() > self.filter.config.pyramid.narrow else [False, True]
-        iteration = 0
-        for many in starts:
-            stage = None
-            for stage in self._descend(many and self.filter.trust_dynamics, iteration):
-                yield stage[0]
-            assert stage is not None, "a descent yields at least its start"
-            step, seen, here = stage
-            iteration = step.iteration + 1
-            if many == starts[-1] or not self._disagrees(step):
-                yield self._conclude(step, seen, here)
-                return
+        """From coarse to fine; then from many starts at full size, where that seems to be a false minimum."""
+        pyramid, trusted = self.filter.config.pyramid, self.filter.trust_dynamics
+        many = trusted and self._spread_px() > pyramid.narrow
+        plans = [pyramid.stages(many), pyramid.search.stages()]
+        guesses = [self._coarse_guess if many else self._only_guess, self._searched_guess]
+        best, iteration = None, 0
+        for stages, guess in zip(plans, guesses, strict=True):
+            end = None
+            for end in self._descend(stages, guess(), iteration):
+                yield end[0]
+            assert end is not None, "a descent yields at least its start"
+            iteration = end[0].iteration + 1
+            best = end if best is None or end[2].cost[0] < best[2].cost[0] else best
+            if not trusted or not self._is_doubtful(best):
+                break
+        assert best is not None, "there is at least one descent"
+        step, seen, here = best
+        yield self._conclude(replace(step, iteration=iteration - 1), seen, here)
 
-    def _descend(self, many: bool, iteration: int) -> Iterator[tuple[FilterStep, Observation, Iterate]]:
+    def _descend(self, stages: Sequence[Stage], guess: Guess, iteration: int) -> Iterator[_End]:
         """All stages' iterations, with the observation of the stage; the last is the result."""
         pyramid = self.filter.config.pyramid
-        guess = Guess.at(self.prediction.mean.pose.map(lambda tensor: tensor[None]))
-        more = pyramid.thorough if many else 1
-        for stage, (halvings, robust, most) in enumerate(
-            zip(pyramid.halvings, pyramid.robust, pyramid.iterations, strict=True)
-        ):
-            seen, source = self._observation(halvings, guess.pose[0])
-            if many and stage == 0:
-                guess = self._likeliest(seen)
-            settings = NewtonConfig(most * more, robust=robust, settled=pyramid.settled * 2**halvings)
+        for stage in stages:
+            seen, source = self._observation(stage.halvings, guess.pose[0], stage.pixels)
+            settled = pyramid.settled * 2**stage.halvings
+            settings = NewtonConfig(stage.iterations, robust=stage.robust, settled=settled)
             cost = torch.zeros(len(guess.exposure))
-            for here in _quickly(minimise(seen, guess, self._prior(len(seen.pixels), halvings), settings)):
+            for here in _quickly(minimise(seen, guess, self._prior(len(seen.pixels), stage.halvings), settings)):
                 guess, cost = here.guess, here.cost
-                yield self._record(iteration, here, int(cost.argmin()), seen, (halvings, source)), seen, here
+                yield self._record(iteration, here, int(cost.argmin()), seen, (stage.halvings, source)), seen, here
                 iteration += 1
-            kept = 1 if stage + 2 >= len(pyramid.halvings) else -(-len(cost) // 3)
+            kept = stage.kept or -(-len(cost) // 3)
             guess = guess[cost.argsort()[:kept]]
 
-    def _observation(self, halvings: int, pose: Pose) -> tuple[Observation, PixelSource | None]:
-        """The pixels of one stage, which begins at a pose."""
-        view, config = self.filter.view.at(halvings), self.filter.config
+    def _observation(self, halvings: int, pose: Pose, pixels: int) -> tuple[Observation, PixelSource | None]:
+        """So many pixels of one stage, which begins at a pose."""
+        view = self.filter.view.at(halvings)
         if halvings:
-            return small_observation(self.image, view, config.pyramid.pixels, self.generator), None
-        wanted = replace(config.pixels, count=config.pyramid.pixels)
-        with threads(_THREADS):
+            return small_observation(self.image, view, pixels, self.generator), None
+        wanted = replace(self.filter.config.pixels, count=pixels)
+        with threads(THREADS):
             choice = choose_pixels(self.image, wanted, self.generator, partial(Observation.slopes, pose, view))
         return Observation.of(self.image, choice.pixels, view), choice.source
+
+    def _only_guess(self) -> Guess:
+        """The mean of the prediction."""
+        return Guess.at(self.prediction.mean.pose.map(lambda tensor: tensor[None]))
+
+    def _coarse_guess(self) -> Guess:
+        """The likeliest by the smallest picture."""
+        pyramid = self.filter.config.pyramid
+        seen, _ = self._observation(pyramid.halvings[0], self.prediction.mean.pose, pyramid.pixels)
+        return likeliest(seen, drawn(self.prediction, pyramid.candidates, self.generator), pyramid.starts)
+
+    def _searched_guess(self) -> Guess:
+        """The likeliest by the picture at full size."""
+        search = self.filter.config.pyramid.search
+        seen, _ = self._observation(0, self.prediction.mean.pose, search.pixels[0])
+        poses = drawn(self.prediction, search.candidates, self.generator)
+        return likeliest(seen, poses, search.starts, search.saturation)
 
     def _prior(self, pixels: int, halvings: int = 0) -> Prior:
         config, noise = self.filter.config, self.filter.config.color_noise
@@ -169,18 +188,6 @@ class _Update:
         depth = _TYPICAL_DEPTH * float(self.filter.field.box.size.max())
         angle = float(spread[3:].norm() + spread[:3].norm() / depth)
         return self.filter.view.at(self.filter.config.pyramid.halvings[0])[1].fx * angle
-
-    def _likeliest(self, seen: Observation) -> Guess:
-        """The mean of the prediction and, of many random states of it, those that look most like the picture."""
-        pyramid, mean = self.filter.config.pyramid, self.prediction.mean
-        root = torch.linalg.cholesky(self.prediction.covariance[POSE][:, POSE])
-        draws = torch.randn(pyramid.candidates, 6, generator=self.generator) @ root.T
-        draws = torch.cat([torch.zeros(1, 6), draws])
-        poses = Pose(so3.retract(mean.rotation.expand(len(draws), 3, 3), draws[:, 3:]), mean.position + draws[:, :3])
-        with threads(_THREADS):
-            off = (seen.shown(poses) - seen.colors).abs().mean((1, 2))
-        best = off.argsort()[: pyramid.starts]
-        return Guess.at(poses[torch.cat([torch.zeros(1, dtype=best.dtype), best[best != 0]])])
 
     @cached_property
     def _regression(self) -> Float[Tensor, "12 6"]:
@@ -212,6 +219,13 @@ class _Update:
             pixel_source=source,
         )
 
+    def _is_doubtful(self, end: _End) -> bool:
+        """Whether the colours differ by more than noise explains, on the whole or mostly."""
+        step, seen, _ = end
+        squares = step.photometric / self._prior(len(seen.pixels)).kappa / step.residual.numel() / 3
+        bound = self.filter.config.pyramid.search.doubt * self.filter.config.color_noise.std
+        return not squares <= bound**2 or self._disagrees(step)
+
     def _disagrees(self, step: FilterStep) -> bool:
         """Whether most pixels differ by more than noise explains."""
         config = self.filter.config
@@ -224,7 +238,7 @@ class _Update:
         known = picture_information(here)
         if not step.process <= config.innovation_gate or self._disagrees(step) or not known.isfinite().all():
             return replace(step, posterior=self.prediction, outcome=FilterOutcome.DIVERGED)
-        cost = PoseCost.of(exposed(seen, here.guess.exposure[0]), self.prediction, config.color_noise)
+        cost = PoseCost.of(seen.exposed(here.guess.exposure[0]), self.prediction, config.color_noise)
         if config.exact_covariance:
             noise = replace(config.color_noise, alike=self._alike(len(seen.pixels)))
             curved = replace(cost, noise=noise).hessian(step.mean)
@@ -242,13 +256,8 @@ class _Update:
 def _quickly(steps: Iterator[Iterate]) -> Iterator[Iterate]:
     """The same steps, each made on the filter's threads and without gradients; what others do between them is not."""
     while True:
-        with torch.no_grad(), threads(_THREADS):
+        with torch.no_grad(), threads(THREADS):
             step = next(steps, None)
         if step is None:
             return
         yield step
-
-
-def exposed(seen: Observation, exposure: Float[Tensor, "2"]) -> Observation:
-    """An observation with the colours that the field should show, if this is the camera's gain less one, and bias."""
-    return replace(seen, colors=(seen.colors - exposure[1]) / (1 + exposure[0]))

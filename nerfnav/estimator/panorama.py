@@ -22,6 +22,8 @@ from nerfnav.compiled import threads
 from nerfnav.field.field import Field
 from nerfnav.field.render import FastRenderer, render_rays
 from nerfnav.geometry import so3
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.grid import node_positions, shape_for
 
 _THREADS = 2
 _ROWS, _COLUMNS = 24, 64
@@ -31,6 +33,10 @@ _HIGHEST = math.radians(67)
 COLUMN = 2 * math.pi / _COLUMNS
 """Azimuth from one column to the next [rad]."""
 _PLACES_AT_ONCE = 64
+_ROOM, _FREE = 0.05, 1.0
+"""Room around a camera [m], and density that still counts as free [1/m]."""
+_COARSER = 1.15
+"""Factor on the distance of places while there are too many."""
 _FLAT = 2e-3
 """Variance of colours below which a view has no contrast that a gain could stretch."""
 
@@ -84,6 +90,36 @@ class Panoramas:
         return spread - shared.square() / ((square - mean.square()).clamp_min(0) + _FLAT)
 
 
+def free_places(field: Field, spacing: float) -> Float[Tensor, "n 3"]:
+    """Points in the box that a camera could be at, on a grid [m]: no density there, nor `_ROOM` around."""
+    inner = Box(field.box.lower + _ROOM, field.box.upper - _ROOM)
+    points = node_positions(inner, shape_for(inner, spacing)).reshape(-1, 3)
+    around = torch.cat([torch.zeros(1, 3), _ROOM * torch.eye(3), -_ROOM * torch.eye(3)])
+    with torch.no_grad():
+        density = field.density(points[:, None] + around).amax(-1)
+    return points[density < _FREE]
+
+
+def thinned(places: Float[Tensor, "n 3"], spacing: float, most: int) -> Float[Tensor, "m 3"]:
+    """One of the places in each cell of a grid [m], whose cells grow until there are no more than `most`."""
+    while True:
+        cells = torch.unique((places / spacing).round().long(), dim=0, return_inverse=True)[1]
+        count = int(cells.max()) + 1
+        if count <= most:
+            break
+        spacing *= _COARSER
+    first = torch.full((count,), len(places)).scatter_reduce(0, cells, torch.arange(len(places)), "amin")
+    return places[first]
+
+
+def tilts_of(pitches: tuple[float, ...], rolls: tuple[float, ...]) -> Float[Tensor, "t 3 3"]:
+    """Attitudes of carriers that head along x, for each pitch and roll [rad]."""
+    angles = torch.cartesian_prod(torch.tensor(pitches), torch.tensor(rolls)).reshape(-1, 2)
+    zero = torch.zeros(len(angles))
+    pitched = so3.exp(torch.stack([zero, angles[:, 0], zero], -1))
+    return pitched @ so3.exp(torch.stack([angles[:, 1], zero, zero], -1))
+
+
 def _directions() -> Float[Tensor, "r c 3"]:
     """Unit vectors of the cells, in the world."""
     elevation = _HIGHEST * ((torch.arange(_ROWS) + 0.5) / _ROWS * 2 - 1)[:, None].expand(-1, _COLUMNS)
@@ -114,11 +150,3 @@ def _spectrum(panoramas: Float[Tensor, "n r c k"]) -> Complex[Tensor, "f n rk"]:
 def _turned(seen: Complex[Tensor, "f n rk"], laid: Complex[Tensor, "f t rk"]) -> Float[Tensor, "n t h"]:
     """Sums over cells of the products, for every place n, tilt t and turn h."""
     return torch.fft.irfft((seen @ laid.transpose(1, 2)).permute(1, 2, 0), n=_COLUMNS, dim=-1)
-
-
-def tilts_of(pitches: tuple[float, ...], rolls: tuple[float, ...]) -> Float[Tensor, "t 3 3"]:
-    """Attitudes of carriers that head along x, for each pitch and roll [rad]."""
-    angles = torch.cartesian_prod(torch.tensor(pitches), torch.tensor(rolls)).reshape(-1, 2)
-    zero = torch.zeros(len(angles))
-    pitched = so3.exp(torch.stack([zero, angles[:, 0], zero], -1))
-    return pitched @ so3.exp(torch.stack([angles[:, 1], zero, zero], -1))

@@ -7,7 +7,7 @@ the colour in the picture, s the standard deviation of the noise on one colour c
 that err alike: S = k s^2 I.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import torch
@@ -68,6 +68,10 @@ class Observation:
     ) -> "Observation":
         """The given pixels of a picture; `view` is (field, camera, mount)."""
         return cls(*view, pixels, image[pixels[:, 1], pixels[:, 0]].float() / 255)
+
+    def exposed(self, exposure: Float[Tensor, "2"]) -> "Observation":
+        """With the colours that the field should show, if this is the camera's gain less one, and bias."""
+        return replace(self, colors=(self.colors - exposure[1]) / (1 + exposure[0]))
 
     def rays(self, state: RigidState) -> tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]:
         """Origins [m] and unit directions in the world, differentiable in the state's pose."""

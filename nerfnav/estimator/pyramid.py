@@ -3,7 +3,7 @@
 Gauss-Newton from one scale converges from two or three pixels away. Reduced by 2^k, a picture forgives 2^k as much.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from jaxtyping import Float, UInt8
@@ -12,6 +12,53 @@ from torch import Tensor
 from nerfnav.estimator.photometric import Observation
 from nerfnav.field.field import Field
 from nerfnav.geometry.camera import Camera, Pose
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One part of a descent."""
+
+    halvings: int
+    """The picture is reduced by 2 to this."""
+    robust: float
+    """Colour difference beyond which a pixel pulls less and less (Huber) [1 = full scale]."""
+    iterations: int
+    """Steps at most."""
+    pixels: int
+    """Pixels compared at most."""
+    kept: int | None
+    """Poses that go on from here, the likeliest; None: a third of them."""
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """How the fast filter looks again where a descent seems to have ended in a false minimum.
+
+    What little shows in a poor picture is lost when it is made smaller. So here random states of the prediction are
+    compared with the picture at full size, around its features, and the likeliest are improved, ever fewer of them.
+    """
+
+    doubt: float = 2.0
+    """Look again where the colours' root mean square difference (Huber) ends above this many standard deviations."""
+    candidates: int = 1000
+    """Random states that are looked at ..."""
+    starts: int = 24
+    """... and how many of them are improved."""
+    saturation: float = 0.3
+    """Colour differences above this count as this, in the choice of those [1 = full scale]."""
+    pixels: tuple[int, ...] = (256, 512, 1024)
+    """Pixels compared in each stage."""
+    robust: tuple[float, ...] = (1.0, 0.3, 0.1)
+    """Huber's threshold in each stage [1 = full scale]."""
+    iterations: tuple[int, ...] = (6, 8, 12)
+    """Steps of each stage, at most."""
+    kept: tuple[int, ...] = (8, 1, 1)
+    """Poses that are left after each stage."""
+
+    def stages(self) -> list[Stage]:
+        """All at full size."""
+        table = zip(self.robust, self.iterations, self.pixels, self.kept, strict=True)
+        return [Stage(0, *row) for row in table]
 
 
 @dataclass(frozen=True)
@@ -40,6 +87,17 @@ class PyramidConfig:
     """... and this many of them, the likeliest, are improved; each later stage goes on with a third."""
     narrow: float = 1.2
     """Spread of the prediction, in pixels of the first stage, from which one start may not be enough."""
+    search: SearchConfig = field(default_factory=SearchConfig)
+    """What follows where the result is doubtful."""
+
+    def stages(self, many: bool) -> list[Stage]:
+        """From coarse to fine; the last but one leaves one pose."""
+        table = list(zip(self.halvings, self.robust, self.iterations, strict=True))
+        return [
+            Stage(halvings, robust, most * (self.thorough if many else 1), self.pixels,
+                  1 if index + 2 >= len(table) else None)
+            for index, (halvings, robust, most) in enumerate(table)
+        ]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """How much brighter or darker each photograph is than the others: phones choose the exposure of each by themselves.
 
 A field has one brightness. Where photographs disagree, it grows fog in front of cameras to please each of them; told
-how bright each one is, it need not. With a photograph I and the field's picture C from the same place, the gain is the one
-that makes sum |I - g C|^2 least:  g = <I, C> / <C, C>.
+how bright each one is, it need not. With a photograph I and the field's picture C from the same place, the gain is the
+one that makes sum |I - g C|^2 least:  g = <I, C> / <C, C>.
 """
 
 import torch

@@ -14,7 +14,8 @@ from nerfnav.errors import InvalidInputError
 
 COUNTS = (0, 4, 5)
 """How many coefficients there may be: none, or k1, k2, p1, p2 and perhaps k3."""
-_ROUNDS = 40
+_ROUNDS, _ENOUGH = 300, 1e-9
+"""Steps at most, and how near to the wanted point they end."""
 _ASTRAY = 1e-4
 """How far undistorting and distorting again may lead from a point at depth 1, about a twentieth of a pixel."""
 
@@ -38,9 +39,13 @@ def undistorted(points: Float[Tensor, "*batch 2"], coefficients: tuple[float, ..
     """
     wanted = points.double()
     flat = wanted
+    missed = torch.full_like(wanted, torch.inf)
     for _ in range(_ROUNDS):
-        flat = flat + wanted - distorted(flat, coefficients)
-    if not bool(((distorted(flat, coefficients) - wanted).abs() < _ASTRAY).all()):  # nor is NaN
+        missed = wanted - distorted(flat, coefficients)
+        flat = flat + missed
+        if bool((missed.abs() < _ENOUGH).all()):
+            break
+    if not bool((missed.abs() < _ASTRAY).all()):  # nor is NaN
         raise InvalidInputError(
             f"the lens distortion {coefficients} cannot be undone up to the picture's border: "
             "calibrate again with points near the border, or use a part of the picture"

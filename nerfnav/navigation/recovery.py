@@ -46,8 +46,9 @@ class RecoveryConfig:
     """Pictures in a row that may disagree before the robot counts as lost."""
     widen: float = 1.7
     """Factor on all standard deviations of the belief for each picture that disagrees."""
-    found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 0.3, 0.02, 0.3))
-    """Spread of the belief after the robot was found: its pose is known well, its velocities hardly."""
+    found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 2.0, 0.02, 3.0))
+    """Spread of the belief after the robot was found: its pose is known well, its velocities hardly, for it was flown
+    on a wrong belief; a tenth of this on the rates, and the next pictures are rejected again."""
 
 
 def recover(

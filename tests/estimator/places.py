@@ -1,5 +1,7 @@
 """A tiny place to estimate in: soft balls all around, a small wide camera, a quadrotor that hovers."""
 
+from functools import cache
+
 import torch
 from torch import Tensor
 
@@ -9,9 +11,12 @@ from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.photometric import ColorNoise, Observation
 from nerfnav.field.analytic import BallsField
 from nerfnav.field.field import Field
+from nerfnav.field.levels import raw_of
 from nerfnav.field.render import render_image
+from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
 
@@ -56,3 +61,12 @@ def near(state: RigidState, seed: int, noise: StateNoise | None = None) -> Belie
     """A belief whose mean is off as its covariance says."""
     noise = StateNoise(0.01, 0.01, 0.01, 0.01) if noise is None else noise
     return Belief(state.retract(noise.sample(draws(seed))), noise.covariance())
+
+
+@cache
+def voxel_balls() -> VoxelField:
+    """The same balls on a grid of 3 cm, which is rendered fast."""
+    field = balls()
+    points = node_positions(BOX, shape_for(BOX, 0.03))
+    colors = field.radiance(points, torch.zeros_like(points))
+    return VoxelField(BOX, torch.cat([raw_of(field.density(points))[..., None], colors], -1), field.background)

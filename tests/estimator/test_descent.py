@@ -1,8 +1,11 @@
 """Adam on the manifold."""
 
+from dataclasses import replace
+
 import torch
 
 from nerfnav.estimator.descent import DescentConfig, descend
+from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.retraction import retract
 from tests.estimator.places import HERE, cost_at, near
 
@@ -47,3 +50,24 @@ def test_velocity_follows_position_through_the_cross_covariance():
     *_, (state, _) = descend(cost, prediction.mean, config, retract)
     moved = prediction.mean.local(state)
     torch.testing.assert_close(moved[3], 0.9 * moved[0], atol=1e-3, rtol=0.1)
+
+
+def test_in_a_single_tangent_plane_the_first_step_is_the_same_and_the_truth_is_found_too():
+    prediction = near(HERE, 5)
+    cost = cost_at(HERE, prediction)
+    single = replace(QUICK, recursive=False)
+    one, other = (list(descend(cost, prediction.mean, config, retract)) for config in (QUICK, single))
+    torch.testing.assert_close(one[1][0].rotation, other[1][0].rotation)
+    assert HERE.local(other[-1][0])[:3].norm() < 0.2 * HERE.local(prediction.mean)[:3].norm()
+
+
+def test_a_single_tangent_plane_is_bent_where_the_attitude_turns_far():
+    start = near(HERE.retract(0.5 * torch.eye(12)[8]), 6, StateNoise(0.3, 0.3, 0.3, 0.3))
+    cost = cost_at(HERE, start)
+    config = DescentConfig(iterations=25, attitude_rate=0.05, final_rate=1.0)
+    one, other = (
+        [state for state, _ in descend(cost, start.mean, replace(config, recursive=recursive), retract)]
+        for recursive in (True, False)
+    )
+    torch.testing.assert_close(one[1].rotation, other[1].rotation)
+    assert one[-1].local(other[-1])[6:9].norm() > 1e-3

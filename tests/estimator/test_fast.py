@@ -1,5 +1,6 @@
 """The fast filter, from a picture to a posterior."""
 
+import gc
 import tracemalloc
 from dataclasses import replace
 
@@ -14,16 +15,23 @@ from nerfnav.estimator.fast import FastFilter, inerf
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.photometric import ColorNoise, Observation, patches
+from nerfnav.estimator.pixels import PixelConfig, PixelDraw
 from nerfnav.estimator.predict import predict
-from nerfnav.estimator.pyramid import PyramidConfig
+from nerfnav.estimator.pyramid import PyramidConfig, SearchConfig
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
-from nerfnav.geometry.camera import FORWARD_MOUNT
+from nerfnav.field.analytic import BallsField
+from nerfnav.field.render import Rendering, render_image
+from nerfnav.geometry import so3
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.robots.state import RigidState
-from tests.estimator.places import CAMERA, COLOR_STD, HERE, HOVER, ROBOT, balls, draws, picture
+from tests.estimator.places import BOX, CAMERA, COLOR_STD, HERE, HOVER, ROBOT, balls, draws, picture
 
 DT = 0.1
 SMALL = StateNoise(0.01, 0.01, 0.01, 0.01)
-PYRAMID = PyramidConfig(halvings=(1, 0), robust=(0.5, 0.1), iterations=(4, 10), candidates=12, starts=3)
+SEARCH = SearchConfig(candidates=12, starts=3, pixels=(60, 100, 480), iterations=(2, 3, 8))
+PYRAMID = PyramidConfig(
+    halvings=(1, 0), robust=(0.5, 0.1), iterations=(4, 10), candidates=12, starts=3, search=SEARCH
+)
 CONFIG = FilterConfig(
     pyramid=PYRAMID, process_noise=SMALL, color_noise=ColorNoise(std=COLOR_STD, per_patch=10.0), gain_std=0, bias_std=0,
     floor=StateNoise(0.0, 0.0, 0.0, 0.0),
@@ -40,6 +48,20 @@ def update(seed: int, filter_: FastFilter = FILTER) -> tuple[list[FilterStep], R
     image = picture(balls(), truth, generator)
     steps = list(filter_.update(belief, image, HOVER, DT, generator))
     return steps, truth, predict(belief, HOVER, ROBOT, DT, SMALL)
+
+
+class _Sky(BallsField):
+    """A place whose colours change with the direction, linearly: nothing is quicker to look at."""
+
+    def colors_and_jacobian(self, origins: Tensor, directions: Tensor) -> tuple[Tensor, Tensor]:
+        colors = 0.5 + 0.2 * directions
+        by_turn = -0.2 * so3.hat(directions)
+        return colors, torch.cat([0.1 * torch.eye(3).expand(len(colors), 3, 3), by_turn], -1)
+
+    def render_rays(self, origins: Tensor, directions: Tensor) -> Rendering:
+        color = 0.5 + 0.2 * directions
+        nothing = torch.zeros(len(color))
+        return Rendering(color, nothing, nothing)
 
 
 def end(step: FilterStep) -> Belief:
@@ -173,6 +195,45 @@ def test_light_after_ten_frames_under_a_lens_cap_finds_the_robot_again():
     assert truth.local(belief.mean)[:3].norm() < 5e-3
 
 
+def test_updates_whose_time_steps_vary_follow_a_robot():
+    belief, truth, generator = Belief(HERE, SMALL.covariance()), HERE, draws(7)
+    push = HOVER + torch.tensor([0.2, 0.0, 0.0, 0.0])
+    for dt in (0.07, 0.13):
+        truth = ROBOT.step(truth, push, dt)
+        (*_, step) = FILTER.update(belief, picture(balls(), truth, generator), push, dt, generator)
+        assert step.outcome is FilterOutcome.UPDATED
+        belief = end(step)
+        assert truth.local(belief.mean)[:3].norm() < 5e-3
+    assert_sound(belief)
+
+
+def test_a_turned_picture_leaves_a_sound_belief_that_knows_it_is_lost():
+    square = replace(FILTER, camera=Camera.from_fov(20, 20, 80))
+    image = picture(balls(), HERE)[:, 2:22].rot90().contiguous()
+    (*_, step) = square.update(Belief(HERE, SMALL.covariance()), image, HOVER, DT, draws(0))
+    assert_sound(end(step))
+    assert step.outcome is FilterOutcome.DIVERGED
+
+
+@pytest.mark.parametrize("draw", PixelDraw)
+def test_a_picture_improves_the_pose_however_its_pixels_are_drawn(draw: PixelDraw):
+    config = replace(CONFIG, pixels=PixelConfig(draw=draw), pyramid=replace(PYRAMID, pixels=150))
+    steps, truth, prediction = update(0, replace(FILTER, config=config))
+    assert len(steps[-1].pixels) == 150
+    assert end(steps[-1]).mean.local(truth)[:3].norm() < 0.4 * prediction.mean.local(truth)[:3].norm()
+
+
+def test_a_lens_that_bends_lines_is_seen_through():
+    bent = replace(CAMERA, distortion=(-0.2, 0.03, 1e-3, -1e-3))
+    truth = HERE.retract(torch.tensor([0.01, -0.01, 0.01, 0, 0, 0, 0.01, 0.01, -0.01, 0, 0, 0]))
+    color = render_image(balls(), bent, truth.pose.compose(FORWARD_MOUNT)).color
+    image = (255 * color).round().to(torch.uint8)
+    *_, aware = replace(FILTER, camera=bent).correct(Belief(HERE, SMALL.covariance()), image, draws(0))
+    *_, blind = FILTER.correct(Belief(HERE, SMALL.covariance()), image, draws(0))
+    error = truth.local(end(aware).mean)[:3].norm()
+    assert error < 2e-3 and error < truth.local(end(blind).mean)[:3].norm()
+
+
 def test_a_prior_without_any_spread_is_refused_unless_the_dynamics_add_some():
     flat = Belief(HERE, torch.zeros(12, 12))
     (*_, step) = FILTER.update(flat, picture(balls(), HERE), HOVER, DT, draws(0))
@@ -183,18 +244,23 @@ def test_a_prior_without_any_spread_is_refused_unless_the_dynamics_add_some():
 
 
 def test_updates_in_a_row_need_no_more_memory():
-    belief = Belief(HERE, SMALL.covariance())
-    quick = replace(FILTER, config=replace(CONFIG, pyramid=replace(PYRAMID, iterations=(1, 1))))
-    image = picture(balls(), HERE)
-    sizes = []
+    sky = _Sky(BOX, torch.zeros(1, 3), torch.ones(1), softness=0.02, step=0.03)
+    camera = Camera.from_fov(6, 5, 90)
+    search = SearchConfig(candidates=4, starts=2, iterations=(1, 1, 1))
+    small = PyramidConfig(halvings=(0,), robust=(0.1,), iterations=(1,), pixels=9, search=search)
+    quick = FastFilter(sky, ROBOT, camera, config=replace(CONFIG, pyramid=small))
+    image = torch.randint(0, 256, (5, 6, 3), generator=draws(0), dtype=torch.uint8)
+    belief, sizes = Belief(HERE, SMALL.covariance()), {}
     tracemalloc.start()
-    for round_ in range(60):
-        (*_, step) = quick.update(belief, image, HOVER, 0.01, draws(round_))
-        belief = Belief(HERE, end(step).covariance)
-        if round_ in (20, 59):
-            sizes.append(tracemalloc.get_traced_memory()[0])
+    generator = draws(1)
+    for count in range(1, 61):
+        (*_, step) = quick.correct(belief, image, generator)
+        belief = Belief(HERE, 0.5 * (SMALL.covariance() + end(step).covariance))
+        if count in (20, 60):
+            gc.collect()
+            sizes[count] = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
-    assert sizes[1] < sizes[0] + 100_000
+    assert sizes[60] < sizes[20] + 100_000
 
 
 def test_a_picture_whose_edges_are_in_one_corner_is_worth_one_patch():

@@ -40,7 +40,7 @@ def test_a_couch_turns_through_the_door_and_one_that_may_not_turn_hits_the_wall(
     assert turning["outcome"] == "converged" and turning["max_overlap_m3"] == 0
     assert turning["turned_rad"] > 2.0
     assert held["max_overlap_m3"] > 1e-4
-    assert max(abs(yaw - ACROSS) for _, _, yaw in stiff) < 0.02
+    assert max(abs(yaw - ACROSS) for _, _, yaw in stiff) < 0.05
     assert len(way) == len(stiff) == 31
 
 

@@ -11,7 +11,7 @@ from app.events import JobFinished, Progress
 from app.jobs import adopt
 from app.jobs.train import run
 from app.materials import Photographs, StoppedError, TrainRequest
-from app.materials.captures import gather, takes
+from app.materials.captures import NODES, gather, takes
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train import TrainConfig
@@ -68,7 +68,7 @@ def test_photographs_of_a_room_are_not_bounded_and_ask_for_a_voxel_by_their_box(
             next(gathering)
     material = end.value.value
     assert not material.bounded and material.truth is None
-    assert material.box.size.prod() / material.voxel**3 == pytest.approx(6e6, rel=1e-3)
+    assert material.box.size.prod() / material.voxel**3 == pytest.approx(NODES, rel=1e-3)
     assert not torch.equal(material.background, torch.ones(3))
 
 

@@ -1,0 +1,60 @@
+"""Localizing a picture as a job."""
+
+from pathlib import Path
+
+import cv2
+import pytest
+import torch
+
+from app.events import JobFinished, JobStarted, Progress
+from app.jobs.localize import LocalizeRequest, camera_of, read_image, run
+from nerfnav.errors import InvalidInputError
+from nerfnav.field.checkpoint import save_field
+from nerfnav.field.render import render_image
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.robots.state import RigidState
+from tests.estimator.places import voxel_balls
+
+CAMERA = Camera.from_fov(96, 80, 80)
+TRUTH = RigidState.at_rest((-0.35, 0.05, 0.28), 0.1)
+
+
+@pytest.fixture(scope="module")
+def request_here(tmp_path_factory: pytest.TempPathFactory) -> LocalizeRequest:
+    """A field file, and a picture taken in it."""
+    folder = tmp_path_factory.mktemp("localize")
+    save_field(voxel_balls(), folder / "balls.npz")
+    color = render_image(voxel_balls(), CAMERA, TRUTH.pose.compose(FORWARD_MOUNT)).color
+    pixels = (255 * color.clamp(0, 1)).round().to(torch.uint8).numpy()
+    cv2.imwrite(str(folder / "photo.png"), pixels[..., ::-1])
+    return LocalizeRequest(str(folder / "balls.npz"), folder / "photo.png", fov_deg=80)
+
+
+def test_a_picture_is_found_in_a_field_file(request_here: LocalizeRequest) -> None:
+    events = list(run(request_here))
+    assert isinstance(events[0], JobStarted)
+    fractions = [event.fraction for event in events if isinstance(event, Progress)]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    finished = events[-1]
+    assert isinstance(finished, JobFinished)
+    summary = finished.summary
+    assert summary["outcome"] == "found"
+    assert torch.tensor(summary["position_m"]).sub(TRUTH.position).norm() < 0.02
+    assert summary["yaw_rad"] == pytest.approx(0.1, abs=0.03)
+    assert sum(one["weight"] for one in summary["candidates"]) == pytest.approx(1)
+
+
+def test_intrinsics_take_the_place_of_the_field_of_view(request_here: LocalizeRequest) -> None:
+    image = read_image(request_here.image)
+    asked = LocalizeRequest("x", request_here.image, intrinsics=(50.0, 51.0, 47.0, 41.0))
+    assert camera_of(asked, image) == Camera(96, 80, 50.0, 51.0, 47.0, 41.0)
+    with pytest.raises(InvalidInputError, match="focal lengths"):
+        camera_of(LocalizeRequest("x", request_here.image, intrinsics=(0.0, 51.0, 47.0, 41.0)), image)
+
+
+def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="there is no picture"):
+        read_image(tmp_path / "none.png")
+    (tmp_path / "text.png").write_text("hello")
+    with pytest.raises(InvalidInputError, match="cannot be read"):
+        read_image(tmp_path / "text.png")

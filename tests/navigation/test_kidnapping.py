@@ -1,0 +1,50 @@
+"""A robot that is carried elsewhere in mid-flight: real filter, real search, a small place."""
+
+import torch
+
+from nerfnav.estimator.fast import FastFilter
+from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.looks import LooksConfig
+from nerfnav.estimator.photometric import ColorNoise
+from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseStep, Searcher
+from nerfnav.navigation.recovery import Recovery
+from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.robots.state import RigidState
+from tests.estimator.places import CAMERA, COLOR_STD, ROBOT, picture, voxel_balls
+from tests.navigation.doubles import CALM, StraightPlanner, draws
+
+START, GOAL = RigidState.at_rest((-0.6, 0.0, 0.3)), RigidState.at_rest((-0.3, 0.0, 0.3))
+ELSEWHERE = RigidState.at_rest((-0.6, -0.5, 0.3), 0.6)
+NOISE = ColorNoise(std=COLOR_STD)
+SEARCH = RelocaliseConfig(
+    LooksConfig(spacing=0.2, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
+)
+
+
+def test_a_robot_that_was_carried_elsewhere_finds_itself_and_reaches_its_goal() -> None:
+    field = voxel_balls()
+    world = Simulator(ROBOT, START, lambda pose: _seen(world), draws(0), noise=CALM)
+    pilot = Pilot(
+        StraightPlanner(),
+        FastFilter(field, ROBOT, CAMERA, config=FilterConfig(color_noise=NOISE)),
+        Searcher(field, CAMERA, NOISE, SEARCH),
+    )
+    config = NavigateConfig(noise=CALM, initial=CALM)
+    steps, searched = [], 0
+    for event in navigate(Mission(GOAL, steps=20), world, pilot, config, draws(1)):
+        searched += isinstance(event, RelocaliseStep)
+        if isinstance(event, NavigationStep):
+            steps.append(event)
+            if event.index == 3:
+                world.state = ELSEWHERE
+    done = [step.recovery for step in steps if step.recovery is not None]
+    assert done[:3] == [Recovery.WIDENED, Recovery.WIDENED, Recovery.RELOCALISED] and searched == 3
+    assert Recovery.RELOCALISED not in done[3:], "once is enough"
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    assert (steps[-1].truth.position - steps[-1].belief.mean.position).norm() < 0.02
+
+
+def _seen(world: Simulator) -> torch.Tensor:
+    return picture(voxel_balls(), world.state)
