@@ -8,7 +8,7 @@ import viser.transforms as tf
 
 from app.ends import End
 from app.jobs.fly import CAMERA
-from app.place import Place, occupancy_of
+from app.place import Place, occupancy_of, planning_place
 from app.questions import (
     EndQuestion,
     EndReport,
@@ -27,6 +27,8 @@ from app.questions import (
     ViewQuestion,
 )
 from nerfnav.field.render import Rendering, render_image, render_rays
+from nerfnav.field.unknown import Unknown
+from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.planner.ends import nearest_free_pose
@@ -43,6 +45,7 @@ _FROM_CV = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # the page's cameras loo
 
 def end_report(place: Place, question: EndQuestion) -> EndReport:
     """Whether the robot can be at an end, and the nearest one at which it can."""
+    place = planning_place(place, Unknown.OCCUPIED)  # as plans see it
     body, state, name = place.robot.body, question.end.state(), question.which.value
     occupancy = occupancy_of(place, OccupancyConfig())
     if body_density(place.field, body, state) <= occupancy.config.threshold:
@@ -112,12 +115,21 @@ def _picture(rendering: Rendering) -> np.ndarray:
 
 def space_view(place: Place, question: SpaceQuestion) -> SpaceView:
     """The outermost voxels of a part of space."""
+    if question.space is Space.UNKNOWN:
+        return _unknown_view(place, question)
     occupancy = occupancy_of(place, OccupancyConfig())
-    spacing = occupancy.spacing.mean().item()
-    assert question.space is Space.OCCUPIED, "only what is occupied can be shown"
-    inside = occupancy.by_heading.any(0)
-    indices = torch.from_numpy(np.argwhere(_shell(inside.numpy())))
-    return SpaceView(question, occupancy.centers(indices).numpy(), spacing)
+    indices = torch.from_numpy(np.argwhere(_shell(occupancy.by_heading.any(0).numpy())))
+    return SpaceView(question, occupancy.centers(indices).numpy(), occupancy.spacing.mean().item())
+
+
+def _unknown_view(place: Place, question: SpaceQuestion) -> SpaceView:
+    """What no camera saw, at every second node: that is as much as a page draws at once."""
+    field = place.field
+    if not isinstance(field, VoxelField) or field.unknown is None:
+        return SpaceView(question, np.zeros((0, 3), np.float32), 0.0)
+    inside = _shell(field.unknown.cpu().numpy()[::2, ::2, ::2])
+    centers = field.box.lower.cpu().numpy() + 2 * np.argwhere(inside) * field.spacing.cpu().numpy()
+    return SpaceView(question, centers.astype(np.float32), 2 * field.spacing.mean().item())
 
 
 def _shell(inside: np.ndarray) -> np.ndarray:

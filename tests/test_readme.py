@@ -57,3 +57,17 @@ def test_every_folder_of_the_tree_exists() -> None:
 def test_every_file_that_is_named_exists() -> None:
     for name in re.findall(r"\b((?:static|tests|nerfnav|scenes)/[\w/]+\.\w+)", README):
         assert (ROOT / name).is_file(), name
+
+
+def test_the_filter_alone_follows_a_camera(capsys: pytest.CaptureFixture[str]) -> None:
+    (block,) = blocks("py")
+    pictures = 2
+    camera = (
+        "from nerfnav.field.render import render_image\n"
+        "from nerfnav.geometry.camera import FORWARD_MOUNT\n"
+        "def your_camera():\n"
+        "    pose = RigidState.at_rest((-0.89, 0.005, 0.3)).pose.compose(FORWARD_MOUNT)\n"
+        "    return (255 * render_image(estimator.field, camera, pose).color.clamp(0, 1)).round().to(torch.uint8)\n"
+    )
+    exec(block.replace("while True:", f"{camera}for _ in range({pictures}):"), {})
+    assert capsys.readouterr().out.count("UPDATED tensor([-0.89") == pictures

@@ -8,6 +8,7 @@ from app.look import Backdrop
 from app.messages import Command, Settings
 from app.panels.binding import Binder
 from app.session import Session
+from nerfnav.field.voxel import VoxelField
 
 _BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
 _SHOWN_AT_FIRST = 0.3  # share of the height of a slice that was not drawn yet
@@ -53,7 +54,8 @@ class LookPanel:
         self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE
         self._truth.value, self._occupied.value, self._unknown.value = look.truth, look.occupied, look.unknown
         self._truth.visible = place is not None and place.scene is not None
-        self._unknown.visible = False
+        field = None if place is None else place.field
+        self._unknown.visible = isinstance(field, VoxelField) and field.unknown is not None
         self._sliced.value, self._height.visible = look.slice is not None, look.slice is not None
         if look.slice is not None:
             self._height.value = round(100 * look.slice)

@@ -48,7 +48,8 @@ def coarser(field: VoxelField) -> VoxelField:
     stopped = -torch.expm1(-length * DENSITY_SCALE * torch.nn.functional.softplus(raw))
     mean, colored = _halved(stopped, shape).clamp_max(_OPAQUE), _halved(stopped * colors, shape)
     coarse_colors = torch.where(mean > _NOTHING, colored / mean.clamp_min(_NOTHING), _halved(colors, shape))
-    return replace(field, values=torch.cat([raw_of(-torch.log1p(-mean) / length), coarse_colors], -1))
+    values = torch.cat([raw_of(-torch.log1p(-mean) / length), coarse_colors], -1)
+    return replace(field, values=values, unknown=None)  # what was seen matters to planners alone
 
 
 def raw_of(density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:

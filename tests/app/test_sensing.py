@@ -1,6 +1,7 @@
 """What the worker tells the page about a place."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from app import sensing
 from app.ends import End, Which
 from app.look import Eye
 from app.questions import EndQuestion, EyeQuestion, PointQuestion, SliceQuestion, Space, SpaceQuestion
+from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.occupancy import OccupancyConfig, body_density
 from tests.app.doubles import balls_place
 
@@ -66,3 +68,17 @@ def test_a_slice_is_bright_where_the_field_is_dense() -> None:
     middle, corner = view.image[rows // 2, columns // 2], view.image[0, 0]
     assert middle[3] > 200 and corner[3] < 80
     assert torch.tensor(middle[:3].astype(int)).sum() > torch.tensor(corner[:3].astype(int)).sum()
+
+
+def test_space_that_no_camera_saw_is_shown_where_the_field_knows_of_any() -> None:
+    asked = SpaceQuestion(Space.UNKNOWN)
+    assert len(sensing.space_view(PLACE, asked).centers) == 0
+    field = PLACE.field
+    assert isinstance(field, VoxelField)
+    unseen = torch.zeros(field.shape, dtype=torch.bool)
+    unseen[10:20, 10:20, 4:12] = True
+    view = sensing.space_view(replace(PLACE, field=replace(field, unknown=unseen)), asked)
+    lower = field.box.lower.numpy() + field.spacing.numpy() * [10, 10, 4]
+    upper = field.box.lower.numpy() + field.spacing.numpy() * [19, 19, 11]
+    assert len(view.centers) > 50
+    assert (view.centers >= lower - 1e-5).all() and (view.centers <= upper + 1e-5).all()

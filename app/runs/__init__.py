@@ -1,0 +1,1 @@
+"""The shelf of flights: written step by step as they are flown, listed, opened, compared, renamed, deleted."""
