@@ -66,7 +66,7 @@ def find_path(
 
 def find_paths(
     occupancy: OccupancyMap, start: RigidState, goal: RigidState, config: SearchConfig
-) -> list[Float[Tensor, "n c"]]:
+) -> list[Float[Tensor, "_ c"]]:
     """Ways from start to goal, both included, the shortest first; none where there is none.
 
     Rows are x, y, z [m] and, where the map tells headings apart, the heading [rad], without jumps.

@@ -10,7 +10,7 @@ from jaxtyping import Float32, Int32, UInt8
 
 from nerfnav.world.surface import Barycentric, Colors, Faces, bilinear, interpolate
 
-Image = UInt8[np.ndarray, "h w 3"]
+Image = UInt8[np.ndarray, "_ _ 3"]
 """sRGB; rows point down."""
 
 
