@@ -30,9 +30,12 @@ def hot_start(
     if not 0 <= left <= steps:
         raise InvalidInputError(f"a horizon of {steps} steps does not hold the {left} that are left of the motion")
     planned = motion.states[executed:]
-    drift = _rolled_out(robot, start, motion.actions[executed:], motion.dt) - planned.position
     back = (torch.arange(left + 1) * motion.dt / min(_RECOVERY_S, max(left, 1) * motion.dt)).clamp_max(1)
-    positions = planned.position + (1 - back.square() * (3 - 2 * back))[:, None] * drift
+    away = 1 - back.square() * (3 - 2 * back)
+    astray = int((away > 0).sum())  # steps from which nothing of the drift is left need no rolling out
+    rolled = _rolled_out(robot, start, motion.actions[executed:][: astray - 1], motion.dt)
+    positions = planned.position.clone()
+    positions[:astray] += away[:astray, None] * (rolled - positions[:astray])
     index = torch.arange(steps + 1).clamp_max(left)
     waypoints = torch.cat([positions[index], unwrapped(so3.yaw_of(planned.rotation))[index, None]], -1)
     return Trajectory(robot.encode(waypoints, start, goal, motion.dt), start, goal, steps, motion.dt)
