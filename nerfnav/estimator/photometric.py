@@ -16,7 +16,7 @@ from torch import Tensor
 
 from nerfnav.field.field import Field, RaySamples
 from nerfnav.field.jacobian import colors_and_jacobian
-from nerfnav.field.render import FastRenderer, composite, render_rays
+from nerfnav.field.render import FastRenderer, before_backdrop, render_rays
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Camera, Pose
 from nerfnav.robots.state import RigidState
@@ -140,7 +140,7 @@ class Observation:
         density = torch.zeros_like(samples.distances).index_put(place, self.field.density(points))
         color = torch.zeros_like(samples.distances[..., None].expand(-1, -1, 3))
         color = color.index_put(place, self.field.radiance(points, directions[ray]))
-        return composite(density, color, samples, self.field.background).color - self.colors
+        return before_backdrop(self.field, (origins, directions), density, color, samples).color - self.colors
 
 
 def patches(image: UInt8[Tensor, "height width 3"], side: int = 10) -> float:

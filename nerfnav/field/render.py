@@ -63,7 +63,18 @@ def render_rays(
     points = origins[:, None] + samples.distances[..., None] * directions[:, None]
     density = torch.where(samples.mask, field.density(points), torch.zeros_like(samples.distances))
     color = field.radiance(points, directions[:, None].expand_as(points))
-    behind = field.backdrop(origins, directions) if isinstance(field, HasBackdrop) else None
+    return before_backdrop(field, (origins, directions), density, color, samples)
+
+
+def before_backdrop(
+    field: Field,
+    rays: tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]],
+    density: Float[Tensor, "n s"],
+    color: Float[Tensor, "n s 3"],
+    samples: RaySamples,
+) -> Rendering:
+    """Join the samples of rays (origins, directions), before what the field has behind its box."""
+    behind = field.backdrop(*rays) if isinstance(field, HasBackdrop) else None
     if behind is None:
         return composite(density, color, samples, field.background)
     return over(composite(density, color, samples, torch.zeros_like(field.background)), behind, field.background)

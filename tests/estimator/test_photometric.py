@@ -8,6 +8,7 @@ from nerfnav.estimator.photometric import ColorNoise, Observation, difference, i
 from nerfnav.field.render import render_rays
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from tests.estimator.places import CAMERA, HERE, balls, picture
+from tests.field.fields import random_voxels_in_a_room
 
 NOISE = ColorNoise(std=0.02, alike=4.0, outlier_deviations=3.0)
 
@@ -29,6 +30,15 @@ def test_the_compact_rendering_is_the_reference_rendering():
     seen = observation()
     color = render_rays(seen.field, *seen.rays(HERE)).color
     torch.testing.assert_close(seen.residual(HERE), color - seen.colors, atol=1e-6, rtol=0)
+
+
+def test_a_room_beyond_the_box_shows_as_in_the_reference_rendering():
+    room = random_voxels_in_a_room()
+    seen = Observation.of(picture(room, HERE), CAMERA.pixels(), (room, CAMERA, FORWARD_MOUNT))
+    origins, directions = seen.rays(HERE)
+    assert room.backdrop(origins, directions) is not None
+    color = render_rays(room, origins, directions).color
+    torch.testing.assert_close(seen.residual(HERE), color - seen.colors, atol=1e-5, rtol=0)
 
 
 def test_velocity_and_body_rate_do_not_show():
