@@ -38,7 +38,7 @@ class SearchConfig:
     compared with the picture at full size, around its features, and the likeliest are improved, ever fewer of them.
     """
 
-    doubt: float = 2.0
+    doubt: float = 1.6
     """Look again where the colours' root mean square difference (Huber) ends above this many standard deviations."""
     candidates: int = 1000
     """Random states that are looked at ..."""

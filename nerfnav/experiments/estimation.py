@@ -1,7 +1,8 @@
 """The paper's comparison of pose filters: who follows a robot that only sees?
 
 Planned flights are flown blindly, disturbed by the paper's noise, and photographed from the mesh; all estimators get
-the same first belief, the same actions and the same pictures.
+the same first belief, the same actions and the same pictures. Flights are drawn anew until they touch nothing and have
+something in sight all the time: without a picture of anything there is no estimator to compare.
 """
 
 import math
@@ -26,6 +27,7 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.experiments.views import CAMERA, SUPERSAMPLE, take_picture
+from nerfnav.geometry.camera import FORWARD_MOUNT
 from nerfnav.navigation.planners import FastPlanner
 from nerfnav.navigation.replan import with_room
 from nerfnav.planner.fast import FastPlanConfig
@@ -43,6 +45,10 @@ _TRIALS, _STEPS, _DT = 100, 20, 0.1
 _FIRST = StateNoise.isotropic(0.01**2)  # spread of the first belief: 1 cm, 0.01 rad
 _REDRAWS = 2000
 """Blind flights drift, and of some tasks not one in fifty touches nothing."""
+_IN_SIGHT = 0.05
+"""Least share of each picture that shows more than sky."""
+_GLANCE = CAMERA.scaled(0.2)
+"""What looks whether anything is in sight."""
 _LOST = {"position_m": 0.1, "rotation_rad": 0.2}
 """A trial has diverged that ends further off than this."""
 _ELLIPSOID_95 = 7.815
@@ -89,22 +95,29 @@ def follow(arena: Arena, trial: Trial) -> list[Row]:
 
 
 def disturbed_flight(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
-    """Actions (20, 4) of a plan, and the states (21) that they lead to under noise, without touching anything."""
+    """Actions (20, 4) of a plan, and the states (21) under noise: nothing is touched, and something always in sight."""
     robot, plan = robots.load("quadrotor"), _plan(arena, trial.task)
-    touches = contact_check(arena.scene, robot.body)
+    touches, renderer = contact_check(arena.scene, robot.body), MeshRenderer(arena.scene)
     generator = torch.Generator().manual_seed(trial.seed)
     states = [trial.task.start_state]
     for _ in range(_REDRAWS):
         states = states[:1]
         for action in plan.actions:
             states.append(robot.step(states[-1], action, _DT).retract(StateNoise().sample(generator)))
-            if touches(states[-2], states[-1]):
+            if touches(states[-2], states[-1]) or _share_in_sight(renderer, states[-1]) < _IN_SIGHT:
                 break
         else:
             return plan.actions, RigidState.stack(states)
     raise InvalidInputError(
-        f'of {_REDRAWS} blind flights of "{trial.task.name}" all touch something: estimate on another task'
+        f'of {_REDRAWS} blind flights of "{trial.task.name}" all touch something or lose sight of everything: '
+        "estimate on another task"
     )
+
+
+def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
+    """Share of a picture that shows more than sky."""
+    depth = renderer.render(_GLANCE, state.pose.compose(FORWARD_MOUNT)).depth
+    return depth.isfinite().float().mean().item()
 
 
 def judge(belief: Belief, truth: RigidState) -> Row:
