@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from app.events import JobEvents, JobFinished, JobStarted, Progress
-from app.jobs.checks import require_positive
+from app.jobs.checks import require_positive, require_probability
 from app.jobs.clock import Stopwatch
 from app.jobs.outputs import json_line, prepare_folder, write_text
 from app.place import Place, occupancy_of, planning_place
@@ -64,9 +64,8 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no plan can have."""
-        require_positive(
-            steps=self.steps, dt=self.dt, iterations=self.settings.iterations, max_collision=self.max_collision
-        )
+        require_positive(steps=self.steps, dt=self.dt, iterations=self.settings.iterations)
+        require_probability(max_collision=self.max_collision)
 
     @property
     def settings(self) -> PlanSettings:

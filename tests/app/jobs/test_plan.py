@@ -80,6 +80,12 @@ def test_settings_of_another_planner_are_refused(place: Place) -> None:
         request(planner="fast")
 
 
+@pytest.mark.parametrize("wrong", [0.0, -0.1, 2.0, float("nan")])
+def test_what_is_no_probability_is_refused(wrong: float) -> None:
+    with pytest.raises(InvalidInputError, match="max_collision must be a probability, above 0 and at most 1"):
+        request(max_collision=wrong)
+
+
 @pytest.mark.parametrize("wrong", [{"dt": 0.0}, {"dt": float("nan")}, {"steps": 0}, {"config": PlanConfig(0)}])
 def test_numbers_that_make_no_plan_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InvalidInputError, match="must be a number above 0"):
