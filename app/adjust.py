@@ -9,6 +9,7 @@ from app.look import Look
 from app.messages import Settings
 from app.planning import PlanningSettings
 from app.session import Session
+from app.wording import sentence
 from nerfnav.errors import InvalidInputError
 
 
@@ -17,8 +18,7 @@ def adjusted(session: Session, settings: Settings, name: str, value: Any) -> Ses
     try:
         return _with(session, settings, {name: value})
     except InvalidInputError as error:
-        text = str(error)
-        return noticed(session, "Not taken", f"{text[0].upper()}{text[1:]}.", bad=True)
+        return noticed(session, "Not taken", sentence(str(error)), bad=True)
 
 
 def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Session:

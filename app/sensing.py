@@ -26,14 +26,15 @@ from app.questions import (
     View,
     ViewQuestion,
 )
-from nerfnav.field.render import Rendering, render_image, render_rays
+from nerfnav.field.render import render_image, render_rays
 from nerfnav.field.unknown import Unknown
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from nerfnav.planner.costs import collision_per_step
 from nerfnav.planner.ends import nearest_free_pose
 from nerfnav.planner.occupancy import OccupancyConfig, body_density
-from nerfnav.planner.safety import SafetyConfig, clearance_of, safety_of
+from nerfnav.planner.safety import SafetyConfig, clearance_of
 from nerfnav.robots.state import Motion, RigidState
 
 _LEAST_OPACITY = 0.5  # of a ray that has met something
@@ -79,13 +80,15 @@ def view(place: Place, question: ViewQuestion) -> View:
 
 def view_from(place: Place, state: RigidState) -> np.ndarray:
     """The field as the robot's camera would see it from a state, sRGB bytes."""
-    return _picture(render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT)))
+    return render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT)).image.numpy()
 
 
+@torch.no_grad()
 def profile(place: Place, question: ProfileQuestion) -> Profile:
     """Clearance and bound on the probability of a collision of each step of a plan."""
+    place = planning_place(place, Unknown.OCCUPIED)  # as plans see it
     motion, body, config = question.motion, place.robot.body, SafetyConfig()
-    bound = safety_of(place.field, motion, body).per_step
+    bound = collision_per_step(place.field, motion, body, config.samples_per_step)
     room = [
         clearance_of(place.field, Motion(motion.states[k : k + 2], motion.actions[k : k + 1], motion.dt), body, config)
         for k in range(len(motion.actions))
@@ -106,18 +109,14 @@ def eye_view(place: Place, question: EyeQuestion) -> EyeView:
     rendering = render_image(place.field, camera, Pose(rotation, torch.tensor(eye.position)))
     along = -camera.directions(camera.pixels())[:, 2].reshape(height, width)
     depth = torch.where(rendering.opacity > _LEAST_OPACITY, rendering.depth * along, _FAR)
-    return EyeView(question, _picture(rendering), depth.numpy())
-
-
-def _picture(rendering: Rendering) -> np.ndarray:
-    return (255 * rendering.color.clamp(0, 1)).round().to(torch.uint8).numpy()
+    return EyeView(question, rendering.image.numpy(), depth.numpy())
 
 
 def space_view(place: Place, question: SpaceQuestion) -> SpaceView:
     """The outermost voxels of a part of space."""
     if question.space is Space.UNKNOWN:
         return _unknown_view(place, question)
-    occupancy = occupancy_of(place, OccupancyConfig())
+    occupancy = occupancy_of(planning_place(place, Unknown.OCCUPIED), OccupancyConfig())
     indices = torch.from_numpy(np.argwhere(_shell(occupancy.by_heading.any(0).numpy())))
     return SpaceView(question, occupancy.centers(indices).numpy(), occupancy.spacing.mean().item())
 

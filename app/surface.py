@@ -1,6 +1,5 @@
 """A mesh made ready for a browser: cleaned, and as bytes that are shown as they are (binary glTF without light)."""
 
-
 import numpy as np
 import trimesh
 from scipy.sparse import coo_matrix
@@ -8,6 +7,7 @@ from scipy.sparse.csgraph import connected_components
 from trimesh.visual.color import ColorVisuals
 
 from nerfnav.export.glb import packed, parts
+from nerfnav.geometry.srgb import to_linear
 
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
@@ -34,10 +34,8 @@ def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f4")
     faces, below = _by_height(vertices, np.asarray(mesh.faces))
     # colours of glTF are linear; 16 bits, or dark ones show bands
-    srgb = _vertex_colors(mesh) / 255.0
-    curved = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     colors = np.full((len(vertices), 4), 65535, dtype="<u2")
-    colors[:, :3] = np.round(65535 * curved)
+    colors[:, :3] = np.round(65535 * to_linear(_vertex_colors(mesh) / 255.0))
     parts = [vertices.tobytes(), colors.tobytes(), faces.tobytes()]
     offsets = np.cumsum([0, *map(len, parts)]).tolist()
     views = [

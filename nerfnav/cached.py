@@ -3,9 +3,10 @@
 import contextlib
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
+
+from nerfnav.files import replacing
 
 _MOST_OF_A_KIND = 12
 
@@ -42,11 +43,9 @@ def code_of(*folders: Path) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file that others see whole or not at all, and forget the oldest of its kind."""
+    """Write a file, and forget the oldest of its kind."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, draft = tempfile.mkstemp(dir=path.parent)
-    with os.fdopen(handle, "wb") as stream:
+    with replacing(path) as stream:
         stream.write(content)
-    Path(draft).replace(path)
     for old in sorted(path.parent.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-_MOST_OF_A_KIND]:
         old.unlink()

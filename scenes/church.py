@@ -12,15 +12,13 @@ import numpy as np
 from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene
 from scenes.church_tasks import TASKS
-from scenes.finishes import carpet, masonry, painted, stained, striped, tiles, wood
+from scenes.finishes import carpet, masonry, paint, painted, stained, striped, tiles, wood
 from scenes.light import Color, Light, from_srgb
 from scenes.noise import mix, noise, smoothstep
-from scenes.parts import Finish, Part, joined
-from scenes.primitives import Size, bar, box, turned
+from scenes.parts import Finish, Part, joined, slab
+from scenes.primitives import EDGE, Size, bar, box, turned
 from scenes.walls import Opening, Span, Wall, arch, lancet, level, rose
 
-_EDGE = 0.0135
-"""Legs of the triangles [m]."""
 _LONG, _WIDE, _WALL = 1.42, 0.80, 0.07
 """Where the middles of the outer walls stand along x and y, and how thick they are [m]."""
 _EAVES, _RIDGE, _SLOPE = 0.56, 1.06, 0.8
@@ -56,14 +54,6 @@ def build() -> Scene:
     )
 
 
-def _slab(size: Size, finish: Finish) -> Part:
-    return Part.of(box(size, _EDGE), finish)
-
-
-def _paint(color: Color, seed: int) -> Finish:
-    return partial(painted, color=color, seed=seed)
-
-
 def _floor() -> Part:
     """Tiles and a runner; the top at z = 0."""
 
@@ -72,8 +62,8 @@ def _floor() -> Part:
         runner = smoothstep(0.098, 0.092, np.abs(points[:, 1]))
         return mix(inside, carpet(points, _RED, 0.095, 2), runner)
 
-    slab = box((2.93, 1.69, 0.07), _EDGE)
-    return Part.of(slab.apply_translation([0, 0, -0.035]), finish)
+    floor = box((2.93, 1.69, 0.07), EDGE)
+    return Part.of(floor.apply_translation([0, 0, -0.035]), finish)
 
 
 def _gable(x: np.ndarray) -> np.ndarray:
@@ -83,7 +73,7 @@ def _gable(x: np.ndarray) -> np.ndarray:
 def _glazed(wall: Wall, seed: int) -> list[Part]:
     """A wall and its stained glass, two voxels thick."""
     finish = partial(masonry, color=_STONE, seed=seed)
-    return [wall.stones(finish, _EDGE), *wall.panes(partial(stained, colors=_GLASS, seed=seed), 0.03, _EDGE)]
+    return [wall.stones(finish, EDGE), *wall.panes(partial(stained, colors=_GLASS, seed=seed), 0.03, EDGE)]
 
 
 def _outer_walls() -> list[Part]:
@@ -117,7 +107,7 @@ def _arcades() -> list[Part]:
     spans = [(a + 0.04, b - 0.04) for a, b in pairwise(stops)]
     bays: dict[Span, list[Opening]] = {span: [Opening(level(0), arch(span, _CAPITAL, 0.6))] for span in spans}
     wall = Wall((-_LONG + 0.034, _SCREEN), 0.06, _CAPITAL - 0.002, level(_CLERESTORY), bays)
-    arches = wall.stones(partial(masonry, color=_WARM, seed=5, course=0.06), _EDGE)
+    arches = wall.stones(partial(masonry, color=_WARM, seed=5, course=0.06), EDGE)
     parts = []
     for side in (-1, 1):
         parts.append(arches.placed((0, side * _ARCADE, 0)))
@@ -141,8 +131,8 @@ def _chancel_arch() -> list[Part]:
     span: Span = (-0.36, 0.36)
     wall = Wall((-0.50, 0.50), _WALL, -0.03, _gable, {span: [Opening(level(-0.1), arch(span, 0.42, 0.58))]})
     closing = Wall((0.49, _WIDE), _WALL, -0.03, level(0.50), {})
-    stones = wall.stones(partial(masonry, color=_STONE, seed=7, course=0.065), _EDGE)
-    left, right = (closing.stones(partial(masonry, color=_WARM, seed=seed), _EDGE) for seed in (8, 9))
+    stones = wall.stones(partial(masonry, color=_STONE, seed=7, course=0.065), EDGE)
+    left, right = (closing.stones(partial(masonry, color=_WARM, seed=seed), EDGE) for seed in (8, 9))
     return [
         stones.placed((_SCREEN, 0, 0), np.pi / 2),
         left.placed((_SCREEN, 0, 0), np.pi / 2),
@@ -155,14 +145,14 @@ def _screen() -> list[Part]:
     width = 0.37 - _GAP / 2
     parts = []
     for side in (-1, 1):
-        boards = _slab((width, 0.09, 0.33), partial(_panelled, seed=420 + side))
+        boards = slab((width, 0.09, 0.33), partial(_panelled, seed=420 + side))
         parts.append(boards.placed((_SCREEN, side * (_GAP / 2 + width / 2), 0.135), np.pi / 2))
         for k, y in enumerate((0.12, 0.20, 0.28)):
             parts.append(_timber((_SCREEN, side * y, 0.29), (_SCREEN, side * y, 0.47), _DARK, 425 + k))
-    beam = _slab((0.74, 0.06, 0.05), partial(striped, colors=(_RED, _GOLD), width=0.06, seed=430))
+    beam = slab((0.74, 0.06, 0.05), partial(striped, colors=(_RED, _GOLD), width=0.06, seed=430))
     parts.append(beam.placed((_SCREEN, 0, 0.48), np.pi / 2))
-    parts.append(_slab((0.04, 0.04, 0.20), _paint(_GOLD, 431)).placed((_SCREEN, 0, 0.60)))
-    return [*parts, _slab((0.04, 0.14, 0.04), _paint(_GOLD, 432)).placed((_SCREEN, 0, 0.635))]
+    parts.append(slab((0.04, 0.04, 0.20), paint(_GOLD, 431)).placed((_SCREEN, 0, 0.60)))
+    return [*parts, slab((0.04, 0.14, 0.04), paint(_GOLD, 432)).placed((_SCREEN, 0, 0.635))]
 
 
 def _panelled(points: np.ndarray, seed: int) -> np.ndarray:
@@ -184,9 +174,9 @@ def _pews() -> list[Part]:
     for k, x in enumerate(_COLUMNS[:3]):
         for side in (-1, 1):
             y, seed = side * 0.255, 440 + 2 * k + side
-            seat = _slab((0.11, 0.25, 0.13), partial(wood, color=_OAK, seed=seed, axis=1))
-            back = _slab((0.045, 0.25, 0.24), partial(wood, color=_DARK, seed=seed + 7, axis=1))
-            end = _slab((0.165, 0.04, 0.20), partial(_panelled, seed=seed))
+            seat = slab((0.11, 0.25, 0.13), partial(wood, color=_OAK, seed=seed, axis=1))
+            back = slab((0.045, 0.25, 0.24), partial(wood, color=_DARK, seed=seed + 7, axis=1))
+            end = slab((0.165, 0.04, 0.20), partial(_panelled, seed=seed))
             parts += [seat.placed((x + 0.075, y, 0.035)), back.placed((x, y, 0.09))]
             parts.append(end.placed((x + 0.055, side * 0.146, 0.07)))
     return parts
@@ -194,15 +184,15 @@ def _pews() -> list[Part]:
 
 def _chancel() -> list[Part]:
     """A step, the altar with cloth and candles, stalls along the sides."""
-    step = _slab((0.36, 0.92, 0.065), partial(tiles, colors=((0.30, 0.36, 0.42), _IVORY), size=0.09, seed=3))
-    altar = _slab((0.15, 0.42, 0.18), partial(striped, colors=(_IVORY, _RED), width=0.05, seed=450))
-    top = _slab((0.17, 0.45, 0.04), _paint(_IVORY, 451))
+    step = slab((0.36, 0.92, 0.065), partial(tiles, colors=((0.30, 0.36, 0.42), _IVORY), size=0.09, seed=3))
+    altar = slab((0.15, 0.42, 0.18), partial(striped, colors=(_IVORY, _RED), width=0.05, seed=450))
+    top = slab((0.17, 0.45, 0.04), paint(_IVORY, 451))
     parts = [step.placed((1.21, 0, 0.0025)), altar.placed((1.24, 0, 0.10)), top.placed((1.24, 0, 0.20))]
     for side in (-1, 1):
         candle = bar((1.27, 0.15 * side, 0.2), (1.27, 0.15 * side, 0.33), 0.021, 0.012)
-        parts.append(Part.of(candle, _paint(_GOLD, 452)))
-        stall = _slab((0.32, 0.10, 0.17), partial(wood, color=_OAK, seed=455 + side))
-        back = _slab((0.32, 0.045, 0.32), partial(_panelled, seed=457 + side))
+        parts.append(Part.of(candle, paint(_GOLD, 452)))
+        stall = slab((0.32, 0.10, 0.17), partial(wood, color=_OAK, seed=455 + side))
+        back = slab((0.32, 0.045, 0.32), partial(_panelled, seed=457 + side))
         parts += [stall.placed((0.86, 0.68 * side, 0.055)), back.placed((0.86, 0.735 * side, 0.13))]
     return parts
 
@@ -213,13 +203,13 @@ def _furniture() -> list[Part]:
     def cup(z: np.ndarray) -> np.ndarray:
         return 0.05 + 0.035 * smoothstep(0.10, 0.16, z) + 0.025 * smoothstep(0.06, 0.03, z)
 
-    font = Part.of(turned(0.21, cup, 0.012), partial(painted, color=(0.62, 0.66, 0.66), seed=460))
-    pulpit = Part.of(turned(0.30, lambda z: 0.045 + 0.04 * smoothstep(0.13, 0.19, z), 0.012), _paint(_GOLD, 461))
-    chest = _slab((0.24, 0.11, 0.14), partial(_panelled, seed=462))
+    font = Part.of(turned(0.21, cup, 0.012), paint((0.62, 0.66, 0.66), 460))
+    pulpit = Part.of(turned(0.30, lambda z: 0.045 + 0.04 * smoothstep(0.13, 0.19, z), 0.012), paint(_GOLD, 461))
+    chest = slab((0.24, 0.11, 0.14), partial(_panelled, seed=462))
     parts = [font.placed((-1.20, -0.30, -0.03)), pulpit.placed((0.44, -0.30, -0.03)), chest.placed((-1.2, 0.70, 0.04))]
     for k, (x, side) in enumerate([(-0.6, -1), (-0.2, 1), (0.2, -1), (-1.0, 1), (0.2, 1), (-1.0, -1)]):
         colors = ((_RED, _GOLD), (_BLUE, _IVORY))[k % 2]
-        cloth = _slab((0.13, 0.03, 0.26), partial(striped, colors=colors, width=0.035, seed=470 + k))
+        cloth = slab((0.13, 0.03, 0.26), partial(striped, colors=colors, width=0.035, seed=470 + k))
         parts.append(cloth.placed((x, side * (_WIDE - 0.045), 0.36)))
     return parts
 

@@ -3,10 +3,13 @@
 Patterns are laid out in a part's own frame, before it is placed, with its length along x unless said otherwise.
 """
 
+from functools import partial
+
 import numpy as np
 
 from scenes.light import Color, from_srgb
 from scenes.noise import fractal, mix, noise, smoothstep
+from scenes.parts import Finish
 
 _MORTAR, _GOLD, _RUST = (0.80, 0.77, 0.70), (0.86, 0.70, 0.30), (0.45, 0.27, 0.17)
 
@@ -18,6 +21,11 @@ def painted(points: np.ndarray, color: Color, seed: int) -> np.ndarray:
     worn = smoothstep(0.45, 0.9, fractal(own, 0.06, 203))
     base = np.tile(from_srgb(color), (len(points), 1)) * np.exp(shade)[:, None]
     return mix(base, 0.45 * from_srgb(color) + 0.4, 0.6 * worn)
+
+
+def paint(color: Color, seed: int) -> Finish:
+    """One coat of `painted`."""
+    return partial(painted, color=color, seed=seed)
 
 
 def striped(points: np.ndarray, colors: tuple[Color, Color], width: float, seed: int) -> np.ndarray:

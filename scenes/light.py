@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from trimesh.visual.color import ColorVisuals
 
+from nerfnav.geometry import srgb
 from nerfnav.world.raycast import RayCaster
 
 Color = tuple[float, float, float]
@@ -138,12 +139,9 @@ def _dome(count: int) -> np.ndarray:
 def to_srgb(linear: np.ndarray) -> np.ndarray:
     """Bytes of linear colours, bright ones rolled off softly towards white."""
     rolled = linear / (1 + np.maximum(0, linear - 0.6) * 0.45)
-    clipped = np.clip(rolled, 0, 1)
-    curve = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
-    return np.round(255 * curve).astype(np.uint8)
+    return np.round(255 * srgb.to_srgb(np.clip(rolled, 0, 1))).astype(np.uint8)
 
 
 def from_srgb(color: Color) -> np.ndarray:
     """The linear colour of an sRGB colour in [0, 1]."""
-    value = np.asarray(color, float)
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return srgb.to_linear(np.asarray(color, float))

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from scenes.light import Light, lit
-from scenes.primitives import Size, place
+from scenes.primitives import EDGE, Size, box, place
 
 Finish = Callable[[np.ndarray], np.ndarray]
 """Points (n, 3) on a part in its own frame to linear colours (n, 3)."""
@@ -32,6 +32,11 @@ class Part:
     def placed(self, position: Size, yaw: float = 0.0, tilt: tuple[float, float] = (0.0, 0.0)) -> "Part":
         """The part where `primitives.place` puts its shape."""
         return Part(place(self.mesh.copy(), position, yaw, tilt), self.albedo, self.glass)
+
+
+def slab(size: Size, finish: Finish) -> Part:
+    """A box of `size` [m] around the origin, as finely tessellated as its place."""
+    return Part.of(box(size, EDGE), finish)
 
 
 def joined(parts: Iterable[Part], light: Light) -> tuple[trimesh.Trimesh, tuple[trimesh.Trimesh, ...]]:

@@ -10,16 +10,14 @@ import numpy as np
 
 from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene, Task
-from scenes.finishes import painted, striped, wood
+from scenes.finishes import paint, striped, wood
 from scenes.lawn import lawn
 from scenes.light import Color, Light
-from scenes.parts import Finish, Part, joined
-from scenes.primitives import Roughness, Size, bar, box, panel, ring, stone, turned
+from scenes.parts import Part, joined, slab
+from scenes.primitives import EDGE, Roughness, Size, bar, panel, ring, stone, turned
 
-_EDGE = 0.0135
-"""Legs of the triangles [m]."""
 _FINE = 0.011
-"""The same for bars [m]."""
+"""Legs of the triangles of bars [m]."""
 _BAR = 0.02
 """Radius of bars [m]."""
 _DECK = 0.40
@@ -35,7 +33,7 @@ _TIMBER, _RUBBER, _LEAF = (0.68, 0.46, 0.26), (0.25, 0.24, 0.25), (0.29, 0.46, 0
 
 def build() -> Scene:
     """Put everything on the lawn and light it."""
-    parts = [lawn(2.44, _EDGE), *_towers(), *_tube(), *_slide(), *_monkey_bars(), *_jungle_gym(), *_odds_and_ends()]
+    parts = [lawn(2.44, EDGE), *_towers(), *_tube(), *_slide(), *_monkey_bars(), *_jungle_gym(), *_odds_and_ends()]
     mesh, solids = joined(parts, Light(azimuth_deg=228, elevation_deg=41))
     return Scene(
         name="playground",
@@ -49,16 +47,8 @@ def build() -> Scene:
     )
 
 
-def _paint(color: Color, seed: int) -> Finish:
-    return partial(painted, color=color, seed=seed)
-
-
 def _bar(start: Size, end: Size, color: Color, seed: int) -> Part:
-    return Part.of(bar(start, end, _BAR, _FINE), _paint(color, seed))
-
-
-def _slab(size: Size, finish: Finish) -> Part:
-    return Part.of(box(size, _EDGE), finish)
+    return Part.of(bar(start, end, _BAR, _FINE), paint(color, seed))
 
 
 def _towers() -> list[Part]:
@@ -69,17 +59,17 @@ def _towers() -> list[Part]:
             for side_y in (-_HALF, _HALF):
                 foot = (x + side_x, y + side_y, -0.03)
                 parts.append(_bar(foot, (foot[0], foot[1], top), color, 10 * k + len(parts)))
-        deck = _slab((2 * _HALF + 0.05, 2 * _HALF + 0.05, 0.04), partial(wood, color=_TIMBER, seed=k))
-        rail = _slab((2 * _HALF, 0.04, 0.15), partial(striped, colors=(_YELLOW, _GREEN), width=0.07, seed=20 + k))
+        deck = slab((2 * _HALF + 0.05, 2 * _HALF + 0.05, 0.04), partial(wood, color=_TIMBER, seed=k))
+        rail = slab((2 * _HALF, 0.04, 0.15), partial(striped, colors=(_YELLOW, _GREEN), width=0.07, seed=20 + k))
         parts += [deck.placed((x, y, _DECK - 0.02)), rail.placed((x, y + _HALF, _DECK + 0.115))]
     return [*parts, *_roof(), *_climbing_wall(), *_ladder((_A[0] - _HALF, _A[1]), (-0.2, 0.0), _DECK + 0.02)]
 
 
 def _roof() -> list[Part]:
     x, y = _A
-    gable = panel((-0.235, 0.235), 0.04, lambda x: 0 * x, lambda x: 0.025 + 0.13 * (1 - np.abs(x) / 0.235), _EDGE)
-    parts = [Part.of(gable, _paint(_YELLOW, 31)).placed((x, y + side, 0.84)) for side in (-_HALF, _HALF)]
-    sheet = _slab((0.33, 0.52, 0.04), partial(striped, colors=(_RED, _ORANGE), width=0.06, seed=33))
+    gable = panel((-0.235, 0.235), 0.04, lambda x: 0 * x, lambda x: 0.025 + 0.13 * (1 - np.abs(x) / 0.235), EDGE)
+    parts = [Part.of(gable, paint(_YELLOW, 31)).placed((x, y + side, 0.84)) for side in (-_HALF, _HALF)]
+    sheet = slab((0.33, 0.52, 0.04), partial(striped, colors=(_RED, _ORANGE), width=0.06, seed=33))
     for side in (-1, 1):
         parts.append(sheet.placed((x + 0.125 * side, y, 0.935), 0, (0.52 * side, 0.0)))
     return parts
@@ -88,7 +78,7 @@ def _roof() -> list[Part]:
 def _climbing_wall() -> list[Part]:
     """A leaning wall on the right of the right tower, with holds."""
     x, y = _B
-    wall = _slab((0.05, 0.40, 0.46), partial(wood, color=(0.82, 0.66, 0.44), seed=4, axis=1))
+    wall = slab((0.05, 0.40, 0.46), partial(wood, color=(0.82, 0.66, 0.44), seed=4, axis=1))
     lean = 0.20
     parts = [wall.placed((x + _HALF + 0.06, y, 0.20), 0, (-lean, 0.0))]
     colors = [_RED, _TEAL, _YELLOW, _PLUM, _GREEN, _ORANGE, _BLUE, _RED, _TEAL]
@@ -96,7 +86,7 @@ def _climbing_wall() -> list[Part]:
         up, along = 0.07 + 0.125 * (k // 3), 0.13 * (k % 3 - 1) + 0.03 * (-1) ** (k // 3)
         hold = stone((0.05, 0.05, 0.05), 0.01, 40 + k, Roughness(rounding=0.03, bulge=0.004))
         place_ = (x + _HALF + 0.06 + 0.03 + np.tan(lean) * (0.20 - up), y + along, up - 0.025)
-        parts.append(Part.of(hold, _paint(color, 50 + k)).placed(place_))
+        parts.append(Part.of(hold, paint(color, 50 + k)).placed(place_))
     return parts
 
 
@@ -121,7 +111,7 @@ def _tube() -> list[Part]:
     """The tunnel from tower to tower: 28 cm wide inside."""
     inner, outer, length = 0.145, 0.185, _B[0] - _A[0] - 2 * _HALF + 0.06
     profile = np.array([[inner, 0], [outer, 0], [outer, length], [inner, length]])
-    tube = ring(profile, _EDGE)
+    tube = ring(profile, EDGE)
     tube.apply_transform([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     part = Part.of(tube, partial(striped, colors=(_TEAL, _BLUE), width=0.13, seed=70))
     return [part.placed((_A[0] + _HALF - 0.03, _A[1], _DECK + outer - 0.015))]
@@ -135,10 +125,10 @@ def _slide() -> list[Part]:
         share = np.clip(run / length, 0, 1)
         return 0.035 + (_DECK - 0.045) * (0.5 + 0.5 * np.cos(np.pi * share**0.85))
 
-    bed = panel((0, length), width, lambda s: height(s) - 0.04, height, _EDGE)
-    lip = panel((0, length), 0.04, lambda s: height(s) - 0.045, lambda s: height(s) + 0.06, _EDGE)
+    bed = panel((0, length), width, lambda s: height(s) - 0.04, height, EDGE)
+    lip = panel((0, length), 0.04, lambda s: height(s) - 0.045, lambda s: height(s) + 0.06, EDGE)
     parts = [Part.of(bed, partial(striped, colors=(_YELLOW, _ORANGE), width=0.2, seed=80))]
-    parts += [Part.of(lip, _paint(_RED, 82)).placed((0, side * width / 2, 0)) for side in (-1, 1)]
+    parts += [Part.of(lip, paint(_RED, 82)).placed((0, side * width / 2, 0)) for side in (-1, 1)]
     turned_ = [part.placed((_B[0], _B[1] - _HALF + 0.01, 0), -np.pi / 2) for part in parts]
     foot = [_bar((_B[0] + s, 0.0, -0.03), (_B[0] + s, 0.0, 0.19), _RED, 84) for s in (-0.09, 0.09)]
     return turned_ + foot
@@ -190,16 +180,16 @@ def _odds_and_ends() -> list[Part]:
     parts.append(Part.of(hoop, partial(striped, colors=(_WHITE, _RED), width=0.09, seed=130)))
     parts[0] = parts[0].placed((-0.02, -0.55, 0.36), 0.35, upright)
     parts.append(_bar((-0.02, -0.55, -0.03), (-0.02, -0.55, 0.19), _WHITE, 131))
-    plank = _slab((0.66, 0.10, 0.04), partial(striped, colors=(_BLUE, _WHITE), width=0.11, seed=132))
+    plank = slab((0.66, 0.10, 0.04), partial(striped, colors=(_BLUE, _WHITE), width=0.11, seed=132))
     parts.append(plank.placed((0.98, 0.30, 0.16), np.pi / 2, (0.22, 0.0)))
-    fulcrum = turned(0.17, lambda z: 0.075 - 0.2 * z, _EDGE)
-    parts.append(Part.of(fulcrum, _paint(_PLUM, 133)).placed((0.98, 0.30, -0.02)))
+    fulcrum = turned(0.17, lambda z: 0.075 - 0.2 * z, EDGE)
+    parts.append(Part.of(fulcrum, paint(_PLUM, 133)).placed((0.98, 0.30, -0.02)))
     for k, (x, y, height) in enumerate([(-0.98, -0.18, 0.10), (-1.06, -0.36, 0.16), (-0.95, -0.54, 0.22)]):
-        stump = turned(height + 0.03, lambda z: 0.075 + 0 * z, _EDGE)
+        stump = turned(height + 0.03, lambda z: 0.075 + 0 * z, EDGE)
         parts.append(Part.of(stump, partial(wood, color=_TIMBER, seed=140 + k, axis=2)).placed((x, y, -0.03)))
-    tyre = ring(np.stack([0.115 + 0.045 * np.cos(turn), 0.045 * np.sin(turn)], -1), _EDGE)
-    parts.append(Part.of(tyre, _paint(_RUBBER, 150)).placed((-0.88, -0.98, 0.045)))
-    parts.append(Part.of(tyre.copy(), _paint(_ORANGE, 151)).placed((-0.86, -0.97, 0.130), 0, (0.05, 0.1)))
+    tyre = ring(np.stack([0.115 + 0.045 * np.cos(turn), 0.045 * np.sin(turn)], -1), EDGE)
+    parts.append(Part.of(tyre, paint(_RUBBER, 150)).placed((-0.88, -0.98, 0.045)))
+    parts.append(Part.of(tyre.copy(), paint(_ORANGE, 151)).placed((-0.86, -0.97, 0.130), 0, (0.05, 0.1)))
     ball = stone((0.15, 0.15, 0.15), 0.012, 5, Roughness(rounding=0.075, taper=0, bulge=0, grain=0))
     painted_ball = Part.of(ball, partial(striped, colors=(_WHITE, _RED), width=0.05, seed=152))
     return [*parts, painted_ball.placed((0.12, -1.0, 0), 0.6), *_bushes()]
@@ -208,8 +198,8 @@ def _odds_and_ends() -> list[Part]:
 def _bushes() -> list[Part]:
     parts = []
     for k, (x, y, size) in enumerate([(-1.08, 1.06, 0.24), (-0.84, 1.12, 0.17), (1.05, 1.05, 0.26), (-0.06, 1.1, 0.2)]):
-        bush = stone((size, size, 0.9 * size), _EDGE, 160 + k, Roughness(0.5 * size, 0.1, 0.02, 0.005))
-        parts.append(Part.of(bush, _paint(_LEAF, 160 + k)).placed((x, y, -0.03)))
+        bush = stone((size, size, 0.9 * size), EDGE, 160 + k, Roughness(0.5 * size, 0.1, 0.02, 0.005))
+        parts.append(Part.of(bush, paint(_LEAF, 160 + k)).placed((x, y, -0.03)))
     return parts
 
 

@@ -16,6 +16,8 @@ from scenes.noise import noise
 Size = tuple[float, float, float]
 Curve = Callable[[np.ndarray], np.ndarray]
 """Numbers (n,) to numbers (n,), all in metres."""
+EDGE = 0.0135
+"""Legs of the triangles: the finest detail that colours of places about 3 m long can have [m]."""
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,8 @@ from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene, Task
 from scenes.light import Light, lit
 from scenes.meadow import meadow
-from scenes.primitives import Roughness, Size, place, stone
+from scenes.primitives import EDGE, Roughness, Size, place, stone
 from scenes.weathering import weathered
-
-_EDGE = 0.0135
-"""Legs of the triangles: the finest detail that colours can have [m]."""
 
 
 @dataclass(frozen=True)
@@ -109,11 +106,11 @@ def blocks() -> list[Block]:
 
 def build() -> Scene:
     """Raise the stones, lay the meadow, and bake the evening sun."""
-    ground, ground_color = meadow(radius=1.27, edge=_EDGE)
+    ground, ground_color = meadow(radius=1.27, edge=EDGE)
     parts: list[trimesh.Trimesh] = [ground]
     albedos = [ground_color]
     for seed, block in enumerate(blocks()):
-        raised = stone(block.size, _EDGE, seed, Roughness())
+        raised = stone(block.size, EDGE, seed, Roughness())
         tilt = np.radians(block.tilt_deg)
         parts.append(place(raised, block.foot, np.radians(block.yaw_deg), (tilt[0], tilt[1])))
         albedos.append(weathered(parts[-1], seed))

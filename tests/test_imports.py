@@ -7,8 +7,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LEVELS = (
-    ("errors", "structs", "compiled"),
-    ("geometry",),
+    ("errors", "structs", "compiled", "files"),
+    ("geometry", "cached"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
     ("navigation",),

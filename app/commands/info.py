@@ -4,13 +4,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import torch
 from tyro.conf import Positional
 
 import scenes
 from app.commands.screen import show
-from app.jobs.outputs import prepare_file
+from app.jobs.outputs import prepare_file, write_bytes
 from app.place import ground_truth
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.geometry import GeometryReport, measure_geometry
@@ -18,6 +17,7 @@ from nerfnav.field.checkpoint import StoredField, load_field
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Camera, look_at
+from nerfnav.geometry.images import picture_file
 from nerfnav.importers.meshes.importer import SceneConfig, import_mesh
 from nerfnav.importers.placement import Placement
 from nerfnav.world.capture import CaptureConfig, capture_poses, images_taken
@@ -109,9 +109,5 @@ def _picture(field: StoredField, out: Path) -> Path:
     path = prepare_file(out)
     eye = field.box.center + torch.tensor(_STANDPOINT) * field.box.size.max()
     aim = field.box.center - 0.15 * field.box.size * torch.tensor([0.0, 0.0, 1.0])
-    color = render_image(field, Camera.from_fov(_WIDTH, _HEIGHT, _FOV_DEG), look_at(eye, aim)).color
-    pixels = (255 * color.clamp(0, 1)).round().byte().numpy()[..., ::-1]
-    written, data = cv2.imencode(".png", pixels)
-    assert written  # every picture can be a PNG
-    path.write_bytes(data.tobytes())
-    return path
+    seen = render_image(field, Camera.from_fov(_WIDTH, _HEIGHT, _FOV_DEG), look_at(eye, aim))
+    return write_bytes(path, picture_file(seen.image.numpy()))

@@ -1,54 +1,36 @@
 """nerfnav train: from a scene, a mesh or a capture to a field."""
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
-from tyro.constructors import PrimitiveConstructorSpec
 
+from app.commands.numbers import in_words, numbers
 from app.commands.screen import follow, show
 from app.jobs.train import run as run_job
 from app.materials import Photographs, TrainRequest
 from app.materials.request import NeuralOptions
 from nerfnav.importers.meshes.importer import MeshOptions
-from nerfnav.importers.placement import Placement
-
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+from nerfnav.importers.placement import AXES, Placement
 
 
-def _numbers(words: list[str], count: int, what: str) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(word) for word in words)
-    except ValueError:
-        raise ValueError(f"{what} is made of numbers, not of {' '.join(words)!r}") from None
-    if len(numbers) != count:
-        raise ValueError(f"{what} takes {count} numbers, not {len(numbers)}")
-    if not all(math.isfinite(number) for number in numbers):
-        raise ValueError(f"{what} is made of finite numbers, not of {' '.join(words)}")
-    return numbers
+def _numbers(what: str, count: int, words: list[str]) -> tuple[float, ...]:
+    read = numbers(words, what)
+    if len(read) != count:
+        raise ValueError(f"{what} takes {count} numbers, not {len(read)}")
+    return read
 
 
 def _up(words: list[str]) -> tuple[float, ...]:
     """A direction of three numbers, or an axis by its name."""
-    return _AXES[words[0]] if len(words) == 1 and words[0] in _AXES else _numbers(words, 3, "up")
+    return AXES[words[0]] if len(words) == 1 and words[0] in AXES else _numbers("up", 3, words)
 
 
-def _spec(metavar: str, read: Callable[[list[str]], tuple[float, ...]]) -> PrimitiveConstructorSpec[Any]:
-    return PrimitiveConstructorSpec(
-        nargs="*",
-        metavar=metavar,
-        instance_from_str=read,
-        is_instance=lambda value: value is None or isinstance(value, tuple),
-        str_from_instance=lambda value: [] if value is None else [f"{number:g}" for number in value],
-    )
-
-
-Up = Annotated[tuple[float, ...] | None, _spec("X Y Z|AXIS", _up)]
-Picked = Annotated[tuple[float, ...] | None, _spec("X Y Z X Y Z DISTANCE", lambda words: _numbers(words, 7, "picked"))]
-Corners = Annotated[tuple[float, ...] | None, _spec("X Y Z X Y Z", lambda words: _numbers(words, 6, "box"))]
+Up = Annotated[tuple[float, ...] | None, in_words("X Y Z|AXIS", _up)]
+Picked = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(_numbers, "picked", 7))]
+Corners = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z", partial(_numbers, "box", 6))]
 
 
 @dataclass(frozen=True)

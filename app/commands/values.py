@@ -1,13 +1,13 @@
 """Arguments that several subcommands share."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from tyro.conf import Positional
-from tyro.constructors import PrimitiveConstructorSpec
 
-from app.jobs.plan import PlanRequest, PlanSettings, Point
+from app.commands.numbers import in_words, numbers
+from app.ends import End
+from app.jobs.plan import PlanRequest, PlanSettings
 from app.place import Place, open_place
 from app.registry import PLAN_CONFIGS, named
 from nerfnav import robots
@@ -16,43 +16,19 @@ from nerfnav.field.unknown import Unknown
 from nerfnav.planner.optimize import PlanConfig
 
 
-def _numbers(words: list[str]) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(word) for word in words)
-    except ValueError:
-        raise ValueError(f"an end is made of numbers, not of {' '.join(words)!r}") from None
-    if len(numbers) not in (3, 4):
-        raise ValueError(f"an end is X Y Z or X Y Z YAW, not {len(numbers)} numbers")
-    if not all(math.isfinite(number) for number in numbers):
-        raise ValueError(f"an end is made of finite numbers, not of {' '.join(words)}")
-    return numbers
+def _end_numbers(words: list[str]) -> tuple[float, ...]:
+    read = numbers(words, "an end")
+    if len(read) not in (3, 4):
+        raise ValueError(f"an end is X Y Z or X Y Z YAW, not {len(read)} numbers")
+    return read
 
 
-EndNumbers = Annotated[
-    tuple[float, ...] | None,
-    PrimitiveConstructorSpec(
-        nargs="*",
-        metavar="X Y Z [YAW]",
-        instance_from_str=_numbers,
-        is_instance=lambda value: value is None or isinstance(value, tuple),
-        str_from_instance=lambda value: [] if value is None else [f"{number:g}" for number in value],
-    ),
-]
+EndNumbers = Annotated[tuple[float, ...] | None, in_words("X Y Z [YAW]", _end_numbers)]
 """Where a flight starts or ends, as words of a command line [m, rad]."""
 
 
 PLANNER = "fast"
 """Which planner is used where none is named."""
-
-
-@dataclass(frozen=True)
-class End:
-    """Where a flight starts or ends, level and at rest."""
-
-    position: Point
-    """[m]"""
-    yaw: float = 0.0
-    """Heading [rad]."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from app.events import JobEvents, JobFinished, JobStarted, Progress
 from app.experiments import EXPERIMENTS, Experiment
-from app.jobs.outputs import OutputError, json_line, prepare_folder, write_text
+from app.jobs.outputs import json_line, prepare_folder, write_bytes, write_text
 from app.place import open_place
 from app.registry import named
 from nerfnav.errors import InvalidInputError
@@ -94,11 +94,9 @@ def table_text(rows: Sequence[Row]) -> str:
 
 def save_figure(path: Path, figure: Figure) -> Path:
     """Write a PNG."""
-    try:
-        figure.savefig(path)
-    except OSError as error:
-        raise OutputError(f"cannot write the file {path}: {error.strerror}") from error
-    return path
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    return write_bytes(path, stream.getvalue())
 
 
 def _tasks(experiment: Experiment, place: str, arena: Arena) -> tuple[Task, ...]:

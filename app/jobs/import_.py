@@ -17,9 +17,8 @@ from nerfnav.field.field import Field
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
-from nerfnav.importers.captures.placing import turned_up
 from nerfnav.importers.nerf_pytorch import NerfPytorchConfig, is_checkpoint, load_nerf_pytorch
-from nerfnav.importers.placement import Placement, Vector
+from nerfnav.importers.placement import Placement, Vector, rotation_to_z
 from nerfnav.importers.splats.layouts import holds_splats, load_splats
 from nerfnav.importers.splats.splats import save_splats, splats_beside
 from nerfnav.importers.splats.voxels import VoxelizeConfig, voxelize
@@ -101,7 +100,7 @@ def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield JobStarted("import")
     yield Progress("reading the splats", 0.0)
     place, read = request.placement, load_splats(request.source)
-    splats = read.placed(turned_up(np.array(place.up or SPLATS_UP)), place.meters_per_unit or 1.0)
+    splats = read.placed(rotation_to_z(np.array(place.up or SPLATS_UP)), place.meters_per_unit or 1.0)
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)
     made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)

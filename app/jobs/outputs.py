@@ -1,13 +1,13 @@
-"""Where jobs write: checked before long work, written beside and renamed so that no half file is ever seen."""
+"""Where jobs write: checked before long work, and no half file is ever seen."""
 
 import json
 import math
-import os
 import tempfile
 from pathlib import Path
 from typing import Any
 
 from nerfnav.errors import NerfnavError
+from nerfnav.files import replacing
 
 
 class OutputError(NerfnavError):
@@ -40,12 +40,10 @@ def write_text(path: Path, text: str) -> Path:
 
 def write_bytes(path: Path, content: bytes) -> Path:
     """Write a whole file or none."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        beside.write_bytes(content)
-        beside.replace(path)
+        with replacing(path) as stream:
+            stream.write(content)
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise OutputError(f"cannot write the file {path}: {error.strerror}") from error
     return path
 

@@ -49,17 +49,11 @@ class Line:
 
     def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
         """`thickness` is in metres."""
-        self._node = server.scene.add_line_segments(
-            name, _SOMEWHERE, np.array(color, dtype=np.uint8), thickness=thickness, visible=False
-        )
+        self._fan = Fan(server, name, color, thickness)
 
     def show(self, points: np.ndarray | None, color: Rgb | None = None) -> None:
         """Draw the line through `points` (n, 3) [m], or nothing."""
-        if points is not None and len(points) > 1:
-            self._node.points = segments(points)
-            if color is not None:
-                self._node.colors = np.array(color, dtype=np.uint8)
-        self._node.visible = points is not None and len(points) > 1
+        self._fan.show(segments(points) if points is not None and len(points) > 1 else None, color)
 
 
 class Fan:
@@ -71,10 +65,12 @@ class Fan:
             name, _SOMEWHERE, np.array(color, dtype=np.uint8), thickness=thickness, visible=False
         )
 
-    def show(self, lines: np.ndarray | None) -> None:
+    def show(self, lines: np.ndarray | None, color: Rgb | None = None) -> None:
         """Draw segments (n, 2, 3) [m], or nothing."""
         if lines is not None and len(lines):
             self._node.points = lines.astype(np.float32)
+            if color is not None:
+                self._node.colors = np.array(color, dtype=np.uint8)
         self._node.visible = lines is not None and len(lines) > 0
 
 

@@ -7,6 +7,7 @@ import viser
 
 from app.messages import Choose, Command
 from app.session import Session
+from app.wording import capital
 
 
 class ChoiceList:
@@ -19,7 +20,7 @@ class ChoiceList:
         self._field, self._post = field, post
         self._session: Session | None = None
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-            field.capitalize(), list[str](names), hint=hint
+            capital(field), list[str](names), hint=hint
         )
         self._list.on_update(self._take)
 

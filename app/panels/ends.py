@@ -9,6 +9,7 @@ from app.ends import End, Which
 from app.messages import Aim, ChooseTask, Command, MoveEnd
 from app.session import Session
 from app.widgets import fine, note, warning
+from app.wording import capital, sentence
 from nerfnav.geometry.box import Box
 
 _BY_HAND = "put by hand"
@@ -63,7 +64,7 @@ def describe(session: Session) -> str:
         return note(f"Click into the scene where the {session.aiming.value} shall be.")
     problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
     if problems:
-        return warning(" ".join(problem[0].upper() + problem[1:] for problem in problems))
+        return warning(" ".join(map(sentence, problems)))
     if len(session.problems) < len(Which):
         return note("Checking whether the robot fits…")
     start, goal = (np.array(session.ends.of(which).position) for which in Which)
@@ -94,7 +95,7 @@ class _EndNumbers:
 
     def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
         self._which, self._post = which, post
-        name = which.value.capitalize()
+        name = capital(which.value)
         self._position = server.gui.add_vector3(
             f"{name} [m]", (0.0, 0.0, 0.0), step=0.01, hint=f"x, y, z of the {which.value} in the world"
         )

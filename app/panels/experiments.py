@@ -9,6 +9,7 @@ from app.messages import Cancel, Command
 from app.session import JobKind, Session
 from app.trials.state import MOST_TRIALS, ListTrials, Result, ShowResult, StartTrials
 from app.widgets import heading, note, table
+from app.wording import capital
 
 _NONE = "none yet"
 _FIGURES = 4
@@ -56,7 +57,7 @@ class ExperimentsPanel:
     def _purpose_of(self, session: Session) -> str:
         known = dict(session.trials.report.known) if session.trials.report is not None else {}
         purpose = known.get(self._names.value, "")
-        return note(purpose[:1].upper() + purpose[1:])
+        return note(capital(purpose))
 
     def show(self, session: Session) -> None:
         """Show what there is."""

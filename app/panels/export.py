@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-import cv2
 import numpy as np
 import viser
 
@@ -11,9 +10,11 @@ from app.messages import Command, Reset, Tell
 from app.session import Session
 from app.theme import night
 from app.widgets import note
+from app.wording import sentence
 from nerfnav.errors import NerfnavError
 from nerfnav.export.formats import FORMATS, Format
 from nerfnav.export.recording import Recording
+from nerfnav.geometry.images import picture_file
 
 SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}
 """Of screenshots: width and height [pixels]."""
@@ -62,7 +63,7 @@ class ExportPanel:
     def _describe(self) -> None:
         form = FORMATS.get(str(self._format.value))  # a page can send anything
         if form is not None:
-            self._purpose.content = note(f"{form.purpose[0].upper()}{form.purpose[1:]} (.{form.ending}).")
+            self._purpose.content = note(sentence(f"{form.purpose} (.{form.ending})"))
 
     def _send(self, event: viser.GuiEvent[Any]) -> None:
         """Send the file to the tab that asked; runs on a thread of the server's pool."""
@@ -76,7 +77,7 @@ class ExportPanel:
         try:
             content = FORMATS[name].make(made).content
         except NerfnavError as error:
-            self._post(Tell("Not exported", f"{str(error)[0].upper()}{str(error)[1:]}.", bad=True))
+            self._post(Tell("Not exported", sentence(str(error)), bad=True))
             return
         event.client.send_file_download(file_name(session, name), content, save_immediately=True)
 
@@ -134,6 +135,4 @@ def png(picture: np.ndarray) -> bytes:
     if picture.shape[-1] == 4:
         share = picture[..., 3:] / 255
         colors = np.round(share * colors + (1 - share) * night(len(picture))[:, :1]).astype(np.uint8)
-    done, encoded = cv2.imencode(".png", np.ascontiguousarray(colors[..., ::-1]))
-    assert done, "a picture of bytes can be written as PNG"
-    return encoded.tobytes()
+    return picture_file(colors)

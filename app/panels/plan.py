@@ -15,6 +15,7 @@ from app.registry import PLANNERS
 from app.session import JobKind, Session
 from app.theme import HIT, RIVAL_COLORS, STALE, START, TRUTH
 from app.widgets import legend, note, number, table, warning
+from app.wording import capital, sentence
 
 _LEAST_COST = 1e-3  # of what the logarithmic axis shows
 _TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))
@@ -115,7 +116,7 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
         ("Cost: total", number(cost.total, "")),
         *_judgement(plan),
     ]
-    ended = plan.outcome.value.capitalize() + "." if plan.outcome is not None else ""
+    ended = sentence(plan.outcome.value) if plan.outcome is not None else ""
     words = ended if ended or planning else "Stopped before it had settled."
     remark = warning("Start or goal have moved since: this plan leads to the earlier ones.") if stale else ""
     return table(rows) + (note(words) if words else "") + remark
@@ -144,7 +145,7 @@ def _judgement(plan: PlanRecord) -> list[tuple[str, str]]:
     if summary.get("safety", {}).get("min_clearance_m") is not None:
         rows.append(("Least clearance", number(100 * summary["safety"]["min_clearance_m"], "cm")))
     for name, use in summary.get("limits", {}).items():
-        rows.append((name.replace("_", " ").capitalize(), _used(use)))
+        rows.append((capital(name.replace("_", " ")), _used(use)))
     return rows
 
 

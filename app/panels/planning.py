@@ -9,6 +9,7 @@ import viser
 from app.messages import Command, Settings
 from app.panels.binding import Binder
 from app.session import Session
+from app.wording import capital
 from nerfnav.planner.costs import CostWeights
 
 _UNITS = {"outside": "1/m²", "margin": "m"}
@@ -30,7 +31,7 @@ class PlanningPanel:
         self._weights: dict[str, viser.GuiInputHandle[Any]] = {}
         with gui.add_folder("Weights", expand_by_default=False):
             for part in fields(CostWeights):
-                name = part.name.replace("_", " ").capitalize()
+                name = capital(part.name.replace("_", " "))
                 unit = f" [{_UNITS[part.name]}]" if part.name in _UNITS else ""
                 self._weights[part.name] = widget = gui.add_number(name + unit, getattr(CostWeights(), part.name))
                 weigh(widget, part.name, type(getattr(CostWeights(), part.name)))

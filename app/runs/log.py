@@ -25,6 +25,7 @@ from app.runs.about import About
 from app.runs.locks import hold
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
+from nerfnav.geometry.images import picture_file
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
@@ -87,10 +88,7 @@ class Log:
     def _keep(self, image: Tensor, index: int) -> str:
         (self._folder / PICTURES).mkdir(exist_ok=True)
         name = f"{PICTURES}/{index:05}.jpg"
-        bgr = np.ascontiguousarray(image.numpy()[..., ::-1])
-        done, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        assert done, "a picture of bytes can be written as JPEG"
-        (self._folder / name).write_bytes(encoded.tobytes())
+        (self._folder / name).write_bytes(picture_file(image.numpy(), _JPEG_QUALITY))
         return name
 
 

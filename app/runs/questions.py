@@ -6,6 +6,7 @@ from enum import Enum
 from app.records import FlightRecord
 from app.runs.about import Entry
 from app.runs.shelf import Shelf
+from app.wording import sentence
 from nerfnav.errors import NerfnavError
 
 
@@ -66,8 +67,7 @@ def report(shelf: Shelf, question: RunsQuestion) -> RunsReport:
             case Errand.LIST:
                 pass
     except NerfnavError as error:
-        text = str(error).replace(str(shelf.folder), "the folder of flights")
-        problem = f"{text[:1].upper()}{text[1:]}."
+        problem = sentence(str(error).replace(str(shelf.folder), "the folder of flights"))
     return RunsReport(question, shelf.entries(), flight, problem)
 
 

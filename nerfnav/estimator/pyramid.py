@@ -6,12 +6,13 @@ Gauss-Newton from one scale converges from two or three pixels away. Reduced by 
 from dataclasses import dataclass, field
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.estimator.photometric import Observation
 from nerfnav.field.field import Field
 from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.geometry.images import reduced
 
 
 @dataclass(frozen=True)
@@ -114,13 +115,6 @@ class View:
     def at(self, halvings: int) -> tuple[Field, Camera, Pose]:
         """Field, camera and mount for pictures that were reduced by 2^halvings."""
         return self.levels[min(halvings, len(self.levels) - 1)], self.camera.scaled(0.5**halvings), self.mount
-
-
-def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:
-    """The colours in [0, 1] that a camera with fewer pixels sees, each the mean over its area, row by row."""
-    planes = image.permute(2, 0, 1)[None].float() / 255
-    small = torch.nn.functional.interpolate(planes, (camera.height, camera.width), mode="area")
-    return small[0].permute(1, 2, 0).reshape(-1, 3)
 
 
 def small_observation(

@@ -120,21 +120,14 @@ def views(
     """
     caster = RayCaster(mesh)
     seen = torch.zeros(len(points))
-    for rotation, eye in zip(poses.rotation, poses.position, strict=True):
+    for index, eye in enumerate(poses.position):
         way = points - eye
-        inside = _in_picture(camera, way @ rotation)
+        _, inside = camera.project(poses[index], points)
         distance = way[inside].norm(dim=-1)
         rays = (way[inside] / distance[:, None]).numpy()
         hit = caster.first_hits(np.tile(eye.numpy(), (len(rays), 1)), np.ascontiguousarray(rays)).distance
         seen[inside] += (torch.from_numpy(hit) > distance - tolerance).float()
     return seen
-
-
-def _in_picture(camera: Camera, in_camera: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-    depth = -in_camera[:, 2]
-    u = camera.cx + camera.fx * in_camera[:, 0] / depth
-    v = camera.cy - camera.fy * in_camera[:, 1] / depth
-    return (depth > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
 
 
 def _is_free(scene: Scene, points: Float[Tensor, "n 3"], distance: float, spacing: float) -> Bool[Tensor, " n"]:

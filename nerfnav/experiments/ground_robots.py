@@ -26,11 +26,11 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.geometry import so3
-from nerfnav.planner.astar import unwrapped
 from nerfnav.planner.costs import collision_probability_bound
 from nerfnav.planner.fast import plan_fast
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import PlanStep, last_step
+from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.state import Motion
 from nerfnav.world.contact import judge
 from nerfnav.world.scene import Task

@@ -17,11 +17,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
+from nerfnav.planner.polynomials import derivative_rows, squared_derivative
 
 ORDER = 7
 MOST_PIECES = 31
@@ -125,10 +127,7 @@ def pieces_of_csv(text: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _powers(times: np.ndarray, derivative: int) -> np.ndarray:
     """The derivative of t^0 ... t^7 at each time, (n, 8)."""
-    rows = np.zeros((len(times), ORDER + 1))
-    for power in range(derivative, ORDER + 1):
-        rows[:, power] = math.perm(power, derivative) * times ** (power - derivative)
-    return rows
+    return derivative_rows(torch.from_numpy(times), derivative, ORDER + 1).numpy()
 
 
 def _rows(times: np.ndarray, piece: np.ndarray, count: int, derivative: int) -> np.ndarray:
@@ -140,11 +139,7 @@ def _rows(times: np.ndarray, piece: np.ndarray, count: int, derivative: int) -> 
 
 def _snap(count: int) -> np.ndarray:
     """The integral of the squared fourth derivative over all pieces, as a quadratic form of the coefficients."""
-    one = np.zeros((ORDER + 1, ORDER + 1))
-    for i in range(4, ORDER + 1):
-        for j in range(4, ORDER + 1):
-            one[i, j] = math.perm(i, 4) * math.perm(j, 4) / (i + j - 7)
-    return np.kron(np.eye(count), one)
+    return np.kron(np.eye(count), squared_derivative(4, ORDER + 1).numpy())
 
 
 def _csv(pieces: Pieces) -> bytes:

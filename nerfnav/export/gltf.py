@@ -66,9 +66,7 @@ class _Document:
         clock = self._add_array(times)
         tracks = {"translation": positions, "rotation": wxyz[:, [1, 2, 3, 0]]}
         samplers = [{"input": clock, "output": self._add_array(values)} for values in tracks.values()]
-        channels = [
-            {"sampler": index, "target": {"node": node, "path": path}} for index, path in enumerate(tracks)
-        ]
+        channels = [{"sampler": index, "target": {"node": node, "path": path}} for index, path in enumerate(tracks)]
         self._animations.append({"name": "motion", "samplers": samplers, "channels": channels})
 
     def packed(self) -> bytes:

@@ -12,6 +12,7 @@ from nerfnav.export.tables import Table, episode_table, motion_table
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.steps import NavigationStep
+from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion
 
@@ -91,11 +92,7 @@ class Recording:
 
     def yaw(self) -> Float[Tensor, " rows"]:
         """Heading of the body's x axis, counter-clockwise from east [rad]; unwrapped, so that it never jumps."""
-        rotation = so3.matrix_from_quaternion(self.quaternion)
-        heading = torch.atan2(rotation[:, 1, 0], rotation[:, 0, 0])
-        jumps = heading.diff()
-        turns = torch.cat([torch.zeros(1, dtype=heading.dtype), torch.round(jumps / (2 * torch.pi)).cumsum(0)])
-        return heading - 2 * torch.pi * turns
+        return unwrapped(so3.yaw_of(so3.matrix_from_quaternion(self.quaternion)))
 
 
 @dataclass(frozen=True)

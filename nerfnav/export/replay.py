@@ -6,9 +6,6 @@ replay.html is the page; what it shows is put in its place as JSON:
     steps: for each time truth and belief as (position [m], R_world_body row by row), the 95 % ellipsoid as the
         matrix that makes it of the unit ball, the plan's positions, and the numbers of the step
     surface: the place's surface, thinned (nerfnav.export.surface)
-
-The ellipsoid of a position with covariance V diag(l) V' is V diag(sqrt(l)) times the root of the 95 % quantile of the
-chi-squared distribution with three degrees of freedom, applied to the unit ball.
 """
 
 import base64
@@ -17,18 +14,17 @@ import math
 from importlib.resources import files
 from typing import Any
 
-import cv2
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.surface import Surface
+from nerfnav.geometry.ellipsoid import ellipsoid_95
+from nerfnav.geometry.images import picture_file
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots.state import POSITION, RigidState
 
-_CHI_95 = 2.7955
 _JPEG_QUALITY = 82
 _DIGITS = 5
 _PLACE = "/*REPLAY*/null"
@@ -62,10 +58,11 @@ def _data(recording: Recording) -> dict[str, Any]:
 def _step(step: NavigationStep) -> dict[str, Any]:
     mean = step.belief.mean
     variance = step.belief.covariance.diagonal()[POSITION].clamp_min(0)
+    axes, half = ellipsoid_95(step.belief.covariance[POSITION, POSITION])
     return {
         "truth": _pose(step.truth),
         "belief": _pose(mean),
-        "ellipsoid": _rounded(ellipsoid_95(step.belief.covariance[POSITION, POSITION]).reshape(-1)),
+        "ellipsoid": _rounded((axes * half).reshape(-1)),
         "plan": _rounded(step.plan.states.position.reshape(-1)),
         "touched": step.touched,
         "error": _finite((step.truth.position - mean.position).norm().item()),
@@ -74,13 +71,6 @@ def _step(step: NavigationStep) -> dict[str, Any]:
         "replan": _finite(step.replan_ms),
         "picture": None if step.image is None else _picture(step.image),
     }
-
-
-def ellipsoid_95(covariance: Float[Tensor, "3 3"]) -> Float[Tensor, "3 3"]:
-    """The matrix that makes the 95 % ellipsoid of a covariance [m^2] of the unit ball; never a mirror."""
-    variances, axes = torch.linalg.eigh(covariance.double())
-    axes = axes * torch.where(torch.linalg.det(axes) < 0, -1.0, 1.0)
-    return axes * (_CHI_95 * variances.clamp_min(0).sqrt())
 
 
 def _pose(state: RigidState) -> list[float]:
@@ -97,6 +87,4 @@ def _finite(value: float) -> float | None:
 
 def _picture(image: Tensor) -> str:
     """sRGB bytes (h, w, 3) as a data URL."""
-    done, encoded = cv2.imencode(".jpg", image.numpy()[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    assert done, "a picture of bytes can be written as JPEG"
-    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode()
+    return "data:image/jpeg;base64," + base64.b64encode(picture_file(image.numpy(), _JPEG_QUALITY)).decode()

@@ -11,6 +11,7 @@ import numpy as np
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.glb import parts
+from nerfnav.geometry.srgb import to_srgb
 
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
 _MOST_VERTICES = 45_000
@@ -69,10 +70,9 @@ class Surface:
         low = self.points.min(0)
         size = np.maximum(np.ptp(self.points, axis=0), 1e-9)
         shares = np.round(65535 * (self.points - low) / size).astype("<u2")
-        curved = np.where(self.colors <= 0.0031308, 12.92 * self.colors, 1.055 * self.colors ** (1 / 2.4) - 0.055)
         parts = {
             "points": shares,
-            "colors": np.round(255 * curved).astype(np.uint8),
+            "colors": np.round(255 * to_srgb(self.colors)).astype(np.uint8),
             "triangles": self.triangles.astype("<u4"),
         }
         packed = {name: base64.b64encode(part.tobytes()).decode() for name, part in parts.items()}

@@ -19,7 +19,7 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import Episode
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots.state import POSITION, Motion, RigidState
 
 FORMAT, VERSION = "nerfnav trajectory", 1
 FRAMES = {
@@ -77,7 +77,7 @@ def episode_table(episode: Episode, action_names: tuple[str, ...], robot: str = 
     the body met the ground truth on the way to this row).
     """
     flown = motion_table(Motion(episode.truth, episode.actions, episode.dt), action_names, robot)
-    variance = torch.diagonal(episode.beliefs.covariance, dim1=-2, dim2=-1)[..., :3]
+    variance = torch.diagonal(episode.beliefs.covariance, dim1=-2, dim2=-1)[..., POSITION]
     extra = torch.cat(
         [
             _state_block(episode.beliefs.mean),

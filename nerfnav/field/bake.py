@@ -10,7 +10,6 @@ Colour. A voxel has one colour from everywhere: the mean over directions, each w
 node towards it.
 """
 
-import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
@@ -28,7 +27,9 @@ from nerfnav.field.render import render_image
 from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, Pose, look_at
-from nerfnav.geometry.grid import node_positions, shape_for, spacing_of
+from nerfnav.geometry.directions import spiral
+from nerfnav.geometry.grid import node_positions, shape_for, spacing_of, with_neighbours
+from nerfnav.geometry.images import psnr_db
 
 MOST_NODES = 30_000_000
 """Fitting looks at eight points for each node."""
@@ -107,10 +108,7 @@ def bake(field: Field, config: BakeConfig | None = None) -> Generator[BakeStep, 
 
 def sample_views(box: Box, config: BakeConfig) -> Pose:
     """Poses T_world_camera (views) spread around and above the box, looking at its middle."""
-    index = torch.arange(config.views)
-    turn, height = index * math.pi * (3 - math.sqrt(5)), (index + 0.5) / config.views
-    around = (1 - height.square()).sqrt()
-    towards = torch.stack([around * turn.cos(), around * turn.sin(), height], -1)
+    towards = spiral((torch.arange(config.views) + 0.5) / config.views)
     return look_at(box.center + config.distance * box.size.norm() * towards, box.center.expand_as(towards))
 
 
@@ -120,7 +118,7 @@ def likeness(first: Field, second: Field, poses: Pose, camera: Camera) -> float:
         (render_image(first, camera, poses[index]).color.cpu() - render_image(second, camera, poses[index]).color)
         for index in range(len(poses.position))
     ]
-    return -10 * math.log10(max(torch.stack(errors).square().mean().item(), 1e-10))
+    return psnr_db(torch.stack(errors).square().mean().item())
 
 
 def fitted(targets: Grid, sweeps: int, empty: float) -> Grid:
@@ -181,8 +179,7 @@ def _solid_cells(
     nx, ny, nz = (count - 1 for count in shape)
     centers = node_positions(inner, (nx, ny, nz)).reshape(-1, 3)
     dense = torch.cat([_density(field, part) for part in centers.split(_AT_ONCE)]) > least
-    grid = dense.reshape(1, 1, nx, ny, nz).float()
-    return torch.nn.functional.max_pool3d(grid, 3, 1, 1)[0, 0] > 0
+    return with_neighbours(dense.reshape(nx, ny, nz))
 
 
 def _measure(
@@ -207,13 +204,9 @@ def _measure(
 def _color(field: Field, baked: VoxelField, count: int) -> Generator[float, None, None]:
     """Set the colours of all nodes near density, in place; yields the share that is done."""
     shape = baked.shape
-    dense = (baked.values[..., 0] > EMPTY_RAW).float()[None, None]
-    near = torch.nn.functional.max_pool3d(dense, 3, 1, 1)[0, 0] > 0
+    near = with_neighbours(baked.values[..., 0] > EMPTY_RAW)
     nodes = node_positions(baked.box, shape)[near]
-    index = torch.arange(count)
-    height, turn = 1 - (2 * index + 1) / count, index * math.pi * (3 - math.sqrt(5))
-    around = (1 - height.square()).sqrt()
-    outward = torch.stack([around * turn.cos(), around * turn.sin(), height], -1)
+    outward = spiral(1 - (2 * torch.arange(count) + 1) / count)
     colors, parts = [], nodes.split(_AT_ONCE // count)
     for number, part in enumerate(parts):
         colors.append(_mean_color(field, baked, part, outward))

@@ -17,7 +17,7 @@ from torch import Tensor
 from nerfnav.field.field import Field
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.render import render_image
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry.images import PosedImages, psnr_db
 
 _DEVIATION_PER_MEDIAN = 1.4826
 """Standard deviation of a Gaussian whose median absolute value is 1."""
@@ -42,12 +42,12 @@ def calibrated(info: FieldInfo, field: Field, held_out: PosedImages) -> FieldInf
         return info
     error, shown = residual(field, held_out), _shown(field, held_out)
     # PSNR as the literature has it: the mean over the images
-    psnr = torch.stack([-10 * torch.log10(image.square().mean().clamp_min(1e-10)) for image in error]).mean()
+    psnrs = [psnr_db(image.square().mean().item()) for image in error]
     told = error[shown] if shown.any() else error.reshape(-1, 3)
     core = _DEVIATION_PER_MEDIAN * told.abs().median()
     return replace(
         info,
-        psnr_db=float(psnr),
+        psnr_db=sum(psnrs) / len(psnrs),
         noise_std=float(error.square().mean().sqrt()),
         noise_core_std=float(core),
         outlier_share=float((told.abs() > _OUTLIER_DEVIATIONS * core).any(-1).float().mean()),

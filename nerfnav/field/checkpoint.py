@@ -1,13 +1,13 @@
-"""Fields in files: npz without pickle, versioned, written beside and renamed, so that no failure loses the old file.
+"""Fields in files: npz without pickle, versioned; no failure loses an older file.
 
 Raw densities are stored in steps of 1/8 and colours in steps of 1/255, which zip well: empty nodes are all alike.
 """
 
 import json
-import os
 import zipfile
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,7 +20,9 @@ from nerfnav.field.neural_checkpoint import VERSION as _NEURAL_VERSION
 from nerfnav.field.neural_checkpoint import neural_field_of, save_neural_field
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.files import write_npz
 from nerfnav.geometry.box import Box
+from nerfnav.geometry.grid import with_neighbours
 
 _FORMAT = "nerfnav-voxel-field"
 _VERSION = 2  # 2: surroundings and unknown nodes, both optional
@@ -35,8 +37,10 @@ def save_field(field: StoredField, path: Path) -> int:
     if isinstance(field, NeuralField):
         return save_neural_field(field, path)
     raw, color = _quantised(field.values)
-    color[~_near_density(raw)] = 0  # colours that nothing can show
+    color[~with_neighbours(torch.from_numpy(raw > 0)).numpy()] = 0  # colours that nothing can show
+    header = {"format": _FORMAT, "version": _VERSION, "info": asdict(field.info)}
     arrays = {
+        "header": np.array(json.dumps(header)),
         "raw": raw,
         "color": color,
         "box": torch.stack([field.box.lower, field.box.upper]).cpu().numpy(),
@@ -46,18 +50,10 @@ def save_field(field: StoredField, path: Path) -> int:
         arrays["outside_raw"], arrays["outside_color"] = _quantised(field.outside.values)
     if field.unknown is not None:
         arrays["unknown"] = np.packbits(field.unknown.cpu().numpy())
-    header = {"format": _FORMAT, "version": _VERSION, "info": asdict(field.info)}
-    beside = path.with_name(path.name + ".part")
     try:
-        with beside.open("wb") as file:
-            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
+        return write_npz(path, arrays)
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise FieldFileError(f"the field cannot be written to {path}: {error.strerror}") from error
-    return path.stat().st_size
 
 
 def load_field(path: Path) -> StoredField:
@@ -83,19 +79,18 @@ def load_field(path: Path) -> StoredField:
         raise FieldFileError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
-def _field_of(file: np.lib.npyio.NpzFile, info: dict[str, object]) -> VoxelField:
+def _field_of(file: np.lib.npyio.NpzFile, info: dict[str, Any]) -> VoxelField:
     values, box = _values_of(file["raw"], file["color"]), file["box"]
     if box.shape != (2, 3):
         raise ValueError("arrays of wrong shape")
     if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
         raise ValueError("an empty box")
-    known = {field.name for field in fields(FieldInfo)}
     outside = _values_of(file["outside_raw"], file["outside_color"]) if "outside_raw" in file else None
     return VoxelField(
         Box(torch.from_numpy(box[0]), torch.from_numpy(box[1])),
         values,
         torch.from_numpy(file["background"]),
-        replace(FieldInfo(), **{key: value for key, value in info.items() if key in known}),  # type: ignore[arg-type]
+        FieldInfo.of(info),
         None if outside is None else Surroundings(outside),
         _unknown_of(file["unknown"], values) if "unknown" in file else None,
     )
@@ -126,9 +121,3 @@ def _unknown_of(bits: np.ndarray, values: torch.Tensor) -> torch.Tensor:
     nx, ny, nz, _ = values.shape
     flags = np.unpackbits(bits, count=nx * ny * nz).astype(bool)
     return torch.from_numpy(flags.reshape(nx, ny, nz))
-
-
-def _near_density(quantised: np.ndarray) -> np.ndarray:
-    """Nodes that have density or a neighbour, along an axis or a diagonal, that has."""
-    solid = torch.from_numpy(quantised > 0).float()[None, None]
-    return torch.nn.functional.max_pool3d(solid, 3, 1, 1)[0, 0].numpy() > 0

@@ -15,7 +15,15 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.field import LAST_SAMPLE, Field, Points, RaySamples, box_interval, density_and_gradient
+from nerfnav.field.field import (
+    LAST_SAMPLE,
+    Field,
+    Points,
+    RaySamples,
+    box_interval,
+    chosen_samples,
+    density_and_gradient,
+)
 from nerfnav.field.render import HasBackdrop
 from nerfnav.field.surroundings import Backdrop
 from nerfnav.geometry.box import Box
@@ -111,7 +119,7 @@ class CompositeField:
                 _mark(covered, samples, enter, step)
             index = torch.arange(bins, device=origins.device)
             chosen = (covered.cumsum(1)[:, :bins] > 0.5) & (index < counts[:, None])
-            return _packed(chosen, enter, step)
+            return chosen_samples(chosen, enter, step)
 
     def backdrop(self, origins: Rays, directions: Rays) -> Backdrop | None:
         """What the first part has around its box; None where that is the background."""
@@ -144,12 +152,3 @@ def _mark(covered: Float[Tensor, "n b"], samples: RaySamples, enter: Float[Tenso
     weight = samples.mask.to(covered)
     covered.scatter_add_(1, first, weight)
     covered.scatter_add_(1, end, -weight)
-
-
-def _packed(chosen: Tensor, enter: Float[Tensor, "n"], step: float) -> RaySamples:
-    """The middles of the chosen bins (n, b) of each ray, in rows as short as they can be."""
-    most = max(1, int(chosen.sum(1).max()))
-    order = torch.argsort(~chosen, dim=1, stable=True)[:, :most]  # chosen bins first, near ones before far ones
-    mask = torch.gather(chosen, 1, order)
-    distances = enter[:, None] + (order + 0.5) * step
-    return RaySamples(torch.where(mask, distances, torch.zeros_like(distances)), mask, step)

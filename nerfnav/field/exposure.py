@@ -11,7 +11,7 @@ from torch import Tensor
 
 from nerfnav.field.field import Field
 from nerfnav.field.render import render_image
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry.images import PosedImages, reduced
 
 _REDUCED = 0.25
 """Photographs are compared at a quarter of their size: exposure needs no detail."""
@@ -24,9 +24,8 @@ def gains(field: Field, photographs: PosedImages) -> Float[Tensor, " n"]:
     camera = photographs.camera.scaled(_REDUCED)
     found = []
     for index, image in enumerate(photographs.images):
-        planes = image.permute(2, 0, 1)[None].float() / 255
-        small = torch.nn.functional.interpolate(planes, (camera.height, camera.width), mode="area")[0].permute(1, 2, 0)
-        shown = render_image(field, camera, photographs.poses[index]).color.cpu()
+        small = reduced(image, camera)
+        shown = render_image(field, camera, photographs.poses[index]).color.cpu().reshape(-1, 3)
         found.append((small * shown).sum() / shown.square().sum().clamp_min(1e-9))
     told = torch.stack(found).clamp(_LEAST, _MOST)
     return told / told.log().mean().exp()

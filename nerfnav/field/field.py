@@ -42,7 +42,7 @@ class Field(Protocol):
 
     @property
     def background(self) -> Float[Tensor, "3"]:
-        """Colour of a ray that nothing stops, linear in [0, 1]."""
+        """Colour of a ray that nothing stops, in [0, 1]; all colours are sRGB, as in photographs."""
         ...
 
     def density(self, points: Points) -> Float[Tensor, "*batch"]:
@@ -85,6 +85,19 @@ def box_interval(
     first, second = (box.lower - origins) * inverse, (box.upper - origins) * inverse
     enter = torch.minimum(first, second).amax(-1).clamp_min(0)
     return enter, torch.maximum(first, second).amin(-1)
+
+
+def chosen_samples(chosen: Bool[Tensor, "n b"], enter: Float[Tensor, "n"], step: float) -> RaySamples:
+    """The middles of the chosen ones among bins of `step` metres along rays, the first of which begin at `enter` [m].
+
+    Rows are as short as they can be.
+    """
+    most = max(1, int(chosen.sum(1).max()))
+    # a stable sort brings what is chosen to the front and keeps its order
+    order = torch.argsort(~chosen, dim=1, stable=True)[:, :most]
+    mask = torch.gather(chosen, 1, order)
+    distances = enter[:, None] + (order + 0.5) * step
+    return RaySamples(torch.where(mask, distances, torch.zeros_like(distances)), mask, step)
 
 
 def uniform_samples(

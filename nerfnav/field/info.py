@@ -1,6 +1,7 @@
 """What is known about a field beside its values: where it comes from and how good it is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -33,3 +34,9 @@ class FieldInfo:
     """Training steps done."""
     baked_psnr_db: float | None = None
     """PSNR between this field and the one that it was baked from, on sample views [dB]; None if it was not baked."""
+
+    @classmethod
+    def of(cls, stored: dict[str, Any]) -> "FieldInfo":
+        """From names and values in a file; names that this version does not know are left out."""
+        known = {field.name for field in fields(cls)}
+        return cls(**{name: value for name, value in stored.items() if name in known})

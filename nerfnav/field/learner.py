@@ -14,7 +14,7 @@ from nerfnav.field.surroundings import SPAN, Surroundings, uncontracted
 from nerfnav.field.trained_grid import TrainedGrid, refined
 from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField, occupied_blocks
 from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import node_positions, spacing_of
+from nerfnav.geometry.grid import node_positions, spacing_of, with_neighbours
 from nerfnav.geometry.images import PosedImages
 
 _START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
@@ -199,23 +199,12 @@ def finished_field(
     return VoxelField(place.box, values, place.background, outside=Surroundings(outer))
 
 
-def with_neighbours(blocks: Bool[Tensor, "bx by bz"]) -> Bool[Tensor, "bx by bz"]:
-    """The blocks and all that touch them."""
-    return torch.nn.functional.max_pool3d(blocks[None, None].float(), 3, 1, 1)[0, 0] > 0
-
-
 def views_of(points: Float[Tensor, "*batch 3"], photographs: PosedImages) -> Float[Tensor, "*batch"]:
     """The share of cameras, relative to the best seen point, whose picture contains each point (walls ignored)."""
-    camera = photographs.camera
     flat = points.reshape(-1, 3)
     seen = torch.zeros(len(flat))
     for index in range(len(photographs)):
-        pose = photographs.poses[index]
-        in_camera = (flat - pose.position) @ pose.rotation
-        depth = (-in_camera[:, 2]).clamp_min(1e-3)
-        u = camera.cx + camera.fx * in_camera[:, 0] / depth
-        v = camera.cy - camera.fy * in_camera[:, 1] / depth
-        inside = (in_camera[:, 2] < -1e-3) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+        _, inside = photographs.camera.project(photographs.poses[index], flat)
         seen += inside
     return (seen / seen.max().clamp_min(1)).reshape(points.shape[:-1])
 

@@ -18,7 +18,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.field.field import LAST_SAMPLE, Points, RaySamples, box_interval
+from nerfnav.field.field import LAST_SAMPLE, Points, RaySamples, box_interval, chosen_samples
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.mlp import RadianceMlp
 from nerfnav.field.render import Rendering, composite
@@ -102,13 +102,7 @@ class NeuralField:
             fine = self.config.fine_per_bin
             chosen = matters.repeat_interleave(fine, 1)
             index = torch.arange(chosen.shape[1], device=origins.device)
-            chosen &= index < counts[:, None]
-            most = max(1, int(chosen.sum(1).max()))
-            # a stable sort brings what is chosen to the front and keeps its order
-            order = torch.argsort(~chosen, dim=1, stable=True)[:, :most]
-            mask = torch.gather(chosen, 1, order)
-            distances = enter[:, None] + (order + 0.5) * self.step
-            return RaySamples(torch.where(mask, distances, torch.zeros_like(distances)), mask, self.step)
+            return chosen_samples(chosen & (index < counts[:, None]), enter, self.step)
 
     @torch.no_grad()
     def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:

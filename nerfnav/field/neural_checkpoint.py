@@ -4,8 +4,7 @@
 """
 
 import json
-import os
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from nerfnav.errors import FieldFileError
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.mlp import Encoding, MlpConfig, RadianceMlp
 from nerfnav.field.neural import Activation, NeuralConfig, NeuralField
+from nerfnav.files import write_npz
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
 
@@ -42,18 +42,11 @@ def save_neural_field(field: NeuralField, path: Path) -> int:
     }
     for name, network in _networks(field):
         arrays |= {f"{name}.{key}": weights for key, weights in network.state_dict().items()}
-    beside = path.with_name(path.name + ".part")
+    numbers = {name: array.detach().cpu().numpy() for name, array in arrays.items()}
     try:
-        with beside.open("wb") as file:
-            numbers = {name: array.detach().cpu().numpy() for name, array in arrays.items()}
-            np.savez_compressed(file, header=np.array(json.dumps(header)), **numbers)  # type: ignore[arg-type]
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
+        return write_npz(path, {"header": np.array(json.dumps(header)), **numbers})
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise FieldFileError(f"the field cannot be written to {path}: {error.strerror}") from error
-    return path.stat().st_size
 
 
 def neural_field_of(file: Any, header: dict[str, Any]) -> NeuralField:
@@ -67,8 +60,6 @@ def neural_field_of(file: Any, header: dict[str, Any]) -> NeuralField:
         raise ValueError("arrays of wrong shape, or an empty box")
     networks = {name: _network(file, name, shape) for name, shape in header["networks"].items()}
     config = NeuralConfig(**{**header["config"], "activation": Activation(header["config"]["activation"])})
-    known = {field.name for field in fields(FieldInfo)}
-    info = replace(FieldInfo(), **{key: value for key, value in header["info"].items() if key in known})
     return NeuralField(
         Box(box[0], box[1]),
         networks["coarse"],
@@ -76,7 +67,7 @@ def neural_field_of(file: Any, header: dict[str, Any]) -> NeuralField:
         torch.from_numpy(file["background"]),
         Pose(rotation, torch.from_numpy(file["position"])),
         config,
-        info,
+        FieldInfo.of(header["info"]),
     )
 
 

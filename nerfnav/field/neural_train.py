@@ -30,7 +30,7 @@ from nerfnav.field.rays import RayBatch, RaySampler
 from nerfnav.field.render import Rendering, composite
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry.images import PosedImages, psnr_db
 
 _FORGET = 0.98  # share of the running error that a step keeps
 
@@ -105,7 +105,7 @@ def train_neural(
         fraction = min(1.0, iteration / config.iterations if config.budget is None else elapsed / config.budget)
         if iteration % config.report_every == 0 and fraction < 1:
             left = elapsed * (1 - fraction) / fraction
-            stop = yield NeuralTrainStep(iteration, fraction, _psnr(error), iteration * config.rays / elapsed, left)
+            stop = yield NeuralTrainStep(iteration, fraction, psnr_db(error), iteration * config.rays / elapsed, left)
     info = FieldInfo(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         images=len(photographs),
@@ -115,7 +115,7 @@ def train_neural(
     )
     trained = _judged(replace(blank, info=info), held_out)
     rate = iteration * config.rays / info.train_s
-    yield NeuralTrainStep(iteration, fraction, trained.info.psnr_db or _psnr(error), rate, 0.0, trained)
+    yield NeuralTrainStep(iteration, fraction, trained.info.psnr_db or psnr_db(error), rate, 0.0, trained)
 
 
 def blank_field(
@@ -221,7 +221,3 @@ def _random(network: RadianceMlp, generator: torch.Generator) -> RadianceMlp:
                 bound = math.sqrt(6 / weights.shape[1])
                 weights.copy_((2 * torch.rand(weights.shape, generator=generator) - 1) * bound)
     return network
-
-
-def _psnr(mean_squared_error: float) -> float:
-    return -10 * math.log10(max(mean_squared_error, 1e-10))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.field.field import Field, RaySamples
@@ -29,6 +29,11 @@ class Rendering:
     """Share of the light that is stopped inside the field, 1 - T_end."""
     depth: Float[Tensor, "*batch"]
     """Mean distance of what stops the light [m], weighted by T alpha; 0 where nothing does."""
+
+    @property
+    def image(self) -> UInt8[Tensor, "*batch 3"]:
+        """The colours as a photograph has them, 0 to 255."""
+        return (255 * self.color.clamp(0, 1)).round().to(torch.uint8)
 
 
 @runtime_checkable

@@ -20,14 +20,13 @@ from nerfnav.field.learner import (
     dense_blocks,
     finished_field,
     looks_for_empty_blocks,
-    with_neighbours,
 )
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.render import composite, over
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.trained_grid import TrainedGrid, refined
 from nerfnav.field.voxel import DENSITY_SCALE, VoxelField
-from nerfnav.geometry.grid import spacing_of, trilinear
+from nerfnav.geometry.grid import spacing_of, trilinear, with_neighbours
 
 Values = Float[Tensor, "nx ny nz 4"]
 _SHELL_JITTER = 0.98  # as the kernel: the last shell must stay this side of infinity

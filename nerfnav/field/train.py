@@ -29,10 +29,12 @@ from nerfnav.field.unknown import with_unknown
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import shape_for
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry.images import PosedImages, psnr_db
 
 _FINISHING = 0.06
 """Share of a budget that goes into the unknown and the held-out views."""
+_FORGET = 0.98
+"""Share of the running error that a training step keeps."""
 VOXELS_IN_UNIT = 77
 """Voxels in the length that densities are weighed in: a metre for the voxels of the paper's Stonehenge."""
 
@@ -121,11 +123,7 @@ def train(
     ends[-1] = math.inf  # whatever the shares add up to, the last stage lasts to the end
     with threads(default_threads()) as workers:
         require_memory(_shape(box, config, len(config.stages) - 1), config.outside, workers)
-        place = Place(box, background, VOXELS_IN_UNIT * config.voxel)
-        learner: GridLearner | TorchLearner
-        learner = GridLearner.start(place, _shape(box, config, 0), photographs, workers, _outside(config, 0))
-        if torch.device(config.device).type != "cpu":
-            learner = TorchLearner.of(learner, torch.device(config.device))
+        learner = _learner(Place(box, background, VOXELS_IN_UNIT * config.voxel), photographs, config, workers)
     while fraction < 1 and not stop:
         if fraction >= ends[stage]:
             stage += 1
@@ -134,24 +132,38 @@ def train(
             learner = learner.refined(_shape(box, config, stage), _outside(config, stage))
         with threads(workers):
             loss = learner.step(sampler.draw(config.rays), _rates(config, fraction))
-        error = loss if iteration == 0 else 0.98 * error + 0.02 * loss
+        error = loss if iteration == 0 else _FORGET * error + (1 - _FORGET) * loss
         iteration += 1
         elapsed = time.perf_counter() - begun
         fraction = min(1.0, iteration / config.iterations if config.budget is None else elapsed / _to_learn(config))
         if iteration % config.report_every == 0 and fraction < 1:
             left = elapsed * (1 - fraction) / fraction
-            stop = yield TrainStep(iteration, fraction, _psnr(error), iteration * config.rays / elapsed, left)
+            stop = yield TrainStep(iteration, fraction, psnr_db(error), iteration * config.rays / elapsed, left)
     rate = iteration * config.rays / (time.perf_counter() - begun)
-    trained = with_unknown(learner.field(config.finish), photographs, generator)
+    trained = _judged(learner.field(config.finish), photographs, held_out, iteration, generator)
+    info = replace(trained.info, train_s=time.perf_counter() - begun)
+    yield TrainStep(iteration, fraction, info.psnr_db or 0.0, rate, 0.0, replace(trained, info=info))
+
+
+def _learner(place: Place, photographs: PosedImages, config: TrainConfig, workers: int) -> GridLearner | TorchLearner:
+    """What learns the first stage: kernels on the processor, torch elsewhere."""
+    learner = GridLearner.start(place, _shape(place.box, config, 0), photographs, workers, _outside(config, 0))
+    device = torch.device(config.device)
+    return learner if device.type == "cpu" else TorchLearner.of(learner, device)
+
+
+def _judged(
+    field: VoxelField, photographs: PosedImages, held_out: PosedImages, iterations: int, generator: torch.Generator
+) -> VoxelField:
+    """What was learned, with the nodes that no camera saw and with what held-out views say about it."""
+    trained = with_unknown(field, photographs, generator)
     info = FieldInfo(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         images=len(photographs),
         seed=generator.initial_seed(),
-        iterations=iteration,
+        iterations=iterations,
     )
-    info = calibrated(info, trained, held_out)
-    info = replace(info, train_s=time.perf_counter() - begun)
-    yield TrainStep(iteration, fraction, info.psnr_db or 0.0, rate, 0.0, replace(trained, info=info))
+    return replace(trained, info=calibrated(info, trained, held_out))
 
 
 def _to_learn(config: TrainConfig) -> float:
@@ -177,7 +189,3 @@ def _shape(box: Box, config: TrainConfig, stage: int) -> tuple[int, int, int]:
 
 def _outside(config: TrainConfig, stage: int) -> int:
     return round(config.outside / config.stages[stage])
-
-
-def _psnr(mean_squared_error: float) -> float:
-    return -10 * math.log10(max(mean_squared_error, 1e-10))

@@ -106,7 +106,7 @@ class VoxelField:
         while True:
             with threads(default_threads()):
                 distances, counts = march.significant_samples(
-                    *self._grid, *rays, np.float32(DENSITY_SCALE), np.float32(self.step),
+                    *self.kernel_grid, *rays, np.float32(DENSITY_SCALE), np.float32(self.step),
                     np.float32(_LEAST_DENSITY), capacity,
                 )  # fmt: skip
             longest = max(1, int(counts.max(initial=0)))
@@ -123,7 +123,7 @@ class VoxelField:
     def density_and_gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """rho (n) [1/m] and its gradient (n, 3) [1/m^2] at world points (n, 3) [m], in float64, compiled."""
         density, gradient = np.empty(len(points)), np.empty((len(points), 3))
-        arguments = (*self._grid, DENSITY_SCALE, points, density, gradient)
+        arguments = (*self.kernel_grid, DENSITY_SCALE, points, density, gradient)
         if len(points) < _WORTH_THREADS:
             point_kernels.density_and_gradient(*arguments)
         else:
@@ -138,7 +138,7 @@ class VoxelField:
                 return render_rays(self, origins.to(device), directions.to(device))
         with threads(default_threads()):
             parts = march.render(
-                *self._grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
+                *self.kernel_grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
                 self.background.cpu().numpy(), self._outer,
             )  # fmt: skip
         color, opacity, depth = (torch.from_numpy(part) for part in parts)
@@ -154,7 +154,7 @@ class VoxelField:
         if self.outside is not None:
             return jacobian_by_autograd(self, origins, directions)
         colors, jacobians = jacobian.colors_and_jacobian(
-            *self._grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
+            *self.kernel_grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
             self.background.cpu().numpy(),
         )  # fmt: skip
         return torch.from_numpy(colors), torch.from_numpy(jacobians)
@@ -169,13 +169,8 @@ class VoxelField:
         raw[self.unknown] = raw[self.unknown].clamp_min(SOLID_RAW)
         return replace(self, values=values)
 
-    @property
-    def kernel_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What kernels ask for first: values, occupied, lower, nodes per metre."""
-        return self._grid
-
     @cached_property
-    def _grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def kernel_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """What all kernels ask for first: values, occupied, lower, nodes per metre."""
         per_meter = (1 / self.spacing).cpu().numpy().astype(np.float32)
         lower = self.box.lower.cpu().numpy().astype(np.float32)

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
@@ -104,6 +104,17 @@ class Camera:
         in_camera = self.directions(self.pixels() if pixels is None else pixels).to(pose.position)
         directions = in_camera @ pose.rotation.transpose(-1, -2)
         return pose.position.expand_as(directions), directions
+
+    def project(self, pose: Pose, points: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 2"], Bool[Tensor, " n"]]:
+        """Where points in the world [m] stand in the picture, (u, v) [pixels], and which of them lie within it.
+
+        `pose` is T_world_camera. A distortion is left out. Points beside or behind the camera stand nowhere: NaN.
+        """
+        in_camera = (points - pose.position) @ pose.rotation
+        depth = -in_camera[:, 2]
+        flat = torch.stack([in_camera[:, 0], -in_camera[:, 1]], -1) / depth.where(depth > 0, torch.nan)[:, None]
+        uv = flat * flat.new_tensor([self.fx, self.fy]) + flat.new_tensor([self.cx, self.cy])
+        return uv, ((uv >= 0) & (uv < flat.new_tensor([self.width, self.height]))).all(-1)
 
 
 def look_at(eye: Float[Tensor, "*batch 3"], target: Float[Tensor, "*batch 3"]) -> Pose:

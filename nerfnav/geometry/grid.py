@@ -7,7 +7,7 @@ spacing = size / (shape - 1). Grid coordinates g = (p - lower) / spacing run fro
 import math
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.geometry.box import Box
@@ -55,3 +55,8 @@ def trilinear(values: Values, box: Box, points: Float[Tensor, "*batch 3"]) -> Fl
     nodes = values.reshape(-1, channels)[base[:, None] + offsets]
     mixed = (weights.reshape(-1, 8, 1) * nodes.to(points)).sum(1)
     return mixed.reshape(*points.shape[:-1], channels)
+
+
+def with_neighbours(chosen: Bool[Tensor, "nx ny nz"]) -> Bool[Tensor, "nx ny nz"]:
+    """What is chosen on a grid, and all that touches it along an axis or a diagonal."""
+    return torch.nn.functional.max_pool3d(chosen[None, None].float(), 3, 1, 1)[0, 0] > 0

@@ -1,8 +1,12 @@
 """Photographs with known poses: what a capture yields and what a field is trained from."""
 
+import math
 from dataclasses import dataclass
 
-from jaxtyping import UInt8
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.geometry.camera import Camera, Pose
@@ -26,3 +30,23 @@ class PosedImages:
     def subset(self, index: "list[int] | slice") -> "PosedImages":
         """The images at `index`, with their poses."""
         return PosedImages(self.images[index], self.camera, self.poses[index])
+
+
+def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:
+    """The colours in [0, 1] that a camera with fewer pixels sees, each the mean over its area, row by row."""
+    planes = image.permute(2, 0, 1)[None].float() / 255
+    small = torch.nn.functional.interpolate(planes, (camera.height, camera.width), mode="area")
+    return small[0].permute(1, 2, 0).reshape(-1, 3)
+
+
+def picture_file(image: UInt8[np.ndarray, "height width 3"], jpeg_quality: int | None = None) -> bytes:
+    """sRGB colours as a PNG file, or as a JPEG of a quality from 1 to 100."""
+    kind, settings = (".png", []) if jpeg_quality is None else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+    done, encoded = cv2.imencode(kind, np.ascontiguousarray(image[..., ::-1]), settings)
+    assert done, "every picture of bytes can be a PNG or JPEG"
+    return encoded.tobytes()
+
+
+def psnr_db(mean_squared_error: float) -> float:
+    """Peak signal-to-noise ratio [dB] of colours in [0, 1]; 100 where they agree."""
+    return -10 * math.log10(max(mean_squared_error, 1e-10))

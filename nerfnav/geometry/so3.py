@@ -25,18 +25,6 @@ def hat(theta: Vector3) -> Matrix3:
     return torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*theta.shape[:-1], 3, 3)
 
 
-def vee(matrix: Matrix3) -> Vector3:
-    """The inverse of `hat`; the symmetric part of the matrix is ignored."""
-    return 0.5 * torch.stack(
-        [
-            matrix[..., 2, 1] - matrix[..., 1, 2],
-            matrix[..., 0, 2] - matrix[..., 2, 0],
-            matrix[..., 1, 0] - matrix[..., 0, 1],
-        ],
-        -1,
-    )
-
-
 def _sinc_terms(squared: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """sin(a)/a, (1 - cos(a))/a^2 and (a - sin(a))/a^3 as smooth functions of a^2."""
     small = squared < _SMALL_SQUARED_ANGLE

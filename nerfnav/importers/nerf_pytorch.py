@@ -25,9 +25,8 @@ from nerfnav.field.neural import NeuralConfig, NeuralField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
 from nerfnav.geometry.grid import node_positions, shape_for
-from nerfnav.importers.captures.placing import turned_up
 from nerfnav.importers.nerf_pytorch_networks import network_of
-from nerfnav.importers.placement import Placement
+from nerfnav.importers.placement import Placement, rotation_to_z
 
 SUFFIXES = (".ckpt", ".tar", ".pth", ".pt")
 """Endings of checkpoints."""
@@ -68,7 +67,7 @@ def load_nerf_pytorch(path: Path, config: NerfPytorchConfig | None = None) -> Ne
     coarse, fine = (network_of(state, str(file), config.octaves) for state in states)
     place = config.placement
     unit = place.meters_per_unit or 1.0
-    turn = torch.eye(3) if place.up is None else torch.from_numpy(turned_up(np.array(place.up))).float()
+    turn = torch.eye(3) if place.up is None else torch.from_numpy(rotation_to_z(np.array(place.up))).float()
     half = torch.full((3,), unit * _SEEN_SHARE * 0.5 * (config.far - config.near))
     box = Box(-half, half) if place.box is None else Box.of(*place.box)
     frame, background = Pose(turn, torch.zeros(3)), torch.full((3,), float(config.white))

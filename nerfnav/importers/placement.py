@@ -3,9 +3,16 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float
+
 from nerfnav.errors import InvalidInputError
 
 Vector = tuple[float, float, float]
+AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+"""Directions that have a name."""
+_DOWN = 1e-24
+"""Squared sine of the angle between straight down and what is taken for it: its heading is lost in rounding."""
 
 
 @dataclass(frozen=True)
@@ -42,3 +49,21 @@ class Placement:
             return self.scale
         first, second, distance = self.picked
         return distance / math.dist(first, second)
+
+
+def rotation_to_z(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """The smallest rotation that turns a direction, of any length, into the z axis.
+
+    Rodrigues' formula about up x z, without its angle. Straight down has no smallest: it is half a turn about x.
+    """
+    x, y, z = up / np.linalg.norm(up)
+    across = x * x + y * y
+    if z < 0 and across < _DOWN:
+        return np.diag([1.0, -1.0, -1.0])
+    # 1 / (1 + z), which is all rounding where z is near -1; there across = (1 + z) (1 - z) has the digits
+    bend = 1 / (1 + z) if z > 0 else (1 - z) / across
+    return np.array([
+        [1 - x * x * bend, -x * y * bend, -x],
+        [-x * y * bend, 1 - y * y * bend, -y],
+        [x, y, z],
+    ])  # fmt: skip

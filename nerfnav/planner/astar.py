@@ -11,6 +11,7 @@ from torch import Tensor
 from nerfnav.geometry import so3
 from nerfnav.planner.kernels.search import cheapest_path, make_dearer
 from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.state import RigidState
 
 _SNAP_REACH = 0.3
@@ -114,15 +115,9 @@ def _path(
     return torch.cat([positions, unwrapped(torch.cat([first, yaw.to(first), last]))[:, None]], -1)
 
 
-def unwrapped(yaw: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """The same angles [rad], each within half a turn of the one before it."""
-    turn = torch.remainder(yaw.diff() + torch.pi, 2 * torch.pi) - torch.pi
-    return torch.cat([yaw[:1], yaw[:1] + turn.cumsum(0)])
-
-
 def smooth_path(path: Float[Tensor, "n c"], spread: float = _SMOOTHING) -> Float[Tensor, "m c"]:
     """The path with corners rounded over `spread` [m], its ends as they are, points about 1 cm apart."""
-    dense = resample(path, torch.linspace(0, 1, max(2, round(_lengths(path).sum().item() / _PATH_STEP)) + 1))
+    dense = resample(path, torch.linspace(0, 1, max(2, round(lengths(path).sum().item() / _PATH_STEP)) + 1))
     reach = min(int(3 * spread / _PATH_STEP), len(dense) - 1)
     weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (_PATH_STEP / spread)))
     # reflected through the ends, so that these stay where they are and keep their direction
@@ -135,24 +130,31 @@ def smooth_path(path: Float[Tensor, "n c"], spread: float = _SMOOTHING) -> Float
 
 def resample(path: Float[Tensor, "n c"], shares: Float[Tensor, "m"]) -> Float[Tensor, "m c"]:
     """Points of a polyline at the given shares of its length, 0 to 1; to turn is to go some way too."""
-    reached = np.concatenate([[0.0], np.cumsum(_lengths(path).double().numpy())])
+    reached = np.concatenate([[0.0], np.cumsum(lengths(path).double().numpy())])
     wanted = shares.double().numpy() * reached[-1]
     columns = [np.interp(wanted, reached, column) for column in path.double().numpy().T]
     return torch.from_numpy(np.stack(columns, -1)).to(path)
 
 
-def _lengths(path: Float[Tensor, "n c"]) -> Float[Tensor, " pieces"]:
-    weights = torch.tensor([1.0, 1.0, 1.0, _TURN])[: path.shape[-1]].to(path)
-    return (path.diff(dim=0) * weights).norm(dim=-1)
+def as_way(path: Float[Tensor, "n c"]) -> Float[Tensor, "n c"]:
+    """The path with its headings, where it has some, in metres."""
+    return path * path.new_tensor([1.0, 1.0, 1.0, _TURN])[: path.shape[-1]]
+
+
+def lengths(path: Float[Tensor, "n c"]) -> Float[Tensor, " pieces"]:
+    """How far each point of a path is from the one before it [m]; to turn is to go some way too."""
+    return as_way(path).diff(dim=0).norm(dim=-1)
+
+
+def late_steps(steps: int) -> int:
+    """Steps that pass before a robot leaves, of `steps` to its goal: one that must tilt first cannot leave at once."""
+    return min(2, steps // 4)
 
 
 @lru_cache(maxsize=64)
 def ease(steps: int) -> Float[Tensor, " times"]:
-    """Share of the way covered at each time step: minimum jerk (Flash and Hogan, 1985), leaving a little late.
-
-    A robot that must tilt before it can move cannot follow a law that leaves at once.
-    """
-    late = min(2, steps // 4)
+    """Share of the way covered at each time step: minimum jerk (Flash and Hogan, 1985), leaving a little late."""
+    late = late_steps(steps)
     time = ((torch.arange(steps + 1) - late) / (steps - late)).clamp_min(0)
     return 10 * time**3 - 15 * time**4 + 6 * time**5
 

@@ -48,19 +48,11 @@ def check_finite(name: str, state: RigidState) -> None:
             raise InvalidInputError(f"the {part.replace('_', ' ')} of the {name} must be finite numbers")
 
 
-def nearest_free(
-    field: Field, body: Body, state: RigidState, occupancy: OccupancyMap
-) -> Float[Tensor, "3"] | None:
-    """The nearest point, in whole centimetres, where the body fits in the attitude of `state`; None if out of reach."""
-    return _first_fit(field, body, (state,), occupancy, state)
-
-
-def nearest_free_pose(
-    field: Field, body: Body, state: RigidState, occupancy: OccupancyMap
-) -> RigidState | None:
+def nearest_free_pose(field: Field, body: Body, state: RigidState, occupancy: OccupancyMap) -> RigidState | None:
     """The nearest state in which the body fits, turned where the map tells headings apart; None if out of reach.
 
-    Its own attitude comes first, and others only where that fits nowhere within reach.
+    Its position is in whole centimetres. The attitude of `state` comes first, and others only where that fits nowhere
+    within reach.
     """
     count = len(occupancy.by_heading)
     turns = torch.arange(1, count) * (torch.pi / count)

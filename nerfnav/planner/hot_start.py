@@ -6,8 +6,8 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.planner.astar import unwrapped
 from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 

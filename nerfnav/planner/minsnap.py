@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.planner.astar import SearchConfig, ease, find_paths, waypoints_along
+from nerfnav.planner.astar import SearchConfig, as_way, ease, find_paths, late_steps, lengths, waypoints_along
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_ends
 from nerfnav.planner.follow import step_along
@@ -30,8 +30,6 @@ from nerfnav.planner.steps import PlanOutcome, PlanStep
 
 _TERMS, _SNAP = 8, 4
 """Coefficients of a polynomial of degree 7; the derivative that is minimised and up to which curves are continuous."""
-_RADIAN = 0.15
-"""Length of way that a radian of turning counts for [m], as in the search."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +184,7 @@ def turning_points(path: Float[Tensor, "n c"], tolerance: float) -> Float[Tensor
     """
     if len(path) <= 2:
         return path
-    way = _as_way(path)
+    way = as_way(path)
     line = way[-1] - way[0]
     share = ((way - way[0]) @ line / line.square().sum().clamp_min(1e-12)).clamp(0, 1)
     distance = (way - way[0] - share[:, None] * line).norm(dim=-1)
@@ -197,20 +195,10 @@ def turning_points(path: Float[Tensor, "n c"], tolerance: float) -> Float[Tensor
     return torch.cat([before[:-1], after])
 
 
-def late_steps(steps: int) -> int:
-    """Steps that pass before a robot leaves on a curve of `steps` steps."""
-    return min(2, steps // 4)
-
-
 def arrival_times(points: Float[Tensor, "knots c"], steps: int, dt: float) -> Float[Tensor, " knots"]:
     """When a robot that eases along the lines between points reaches each of them [s]."""
-    lengths = _as_way(points).diff(dim=0).norm(dim=-1).double().numpy()
-    share = np.concatenate([[0.0], np.cumsum(lengths)]) / max(lengths.sum(), 1e-12)
+    reached = np.concatenate([[0.0], np.cumsum(lengths(points).double().numpy())])
+    share = reached / max(reached[-1], 1e-12)
     time = np.interp(share, ease(steps).double().numpy(), np.arange(steps + 1) * dt)
     time[0], time[-1] = late_steps(steps) * dt, steps * dt
     return torch.from_numpy(time)
-
-
-def _as_way(path: Float[Tensor, "n c"]) -> Float[Tensor, "n c"]:
-    """The path with its headings, where it has some, in metres."""
-    return path * path.new_tensor([1.0, 1.0, 1.0, _RADIAN])[: path.shape[1]]

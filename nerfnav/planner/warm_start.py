@@ -19,7 +19,7 @@ from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem, map_for, ways_between
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.state import Motion
+from nerfnav.robots.state import ATTITUDE, POSITION, Motion
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def _anew(
 
 def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> Restart | None:
     apart = last.states[-1].local(problem.goal)
-    if apart[:3].norm() > warm.drift_m or apart[6:9].norm() > warm.drift_rad:
+    if apart[POSITION].norm() > warm.drift_m or apart[ATTITUDE].norm() > warm.drift_rad:
         return Restart.GOAL_MOVED
     return None
 

@@ -4,10 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float
-from manifold3d import Error, Manifold, Mesh64
+from manifold3d import Manifold
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.robots.body import Body
+from nerfnav.world.manifold import manifold_of
 from nerfnav.world.triangles import TriangleIndex, Vector, boxes_touch_triangles
 
 _CELLS_PER_EDGE = 8
@@ -54,10 +55,10 @@ class BodyVolume:
 
 def _manifold(body: Body) -> Manifold:
     assert body.solid is not None
-    vertices, faces = np.asarray(body.solid.vertices, float), np.asarray(body.solid.faces, np.uint64)
+    vertices, faces = np.asarray(body.solid.vertices), np.asarray(body.solid.faces)
     for turned in (faces, faces[:, ::-1]):
-        manifold = Manifold(Mesh64(vertices, np.ascontiguousarray(turned)))
-        if manifold.status() == Error.NoError and manifold.volume() > 0:
+        manifold = manifold_of(vertices, turned)
+        if manifold is not None:
             return manifold
     raise InvalidInputError("the robot's body is no closed solid: close its mesh, or take its convex hull")
 

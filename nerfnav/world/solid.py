@@ -11,9 +11,10 @@ from functools import cached_property
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
-from manifold3d import Error, Manifold, Mesh64
+from manifold3d import Manifold
 
 from nerfnav.world.body_volume import BodyVolume
+from nerfnav.world.manifold import manifold_of
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.triangles import Triangles, Vector
 
@@ -34,9 +35,7 @@ class Solid:
     @cached_property
     def manifold(self) -> Manifold | None:
         """The solid for booleans; None where the mesh bounds no volume."""
-        vertices, faces = np.asarray(self.mesh.vertices, float), np.asarray(self.mesh.faces, np.uint64)
-        manifold = Manifold(Mesh64(vertices, faces))
-        return manifold if manifold.status() == Error.NoError and manifold.volume() > 0 else None
+        return manifold_of(np.asarray(self.mesh.vertices), np.asarray(self.mesh.faces))
 
     @cached_property
     def _caster(self) -> RayCaster:

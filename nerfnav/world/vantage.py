@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.geometry.box import Box
+from nerfnav.geometry.directions import spiral
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Vantage
 
@@ -55,9 +56,7 @@ def guess_vantage(mesh: trimesh.Trimesh, box: Box) -> Vantage:
     return Vantage.INSIDE if (around >= _ENCLOSED).float().mean() >= _MOSTLY else Vantage.OUTSIDE
 
 
-def _shares(
-    mesh: RayCaster, points: Float[Tensor, "n 3"], ways: Float[np.ndarray, "k 3"]
-) -> Float[Tensor, " n"]:
+def _shares(mesh: RayCaster, points: Float[Tensor, "n 3"], ways: Float[np.ndarray, "k 3"]) -> Float[Tensor, " n"]:
     """The share of directions in which each point sees the mesh."""
     origins = np.repeat(points.numpy().astype(np.float32), len(ways), axis=0)
     hit = torch.from_numpy(mesh.occluded(origins, np.tile(ways, (len(points), 1))))
@@ -71,8 +70,4 @@ def _level_ways() -> Float[np.ndarray, "k 3"]:
 
 
 def _upward_ways() -> Float[np.ndarray, "k 3"]:
-    """Along a golden spiral."""
-    z = 1 - (np.arange(_UPWARDS) + 0.5) / _UPWARDS
-    turn = np.arange(_UPWARDS) * math.pi * (3 - math.sqrt(5))
-    flat = np.sqrt(1 - z * z)
-    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], -1).astype(np.float32)
+    return spiral(1 - (torch.arange(_UPWARDS) + 0.5) / _UPWARDS).numpy()

@@ -10,12 +10,35 @@ import torch
 from app import sensing
 from app.ends import End, Which
 from app.look import Eye
-from app.questions import EndQuestion, EyeQuestion, PointQuestion, SliceQuestion, Space, SpaceQuestion
+from app.place import Place
+from app.questions import (
+    EndQuestion,
+    EyeQuestion,
+    PointQuestion,
+    ProfileQuestion,
+    SliceQuestion,
+    Space,
+    SpaceQuestion,
+)
 from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.occupancy import OccupancyConfig, body_density
+from nerfnav.robots.state import Motion, RigidState
 from tests.app.doubles import balls_place
 
 PLACE = balls_place()
+UNSEEN = slice(6, 16), slice(32, 44), slice(4, 16)
+"""Nodes far from all balls that no camera saw, in `partly_seen`."""
+
+
+def partly_seen() -> tuple[Place, np.ndarray, np.ndarray]:
+    """The place with a part that no camera saw, and the lowest and highest corner (3) of that [m]."""
+    field = PLACE.field
+    assert isinstance(field, VoxelField)
+    unseen = torch.zeros(field.shape, dtype=torch.bool)
+    unseen[UNSEEN] = True
+    corners = np.array([[part.start for part in UNSEEN], [part.stop - 1 for part in UNSEEN]])
+    lower, upper = field.box.lower.numpy() + corners * field.spacing.numpy()
+    return replace(PLACE, field=replace(field, unknown=unseen)), lower, upper
 
 
 def test_an_end_in_a_ball_is_refused_and_the_offer_is_free() -> None:
@@ -73,12 +96,19 @@ def test_a_slice_is_bright_where_the_field_is_dense() -> None:
 def test_space_that_no_camera_saw_is_shown_where_the_field_knows_of_any() -> None:
     asked = SpaceQuestion(Space.UNKNOWN)
     assert len(sensing.space_view(PLACE, asked).centers) == 0
-    field = PLACE.field
-    assert isinstance(field, VoxelField)
-    unseen = torch.zeros(field.shape, dtype=torch.bool)
-    unseen[10:20, 10:20, 4:12] = True
-    view = sensing.space_view(replace(PLACE, field=replace(field, unknown=unseen)), asked)
-    lower = field.box.lower.numpy() + field.spacing.numpy() * [10, 10, 4]
-    upper = field.box.lower.numpy() + field.spacing.numpy() * [19, 19, 11]
+    place, lower, upper = partly_seen()
+    view = sensing.space_view(place, asked)
     assert len(view.centers) > 50
     assert (view.centers >= lower - 1e-5).all() and (view.centers <= upper + 1e-5).all()
+
+
+def test_what_no_camera_saw_is_occupied_and_near_as_it_is_for_planners() -> None:
+    place, lower, upper = partly_seen()
+    middle = 0.5 * (lower + upper)
+    occupied, as_seen = (sensing.space_view(one, SpaceQuestion(Space.OCCUPIED)) for one in (place, PLACE))
+    near = [(np.abs(view.centers - middle) < 0.6 * (upper - lower)).all(1).sum() for view in (occupied, as_seen)]
+    assert near[0] > 50 and near[1] == 0
+    states = RigidState.stack([RigidState.at_rest(tuple(middle.tolist()))] * 2)
+    still = ProfileQuestion(0, Motion(states, torch.zeros(1, 4), 0.1))
+    (_, inside, _), (_, outside, _) = (sensing.profile(one, still).rows for one in (place, PLACE))
+    assert inside[0] == 0 < outside[0]

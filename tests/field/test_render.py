@@ -4,8 +4,8 @@ import math
 
 import torch
 
-from nerfnav.field.field import box_interval, uniform_samples
-from nerfnav.field.render import render_image, render_rays
+from nerfnav.field.field import box_interval, chosen_samples, uniform_samples
+from nerfnav.field.render import Rendering, render_image, render_rays
 from nerfnav.geometry.camera import Camera, look_at
 from tests.field.fields import BOX, ball
 
@@ -24,6 +24,19 @@ def test_samples_lie_inside_the_box_and_cover_the_ray():
     samples = uniform_samples(BOX, origins, directions, 0.01)
     assert samples.mask.sum() == 200
     assert samples.distances[samples.mask].min() > 2 and samples.distances.max() < 4
+
+
+def test_samples_of_chosen_bins_stand_in_rows_as_short_as_they_can_be():
+    chosen = torch.tensor([[0, 1, 0, 0, 1], [1, 0, 0, 0, 0], [0, 0, 0, 0, 0]], dtype=torch.bool)
+    samples = chosen_samples(chosen, torch.tensor([2.0, 3.0, 4.0]), 0.1)
+    assert samples.mask.tolist() == [[True, True], [True, False], [False, False]]
+    torch.testing.assert_close(samples.distances, torch.tensor([[2.15, 2.45], [3.05, 0.0], [0.0, 0.0]]))
+
+
+def test_a_rendering_as_a_photograph_has_whole_levels_and_none_beyond_full_scale():
+    color = torch.tensor([[0.0, 0.5, 1.0], [-0.2, 1.7, 100.4 / 255]])
+    seen = Rendering(color, torch.ones(2), torch.ones(2))
+    assert seen.image.tolist() == [[0, 128, 255], [0, 255, 100]]
 
 
 def test_a_ray_through_the_ball_is_stopped_at_its_skin():

@@ -95,3 +95,23 @@ def test_composing_poses_moves_points_through_both_frames():
     both = first.compose(second)
     stepwise = first.rotation @ (second.rotation @ point + second.position) + first.position
     torch.testing.assert_close(both.rotation @ point + both.position, stepwise)
+
+
+def test_what_a_pixel_sees_is_projected_onto_it() -> None:
+    camera = Camera(40, 30, fx=25.0, fy=28.0, cx=18.5, cy=14.0)
+    pose = look_at(torch.tensor([1.0, -2.0, 0.7]), torch.tensor([0.2, 0.1, 0.3]))
+    origins, directions = camera.rays(pose)
+    depth = torch.rand(len(origins), 1, generator=torch.Generator().manual_seed(0)) + 0.1
+    uv, inside = camera.project(pose, origins + depth * directions)
+    torch.testing.assert_close(uv, camera.pixels() + 0.5, atol=1e-3, rtol=0)
+    assert inside.all()
+
+
+def test_what_is_behind_a_camera_or_beside_its_picture_is_not_in_it() -> None:
+    camera = Camera.from_fov(40, 40, 90.0)
+    pose = Pose(torch.eye(3), torch.zeros(3))  # looks along -z
+    points = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.01, 0.0, -1.0], [0.99, -0.99, -1.0]])
+    uv, inside = camera.project(pose, points)
+    assert inside.tolist() == [False, False, False, True]
+    assert uv[:2].isnan().all()
+    assert uv[3].tolist() == pytest.approx([39.8, 39.8])

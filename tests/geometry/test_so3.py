@@ -52,7 +52,8 @@ def test_every_function_takes_any_batch_shape(batch: tuple[int, ...]):
     theta = random_vectors(*batch)
     rotation = so3.exp(theta)
     assert rotation.shape == (*batch, 3, 3)
-    torch.testing.assert_close(so3.vee(so3.hat(theta)), theta)
+    axis = rotation[..., 0]
+    torch.testing.assert_close((so3.hat(theta) @ axis[..., None])[..., 0], torch.linalg.cross(theta, axis))
     torch.testing.assert_close(so3.local(rotation, so3.retract(rotation, 0.5 * theta)), 0.5 * theta)
     torch.testing.assert_close(so3.matrix_from_quaternion(so3.quaternion_from_matrix(rotation)), rotation)
     assert so3.right_jacobian(theta).shape == (*batch, 3, 3)

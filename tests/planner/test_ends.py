@@ -6,7 +6,7 @@ import torch
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.geometry import so3
-from nerfnav.planner.ends import check_ends, nearest_free, nearest_free_pose
+from nerfnav.planner.ends import check_ends, nearest_free_pose
 from nerfnav.planner.fast import plan_fast
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.planner.problem import PlanProblem
@@ -66,9 +66,9 @@ def test_where_all_is_occupied_no_point_is_offered():
 
 
 def test_the_nearest_free_point_is_in_whole_centimetres():
-    nearest = nearest_free(FIELD, ROBOT.body, RigidState.at_rest((0.0, 0.03, 0.4)), MAP)
+    nearest = nearest_free_pose(FIELD, ROBOT.body, RigidState.at_rest((0.0, 0.03, 0.4)), MAP)
     assert nearest is not None
-    torch.testing.assert_close((nearest * 100).round() / 100, nearest)
+    torch.testing.assert_close((nearest.position * 100).round() / 100, nearest.position)
 
 
 def test_a_long_body_across_a_corridor_is_told_to_turn():

@@ -162,6 +162,15 @@ def loss_and_gradient(grid, rays, scales, background, inner, outer):
     return errors
 
 
+@kernel(inline=True)
+def touched_by_any(touched, slot):
+    """Whether any thread has added a gradient to a block."""
+    found = False
+    for worker in range(touched.shape[0]):
+        found = found or touched[worker, slot] != 0
+    return found
+
+
 @kernel(parallel=True)
 def add_roughness(values, blocks, gradients, touched, weights):
     """Add to gradients[0] that of the total variation, sum over neighbours of weight * huber(difference).
@@ -173,10 +182,7 @@ def add_roughness(values, blocks, gradients, touched, weights):
     side = 1 << BLOCK_SHIFT
     one = np.float32(1.0)
     for slot in numba.prange(count):
-        active = False
-        for worker in range(workers):
-            active = active or touched[worker, slot] != 0
-        if not active:
+        if not touched_by_any(touched, slot):
             continue
         x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
         for x in range(x0, min(nx, x0 + side)):
@@ -211,12 +217,10 @@ def adam(values, blocks, gradients, touched, moments, rates, rate_scale, bounds,
     workers, count = touched.shape
     side = 1 << BLOCK_SHIFT
     for slot in numba.prange(count):
-        active = False
-        for worker in range(workers):
-            active = active or touched[worker, slot] != 0
-            touched[worker, slot] = 0
-        if not active:
+        if not touched_by_any(touched, slot):
             continue
+        for worker in range(workers):
+            touched[worker, slot] = 0
         x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
         for x in range(x0, min(nx, x0 + side)):
             for y in range(y0, min(ny, y0 + side)):

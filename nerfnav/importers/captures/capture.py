@@ -16,7 +16,7 @@ from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.imported import CaptureReport, ImportConfig, ImportedCapture, ImportStep
 from nerfnav.importers.captures.pictures import Picture
 from nerfnav.importers.captures.views import CaptureError, View, Views
-from nerfnav.importers.placement import Placement
+from nerfnav.importers.placement import Placement, rotation_to_z
 
 LEAST_IMAGES = 4
 """Photographs below which nothing can be told about depth."""
@@ -145,7 +145,7 @@ def _world(views: list[View], placement: Placement) -> _World:
     if scale is None:
         guesses.append("scale: one unit of the capture is 1 m")
     similarity = np.eye(4)
-    similarity[:3, :3] = (scale or 1.0) * placing.turned_up(up)
+    similarity[:3, :3] = (scale or 1.0) * rotation_to_z(up)
     poses = np.stack([view.moved(similarity).pose for view in views])
     origin = placing.far_origin(poses)
     poses[:, :3, 3] -= origin

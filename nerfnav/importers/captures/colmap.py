@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from nerfnav.geometry import so3
 from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, View, Views
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
@@ -63,16 +65,10 @@ def _has_model(folder: Path) -> bool:
 
 
 def _pose(image: _Image) -> np.ndarray:
-    w, *vector = image.quaternion
     large = not (np.abs([*image.quaternion, *image.translation]) < LARGEST).all()
-    if large or (length := float(np.linalg.norm(image.quaternion))) < 1e-6:
+    if large or np.linalg.norm(image.quaternion) < 1e-6:
         raise CaptureError(f"the pose of {image.name} is no pose: its quaternion is zero or has NaN")
-    w, x, y, z = w / length, *(entry / length for entry in vector)
-    R_camera_world = np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
+    R_camera_world = so3.matrix_from_quaternion(torch.tensor(image.quaternion, dtype=torch.float64)).numpy()
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = R_camera_world.T, -R_camera_world.T @ image.translation
     return pose @ _OPENGL

@@ -67,19 +67,6 @@ def estimated_up(poses: np.ndarray) -> tuple[np.ndarray, bool]:
     return up, bool(top @ up > _LEVEL)
 
 
-def turned_up(up: np.ndarray) -> np.ndarray:
-    """The smallest rotation (3, 3) that turns a direction into the z axis."""
-    x, y, z = up / np.linalg.norm(up)
-    if z < -1 + 1e-9:
-        return np.diag([1.0, -1.0, -1.0])
-    # Rodrigues' formula about the axis up x z, without its angle
-    return np.array([
-        [1 - x * x / (1 + z), -x * y / (1 + z), -x],
-        [-x * y / (1 + z), 1 - y * y / (1 + z), -y],
-        [x, y, z],
-    ])  # fmt: skip
-
-
 def far_origin(poses: np.ndarray) -> np.ndarray:
     """Whole metres (3) to take off positions that lie too far from the origin, as those of maps do; else zero."""
     centers = poses[:, :3, 3]
@@ -135,18 +122,12 @@ def box_of_silhouettes(
 def _opaque(
     photographs: PosedImages, silhouettes: Bool[Tensor, "n height width"], points: Float[Tensor, "m 3"]
 ) -> Bool[Tensor, " m"]:
-    camera = photographs.camera
     clear, seen = torch.zeros(len(points)), torch.zeros(len(points))
     for index in range(len(photographs)):
-        pose = photographs.poses[index]
-        in_camera = (points - pose.position) @ pose.rotation
-        depth = (-in_camera[:, 2]).clamp_min(1e-6)
-        u = (camera.cx + camera.fx * in_camera[:, 0] / depth).floor().long()
-        v = (camera.cy - camera.fy * in_camera[:, 1] / depth).floor().long()
-        inside = (in_camera[:, 2] < 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-        opaque = silhouettes[index][v.clamp(0, camera.height - 1), u.clamp(0, camera.width - 1)]
+        uv, inside = photographs.camera.project(photographs.poses[index], points)
+        u, v = uv[inside].long().unbind(-1)
         seen += inside
-        clear += inside & ~opaque
+        clear[inside] += ~silhouettes[index][v, u]
     return (clear <= _STRAY * seen) & (seen >= _WATCHED * seen.max())
 
 

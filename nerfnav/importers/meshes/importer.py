@@ -108,7 +108,7 @@ def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[Impo
 def _scene(file: MeshFile, placed: Placed, pieces: Pieces, config: SceneConfig) -> Scene:
     parts = placed.parts
     mesh = trimesh.Trimesh(parts.vertices, parts.faces, process=False)
-    bounds = Box.of(*(tuple(float(x) for x in corner) for corner in parts.bounds))  # type: ignore[arg-type]
+    bounds = Box(*torch.from_numpy(parts.bounds).float())
     told = config.options.seen_from
     vantage = guess_vantage(mesh, bounds) if told is None else Vantage(told)
     box, voxel = _box(bounds, vantage, config)

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Float32, Int, Shaped, UInt8
+from PIL.Image import Image
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.material import SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
+from nerfnav.geometry.srgb import to_srgb
 from nerfnav.importers.meshes.files import MeshFile
 from nerfnav.importers.meshes.refusal import MeshFileError, first_sentence
-from nerfnav.world.paint import Image, Paint
+from nerfnav.world.paint import Image as Pixels
+from nerfnav.world.paint import Paint
 
 _GREY = 178
 """sRGB brightness of what has no colour at all."""
@@ -46,13 +49,13 @@ class _Palette:
     def __init__(self, file: MeshFile) -> None:
         self._file = file
         self._index: dict[int, int] = {}
-        self.images: list[Image] = []
+        self.images: list[Pixels] = []
 
-    def index_of(self, image: object) -> int:
+    def index_of(self, image: Image) -> int:
         """Where an image stands among all, each decoded once."""
         if id(image) not in self._index:
             try:
-                pixels = np.asarray(image.convert("RGB"), np.uint8)  # type: ignore[attr-defined]
+                pixels = np.asarray(image.convert("RGB"), np.uint8)
             except Exception as error:  # whatever a picture of unknown origin makes its reader raise
                 raise MeshFileError(
                     f"{self._file.path} has a texture that cannot be decoded: {first_sentence(error)}"
@@ -117,7 +120,7 @@ def _piece(
     )
 
 
-def _image(visual: object) -> object:
+def _image(visual: object) -> Image | None:
     """The picture of a part's base colour; None where it has none."""
     material = getattr(visual, "material", None)
     base = getattr(material, "baseColorTexture", None)
@@ -166,6 +169,4 @@ def _bytes(colors: Shaped[np.ndarray, "n c"], linear: bool) -> UInt8[np.ndarray,
     colors = np.asarray(colors)[:, :3]
     largest = np.iinfo(colors.dtype).max if np.issubdtype(colors.dtype, np.integer) else 1
     share = np.clip(np.nan_to_num(colors.astype(float)) / largest, 0, 1)
-    if linear:  # IEC 61966-2-1
-        share = np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
-    return (255 * share).round().astype(np.uint8)
+    return (255 * (to_srgb(share) if linear else share)).round().astype(np.uint8)

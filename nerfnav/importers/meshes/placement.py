@@ -13,11 +13,10 @@ from jaxtyping import Float
 from nerfnav.importers.meshes.files import Declared
 from nerfnav.importers.meshes.parts import Parts
 from nerfnav.importers.meshes.refusal import MeshFileError
-from nerfnav.importers.placement import Placement
+from nerfnav.importers.placement import AXES, Placement, rotation_to_z
 
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Lengths of units [m]."""
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _PLAUSIBLE = (0.5, 120.0)
 """Longest edges that places have which somebody would fly a small robot in [m]."""
 _POSSIBLE = (0.02, 5000.0)
@@ -51,7 +50,7 @@ def place(parts: Parts, declared: Declared, placement: Placement, units: str | N
         up = np.array(placement.up) / np.linalg.norm(placement.up)
     else:
         axis, why = _up_of(parts, declared)
-        up = np.array(_AXES[axis])
+        up = np.array(AXES[axis])
         guesses.append(f"up is {axis} {why}")
     longest = float(np.ptp(parts.bounds, axis=0).max())
     scale = placement.meters_per_unit if units is None else METERS[units]
@@ -63,7 +62,7 @@ def place(parts: Parts, declared: Declared, placement: Placement, units: str | N
             f"{path} would be {scale * longest:.3g} m long, but only {_POSSIBLE[0]:g} to {_POSSIBLE[1]:g} m can be "
             "worked with: give its --units or --scale"
         )
-    vertices = scale * parts.vertices @ _rotation_to_z(up).T
+    vertices = scale * parts.vertices @ rotation_to_z(up).T
     lower, upper = vertices.min(0), vertices.max(0)
     if np.abs(vertices).max() > _FAR_OFF * scale * longest:
         offset = np.array([*(0.5 * (lower + upper))[:2], lower[2]])
@@ -114,17 +113,8 @@ def _unit_name(scale: float) -> str:
 
 
 def _direction_name(up: Float[np.ndarray, " 3"]) -> str:
-    for name, axis in _AXES.items():
+    for name, axis in AXES.items():
         for sign, mark in ((1, ""), (-1, "-")):
             if np.allclose(up, sign * np.array(axis)):
                 return mark + name
     return " ".join(f"{x:.3g}" for x in up)
-
-
-def _rotation_to_z(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """The smallest rotation that takes the unit vector `up` to z (half a turn about x where it points down)."""
-    if up[2] < -1 + 1e-9:
-        return np.diag([1.0, -1.0, -1.0])
-    axis = np.cross(up, [0.0, 0.0, 1.0])
-    cross = np.cross(axis, np.eye(3)).T
-    return np.eye(3) + cross + cross @ cross / (1 + up[2])

@@ -5,19 +5,22 @@ npz without pickle; textures are PNG inside. The field's file names it, relative
 
 import hashlib
 import json
-import os
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import torch
 import trimesh
 
 from nerfnav.errors import FieldFileError
+from nerfnav.files import replacing
 from nerfnav.geometry.box import Box
+from nerfnav.geometry.images import picture_file
 from nerfnav.world.paint import Image, Paint
 from nerfnav.world.scene import Scene, Vantage
 
@@ -47,20 +50,13 @@ def truth_beside(scene: Scene, field: Path) -> Iterator[TruthLink]:
     Raises FieldFileError where it cannot be written.
     """
     path = truth_path(field)
-    beside = path.with_name(path.name + ".part")
     try:
-        try:
-            with beside.open("wb") as file:
-                np.savez_compressed(file, **_arrays(scene))  # type: ignore[arg-type]
-                file.flush()
-                os.fsync(file.fileno())
-            digest = _digest(beside)
-        except OSError as error:
-            raise FieldFileError(f"the ground truth cannot be written to {path}: {error.strerror}") from error
-        yield TruthLink(path.name, digest)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+        with replacing(path) as stream:
+            np.savez_compressed(stream, **_arrays(scene))  # type: ignore[arg-type] # none is called allow_pickle
+            stream.flush()
+            yield TruthLink(path.name, _digest(Path(stream.name)))
+    except OSError as error:
+        raise FieldFileError(f"the ground truth cannot be written to {path}: {error.strerror}") from error
 
 
 def load_truth(path: Path, sha256: str) -> Scene:
@@ -100,26 +96,25 @@ def _arrays(scene: Scene) -> dict[str, np.ndarray]:
         "image_of_face": scene.paint.image_of_face,
         "uv": scene.paint.uv,
         "tint": scene.paint.tint,
-        **{f"image_{index}": _png(image) for index, image in enumerate(scene.paint.images)},
+        **{f"image_{index}": _bytes(picture_file(image)) for index, image in enumerate(scene.paint.images)},
         **_packed("mesh", [scene.mesh]),
         **_packed("solids", scene.solids),
         **_packed("sheets", scene.sheets),
     }
 
 
-def _scene_of(file: np.lib.npyio.NpzFile, header: dict[str, object]) -> Scene:
-    images = tuple(_picture(file[f"image_{index}"]) for index in range(int(str(header["images"]))))
-    lower, upper = (tuple(float(x) for x in corner) for corner in file["box"])
-    red, green, blue = (float(x) for x in header["sky"])  # type: ignore[attr-defined]
+def _scene_of(file: np.lib.npyio.NpzFile, header: dict[str, Any]) -> Scene:
+    images = tuple(_picture(file[f"image_{index}"]) for index in range(header["images"]))
+    red, green, blue = header["sky"]
     return Scene(
-        str(header["name"]),
-        str(header["title"]),
+        header["name"],
+        header["title"],
         _unpacked("mesh", file)[0],
         tuple(_unpacked("solids", file)),
-        Box.of(lower, upper),  # type: ignore[arg-type]
+        Box(*torch.from_numpy(file["box"])),
         (red, green, blue),
         (),
-        None if header["voxel"] is None else float(str(header["voxel"])),
+        header["voxel"],
         Paint(images, file["image_of_face"], file["uv"], file["tint"]),
         tuple(_unpacked("sheets", file)),
         Vantage(header["vantage"]),
@@ -142,10 +137,8 @@ def _unpacked(name: str, file: np.lib.npyio.NpzFile) -> list[trimesh.Trimesh]:
     return [trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=False)]
 
 
-def _png(image: Image) -> np.ndarray:
-    written, data = cv2.imencode(".png", image[..., ::-1])
-    assert written  # every picture can be a PNG
-    return data.reshape(-1)
+def _bytes(content: bytes) -> np.ndarray:
+    return np.frombuffer(content, np.uint8)
 
 
 def _picture(data: np.ndarray) -> Image:

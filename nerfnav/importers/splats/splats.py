@@ -5,15 +5,17 @@ and a ray that passes at a distance loses opacity exp(-d^2 / 2), d the distance 
 of the projected covariance (Kerbl et al., "3D Gaussian Splatting", SIGGRAPH 2023).
 """
 
-import os
 import zipfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from jaxtyping import Float
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.files import write_npz
+from nerfnav.geometry import so3
 
 SUFFIX = ".splats.npz"
 """Ending of nerfnav's own files of splats, which lie beside the field that was made of them."""
@@ -65,8 +67,9 @@ def cleaned(
     reach = _reach(centers[finite])
     large = finite & (scales.max(1, initial=0) > _LARGEST * reach)
     kept = finite & ~large
-    scales, wxyzs = scales[kept].astype(np.float64), wxyzs[kept] / norms[kept, None]
-    axes = rotations(wxyzs.astype(np.float64)) * np.maximum(scales, 1e-7 * reach)[:, None, :]
+    scales, wxyzs = scales[kept].astype(np.float64), wxyzs[kept].astype(np.float64)
+    rotations = so3.matrix_from_quaternion(torch.from_numpy(wxyzs)).numpy()
+    axes = rotations * np.maximum(scales, 1e-7 * reach)[:, None, :]
     return Splats(
         centers[kept].astype(np.float32),
         (axes @ axes.transpose(0, 2, 1)).astype(np.float32),
@@ -77,35 +80,17 @@ def cleaned(
     )
 
 
-def rotations(wxyzs: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4)."""
-    w, x, y, z = wxyzs.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, -1) for row in rows], -2)
-
-
 def save_splats(splats: Splats, path: Path) -> Path:
     """Write splats to `path`; an existing file is replaced only once all is written."""
-    beside = path.with_name(path.name + ".part")
-    upper = splats.covariances[:, *np.triu_indices(3)]
+    arrays = {
+        "centers": splats.centers,
+        "covariances": splats.covariances[:, *np.triu_indices(3)],
+        "rgbs": np.rint(255 * splats.rgbs).astype(np.uint8),
+        "opacities": np.rint(255 * splats.opacities).astype(np.uint8),
+    }
     try:
-        with beside.open("wb") as file:
-            np.savez_compressed(
-                file,
-                centers=splats.centers,
-                covariances=upper,
-                rgbs=np.rint(255 * splats.rgbs).astype(np.uint8),
-                opacities=np.rint(255 * splats.opacities).astype(np.uint8),
-            )
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
+        write_npz(path, arrays)
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise InvalidInputError(f"the splats cannot be written to {path}: {error.strerror}") from error
     return path
 

@@ -16,8 +16,8 @@ from nerfnav.importers.captures.placing import (
     box_of_silhouettes,
     estimated_up,
     focus_of,
-    turned_up,
 )
+from nerfnav.importers.placement import rotation_to_z
 from tests.field.fields import ball
 from tests.importers.captures.synthetic import matrices, ring
 
@@ -32,7 +32,7 @@ def held(poses: Pose, degrees: float, seed: int = 0) -> Pose:
 def tilted(poses: np.ndarray, up: np.ndarray) -> np.ndarray:
     """The same cameras in a world whose z axis lies along `up`."""
     turned = poses.copy()
-    turned[:, :3, :] = turned_up(up).T @ poses[:, :3, :]
+    turned[:, :3, :] = rotation_to_z(up).T @ poses[:, :3, :]
     return turned
 
 
@@ -69,19 +69,6 @@ def test_cameras_that_look_straight_down_tell_up_but_not_for_sure() -> None:
     found, sure = estimated_up(matrices(Pose(down, torch.randn(12, 3))))
     np.testing.assert_allclose(found, [0, 0, 1], atol=1e-6)
     assert not sure
-
-
-@pytest.mark.parametrize("up", [(0, 0, 1), (0, 1, 0), (0, 0, -1), (0.6, 0, -0.8), (1e-6, 0, -1)])
-def test_turning_up_is_a_rotation_that_takes_up_to_z(up: tuple[float, float, float]) -> None:
-    direction = np.array(up, float) / np.linalg.norm(up)
-    R = turned_up(direction)
-    np.testing.assert_allclose(R @ direction, [0, 0, 1], atol=1e-5)
-    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-5)
-    assert np.linalg.det(R) == pytest.approx(1, abs=1e-5)
-
-
-def test_level_captures_are_not_turned_at_all() -> None:
-    assert turned_up(np.array([0.0, 0.0, 1.0])).tolist() == np.eye(3).tolist()
 
 
 def test_cameras_around_a_thing_have_it_in_their_focus_and_in_their_box() -> None:
