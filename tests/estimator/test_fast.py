@@ -1,7 +1,5 @@
 """The fast filter, from a picture to a posterior."""
 
-import gc
-import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -19,12 +17,10 @@ from nerfnav.estimator.pixels import PixelConfig, PixelDraw
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import PyramidConfig, SearchConfig
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
-from nerfnav.field.analytic import BallsField
-from nerfnav.field.render import Rendering, render_image
-from nerfnav.geometry import so3
+from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.robots.state import RigidState
-from tests.estimator.places import BOX, CAMERA, COLOR_STD, HERE, HOVER, ROBOT, balls, draws, picture
+from tests.estimator.places import CAMERA, COLOR_STD, HERE, HOVER, ROBOT, balls, draws, picture
 
 DT = 0.1
 SMALL = StateNoise(0.01, 0.01, 0.01, 0.01)
@@ -48,20 +44,6 @@ def update(seed: int, filter_: FastFilter = FILTER) -> tuple[list[FilterStep], R
     image = picture(balls(), truth, generator)
     steps = list(filter_.update(belief, image, HOVER, DT, generator))
     return steps, truth, predict(belief, HOVER, ROBOT, DT, SMALL)
-
-
-class _Sky(BallsField):
-    """A place whose colours change with the direction, linearly: nothing is quicker to look at."""
-
-    def colors_and_jacobian(self, origins: Tensor, directions: Tensor) -> tuple[Tensor, Tensor]:
-        colors = 0.5 + 0.2 * directions
-        by_turn = -0.2 * so3.hat(directions)
-        return colors, torch.cat([0.1 * torch.eye(3).expand(len(colors), 3, 3), by_turn], -1)
-
-    def render_rays(self, origins: Tensor, directions: Tensor) -> Rendering:
-        color = 0.5 + 0.2 * directions
-        nothing = torch.zeros(len(color))
-        return Rendering(color, nothing, nothing)
 
 
 def end(step: FilterStep) -> Belief:
@@ -241,26 +223,6 @@ def test_a_prior_without_any_spread_is_refused_unless_the_dynamics_add_some():
     still = replace(FILTER, config=replace(CONFIG, process_noise=StateNoise(0.0, 0.0, 0.0, 0.0)))
     with pytest.raises(InvalidInputError, match="not finite and positive definite"):
         list(still.update(flat, picture(balls(), HERE), HOVER, DT, draws(0)))
-
-
-def test_updates_in_a_row_need_no_more_memory():
-    sky = _Sky(BOX, torch.zeros(1, 3), torch.ones(1), softness=0.02, step=0.03)
-    camera = Camera.from_fov(6, 5, 90)
-    search = SearchConfig(candidates=4, starts=2, iterations=(1, 1, 1))
-    small = PyramidConfig(halvings=(0,), robust=(0.1,), iterations=(1,), pixels=9, search=search)
-    quick = FastFilter(sky, ROBOT, camera, config=replace(CONFIG, pyramid=small))
-    image = torch.randint(0, 256, (5, 6, 3), generator=draws(0), dtype=torch.uint8)
-    belief, sizes = Belief(HERE, SMALL.covariance()), {}
-    tracemalloc.start()
-    generator = draws(1)
-    for count in range(1, 61):
-        (*_, step) = quick.correct(belief, image, generator)
-        belief = Belief(HERE, 0.5 * (SMALL.covariance() + end(step).covariance))
-        if count in (20, 60):
-            gc.collect()
-            sizes[count] = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
-    assert sizes[60] < sizes[20] + 100_000
 
 
 def test_a_picture_whose_edges_are_in_one_corner_is_worth_one_patch():
