@@ -108,6 +108,16 @@ class Gust:
 
 
 @dataclass(frozen=True)
+class CarryAway:
+    """Put the flying robot down somewhere else, once."""
+
+
+@dataclass(frozen=True)
+class FindRobot:
+    """Look for the robot everywhere, by its last picture alone; a flight goes on from where it is found."""
+
+
+@dataclass(frozen=True)
 class StartPlan:
     """Optimise a trajectory between the ends."""
 
@@ -163,6 +173,8 @@ Command = (
     | Left
     | StartComparison
     | Gust
+    | CarryAway
+    | FindRobot
     | StartPlan
     | StartFlight
     | Cancel

@@ -8,8 +8,11 @@ from pathlib import Path
 import scenes
 from nerfnav import robots
 from nerfnav.errors import NerfnavError, UnknownNameError
+from nerfnav.estimator.photometric import ColorNoise
+from nerfnav.estimator.relocalise import Searcher
 from nerfnav.field.checkpoint import StoredField, load_field
 from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.geometry.camera import Camera
 from nerfnav.importers.meshes.truth import load_truth
 from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.splats import Splats, splats_beside
@@ -38,6 +41,8 @@ class Place:
     """What moves."""
     splats: Splats | None = None
     """The splats that the field was made of; None where it was made of something else."""
+    file: Path | None = None
+    """Where the field was read; None where it was made in memory."""
 
     @property
     def tasks(self) -> tuple[Task, ...]:
@@ -55,10 +60,10 @@ def open_place(what: str, robot: str = "quadrotor") -> Place:
     path = field_file(what)
     body, field = robots.load(robot), load_field(path)
     if what in scenes.names():
-        return Place(what, field, scenes.load(what), body)
+        return Place(what, field, scenes.load(what), body, file=path)
     beside = splats_beside(path)
     splats = load_splats(beside) if beside.is_file() else None
-    return Place(path.stem, field, ground_truth(field, path), body, splats)
+    return Place(path.stem, field, ground_truth(field, path), body, splats, path)
 
 
 def ground_truth(field: StoredField, path: Path) -> Scene | None:
@@ -87,6 +92,17 @@ def occupancy_of(place: Place, config: OccupancyConfig) -> OccupancyMap:
     """
     config = replace(config, voxel=max(config.voxel, _STEPS_IN_VOXEL * place.field.step))
     return OccupancyMap.of(place.field, place.robot.body, config)
+
+
+@lru_cache(maxsize=1)
+def searcher_of(place: Place, camera: Camera, noise: ColorNoise) -> Searcher:
+    """What finds a robot anywhere in the place; made once, for it looks all around from everywhere first."""
+    return Searcher(place.field, camera, noise)
+
+
+def color_noise(field: StoredField) -> ColorNoise:
+    """The colour noise that was measured for a field."""
+    return ColorNoise() if field.info.noise_std is None else ColorNoise(std=field.info.noise_std)
 
 
 def field_file(what: str) -> Path:

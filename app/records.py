@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from app.ends import Ends
+from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
@@ -113,6 +114,23 @@ class Rival:
 
 
 @dataclass(frozen=True)
+class SearchRecord:
+    """A search for the robot as far as it has come."""
+
+    NEAR: ClassVar[int] = 4
+    """For so many time steps, what it found stays in sight."""
+
+    step: RelocaliseStep
+    """The likeliest poses so far."""
+    at: int
+    """How many time steps the flight had then."""
+
+    def in_sight(self, steps: int) -> bool:
+        """Whether it is still to be seen where the flight shows so many time steps."""
+        return abs(steps - self.at) <= self.NEAR
+
+
+@dataclass(frozen=True)
 class FlightRecord:
     """A flight as far as it has gone."""
 
@@ -138,8 +156,10 @@ class FlightRecord:
         """With one more time step."""
         return replace(self, steps=(*self.steps, step), plan=step.plan, guess=None, doing="")
 
-    def with_iteration(self, step: PlanStep | FilterStep) -> "FlightRecord":
+    def with_iteration(self, step: PlanStep | FilterStep | RelocaliseStep) -> "FlightRecord":
         """With one more iteration of what happens within a time step."""
+        if isinstance(step, RelocaliseStep):
+            return replace(self, doing="looking for the robot everywhere")
         if isinstance(step, FilterStep):
             return replace(self, guess=step.mean, doing=f"filtering, iteration {step.iteration + 1}")
         return replace(self, plan=step.motion, doing=f"replanning, iteration {step.iteration + 1}")

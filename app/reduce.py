@@ -12,14 +12,17 @@ from app.choice import Choice
 from app.ends import Ends
 from app.events import JobCancelled, JobFailed, JobFinished, Progress
 from app.place import Place
-from app.records import FlightRecord, PlanRecord
+from app.records import FlightRecord, PlanRecord, SearchRecord
 from app.runs.changes import commanded, rolled, source_elsewhere
 from app.runs.commands import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, Scrub
 from app.session import Job, JobKind, Session, opening_ends
 from app.sources import title_of, without_folder
+from app.steering import is_flying, steered
 from app.trials.state import ListTrials, ShowResult, StartTrials
+from app.wording import sentence
 from nerfnav import robots
 from nerfnav.errors import UnknownNameError
+from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanOutcome, PlanStep
@@ -85,23 +88,20 @@ def _command(session: Session, command: m.Command) -> Session:
         case StartTrials() | ShowResult() | ListTrials():
             session = replace(session, trials=session.trials.commanded(command))
             return _begin(session, JobKind.EXPERIMENT) if isinstance(command, StartTrials) else session
-        case m.Gust():
-            job = session.job
-            if job is None or job.kind is not JobKind.FLY:
-                return session
-            return replace(session, job=replace(job, gusts=job.gusts + 1))
+        case m.FindRobot() if not is_flying(session):
+            return _sought(session)
+        case m.Pause() | m.Resume() | m.StepOnce() | m.Gust() | m.CarryAway() | m.FindRobot():
+            return steered(session, command)
         case m.StartPlan():
             return _begin(session, JobKind.PLAN)
         case m.StartFlight():
             return _begin(session, JobKind.FLY)
         case m.Cancel():
             return _cancel(session)
-        case m.Pause() | m.Resume() | m.StepOnce():
-            return replace(session, job=_steered(session, command))
         case m.Reset():
             ends = opening_ends(session.place, session.home) or session.ends
-            stopped = _cancel(session)
-            return replace(stopped, task=session.home, ends=ends, problems={}, plan=None, flight=None, rivals=())
+            stopped = replace(_cancel(session), plan=None, flight=None, rivals=(), search=None)
+            return replace(stopped, task=session.home, ends=ends, problems={})
     raise TypeError(f"the session knows no message of type {type(command).__name__}")
 
 
@@ -125,7 +125,7 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
         return chosen
     # plans and flights are those of another body
     other = replace(place, robot=robots.load(choice.robot))
-    return _settled(replace(_cancel(chosen), plan=None, flight=None, rivals=(), view=None), other)
+    return _settled(replace(_cancel(chosen), plan=None, flight=None, rivals=(), view=None, search=None), other)
 
 
 def _pointed(session: Session, origin: q.Vector, direction: q.Vector) -> Session:
@@ -154,12 +154,19 @@ def _begin(session: Session, kind: JobKind) -> Session:
     begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
     if kind is JobKind.COMPARE:
         return replace(begun, rivals=())
-    if kind is JobKind.EXPERIMENT:
+    if kind in (JobKind.EXPERIMENT, JobKind.FIND):
         return begun
-    begun = replace(begun, flight=None, rivals=())
+    begun = replace(begun, flight=None, rivals=(), search=None)
     if kind is JobKind.PLAN:
         return replace(begun, plan=PlanRecord(session.ends))
     return replace(begun, plan=session.fresh_plan, flight=FlightRecord(session.ends))
+
+
+def _sought(session: Session) -> Session:
+    """The session that looks for the robot in the last picture of its flight."""
+    if session.last_picture is None:
+        return noticed(session, "No picture", "The robot has not looked around yet: let it fly first.", bad=True)
+    return _begin(session, JobKind.FIND)
 
 
 def _cancel(session: Session) -> Session:
@@ -177,19 +184,6 @@ def _given_up(session: Session) -> Session:
     return replace(before, job=None, jobs_begun=session.jobs_begun, notices=session.notices)
 
 
-def _steered(session: Session, command: m.Pause | m.Resume | m.StepOnce) -> Job | None:
-    job = session.job
-    if job is None or job.kind is not JobKind.FLY:
-        return job
-    match command:
-        case m.Pause():
-            return replace(job, paused=True, steps_granted=session.steps_reported)
-        case m.Resume():
-            return replace(job, paused=False)
-        case m.StepOnce():
-            return replace(job, paused=True, steps_granted=session.steps_reported + 1)
-
-
 def _report(session: Session, event: object) -> Session:
     job = session.job
     assert job is not None
@@ -204,6 +198,11 @@ def _report(session: Session, event: object) -> Session:
             return replace(session, job=replace(job, label=label, fraction=fraction))
         case PlanStep() | FilterStep() | NavigationStep():
             return _step(session, job, event)
+        case RelocaliseStep():
+            shown, flight = session.shown_flight, session.flight
+            if flight is not None and is_flying(session):
+                flight = flight.with_iteration(event)
+            return replace(session, flight=flight, search=SearchRecord(event, len(shown.steps) if shown else 0))
         case JobFinished():
             return _finished(replace(session, job=None), job, event)
         case JobFailed(_, message):
@@ -239,12 +238,15 @@ def _finished(session: Session, job: Job, event: JobFinished) -> Session:
         plan = replace(session.plan, summary=event.summary, replayed=0.0 if quick else None)
         session, outcome = replace(session, plan=plan), plan.outcome
         if outcome in (PlanOutcome.NO_PATH, PlanOutcome.DIVERGED):
-            return noticed(session, "No plan", f"{outcome.value.capitalize()}.", bad=True)
+            return noticed(session, "No plan", sentence(outcome.value), bad=True)
+    if job.kind is JobKind.FIND:
+        found = event.summary["outcome"] == RelocaliseOutcome.FOUND.name.lower()
+        return noticed(session, "Found" if found else "Not found", sentence(event.summary["advice"]), bad=not found)
     if job.kind is JobKind.FLY and session.flight is not None:
         flight = replace(session.flight, summary=event.summary)
         session = replace(session, flight=flight)
         if flight.outcome is not None:
             happy = flight.outcome is EpisodeOutcome.REACHED
             title = "Arrived" if happy else "Flight ended"
-            return noticed(session, title, f"{flight.outcome.value.capitalize()}.", bad=not happy)
+            return noticed(session, title, sentence(flight.outcome.value), bad=not happy)
     return session

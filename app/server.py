@@ -14,12 +14,14 @@ from typing import Protocol
 import viser
 
 from app.guard import guarded_server
+from app.icons import icons_at_hand
 from app.layers.ends import EndsLayer
 from app.layers.eyes import EyesLayer
 from app.layers.fly import FlyLayer
 from app.layers.notices import NoticesLayer
 from app.layers.plan import PlanLayer
 from app.layers.scene import SceneLayer
+from app.layers.search import SearchLayer
 from app.layers.sights import SightsLayer
 from app.layers.splats import SplatsLayer
 from app.layers.timeline import ComparisonLayer
@@ -37,6 +39,7 @@ from nerfnav.errors import NerfnavError
 
 _log = logging.getLogger(__name__)
 _FRAME_S = 1 / 20  # the page changes at most this often; what happens in between is merged
+_SETTLED_S = 1 / 200  # what comes together is shown together
 
 
 class Shows(Protocol):
@@ -84,6 +87,8 @@ class App:
         if self._given is None:
             check_address(self._host, self._port)
         self._server = server = self._given or guarded_server(self._host, self._port, self._token)
+        self._worker.follow(self._session)  # opens the place while the page is being put up
+        self._worker.start()
         server.gui.reset()  # a given one may have said that more is to come
         dress(server)
         layers: tuple[Shows, ...] = (
@@ -95,10 +100,11 @@ class App:
             PlanLayer(server),
             FlyLayer(server),
             ComparisonLayer(server),
+            SearchLayer(server),
             NoticesLayer(server),
         )
-        self._parts = (*layers, *panels(server, self.post, self._uploads))
-        self._worker.start()
+        with icons_at_hand():
+            self._parts = (*layers, *panels(server, self.post, self._uploads))
         self._loop.start()
 
     def stop(self) -> None:
@@ -122,11 +128,11 @@ class App:
                 raise NerfnavError(self._session.notices[-1].body)
 
     def _run(self) -> None:
-        """Take in messages as they come, and show what they made of the session a few times a second."""
-        self._worker.follow(self._session)
+        """Take in messages as they come, and show what they made of the session at once, but not too often."""
         self._show()
+        shown_at = time.monotonic()
         while (message := self._next()) is not None:
-            until = time.monotonic() + _FRAME_S
+            until = max(shown_at + _FRAME_S, time.monotonic() + _SETTLED_S)
             changed = self._take(message)
             while (left := until - time.monotonic()) > 0:
                 try:
@@ -138,6 +144,7 @@ class App:
                 changed = self._take(message) or changed
             if changed:
                 self._show()
+                shown_at = time.monotonic()
 
     def _next(self) -> Message | None:
         """The next message, or that a frame has passed where something moves by itself."""

@@ -8,6 +8,8 @@ place holds state: a reloaded page and a second tab show the same, and the logic
 from dataclasses import dataclass, field
 from enum import Enum
 
+from torch import Tensor
+
 from app.choice import Choice
 from app.ends import End, Ends, Which
 from app.flying import FlightSettings
@@ -15,7 +17,7 @@ from app.look import Look
 from app.place import Place
 from app.planning import PlanningSettings
 from app.questions import PointQuestion, Profile, View
-from app.records import FlightRecord, PlanRecord, Rival
+from app.records import FlightRecord, PlanRecord, Rival, SearchRecord
 from app.runs.state import Runs
 from app.sights import Sights
 from app.trials.state import Trials
@@ -32,6 +34,7 @@ class JobKind(Enum):
     FLY = "fly"
     COMPARE = "compare"
     EXPERIMENT = "do the experiment"
+    FIND = "find the robot"
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,10 @@ class Job:
     """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
     gusts: int = 0
     """How many gusts a flight was asked to endure so far."""
+    kidnaps: int = 0
+    """How many times its robot was to be carried away."""
+    searches: int = 0
+    """How many times it was asked to look for the robot everywhere."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +127,8 @@ class Session:
     """How near the last plan comes to what is dense."""
     flight: FlightRecord | None = None
     """The last flight."""
+    search: SearchRecord | None = None
+    """What the last search for the robot has found, as far as it has come."""
     view: View | None = None
     """The field's rendering of the last view that was asked for."""
     runs: Runs = field(default_factory=Runs)
@@ -172,6 +181,14 @@ class Session:
     def shown_flight(self) -> FlightRecord | None:
         """The flight, as much of it as the timeline shows."""
         return self.runs.shown(self.flight)
+
+    @property
+    def last_picture(self) -> Tensor | None:
+        """What the robot's camera saw last in the flight, as much of it as the timeline shows; None without a picture.
+        """
+        flight = self.shown_flight
+        seen = (step.image for step in reversed(flight.steps) if step.image is not None) if flight is not None else ()
+        return next(iter(seen), None)
 
     @property
     def steps_reported(self) -> int:

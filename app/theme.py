@@ -8,6 +8,8 @@ import numpy as np
 import viser
 from viser.theme import TitlebarConfig, TitlebarImage
 
+from nerfnav.geometry.srgb import to_linear
+
 Rgb = tuple[int, int, int]
 
 BRAND: Rgb = (99, 102, 241)
@@ -17,6 +19,7 @@ PLAN: Rgb = (70, 84, 255)
 STALE: Rgb = (120, 124, 138)
 TRUTH: Rgb = (0, 214, 255)
 BELIEF: Rgb = (255, 140, 0)
+CANDIDATE: Rgb = (255, 214, 102)
 HIT: Rgb = (248, 72, 72)
 OTHER_TRUTH: Rgb = (196, 236, 255)
 OTHER_PLAN: Rgb = (158, 165, 255)
@@ -28,6 +31,9 @@ MUTED = "#9aa0ae"
 """Of secondary text."""
 _NIGHT_TOP: Rgb = (38, 43, 56)
 _NIGHT_BOTTOM: Rgb = (13, 15, 21)
+_SKY: Rgb = (226, 232, 245)
+_GROUND: Rgb = (120, 118, 112)
+_SKYLIGHT = 2.0  # beside the lamp of viser, which has 3
 
 _PANEL_WIDTH = 340.0  # [pixels]
 
@@ -37,9 +43,7 @@ STATIC = Path(__file__).resolve().parent.parent / "static"
 
 def linear(color: Rgb | np.ndarray) -> np.ndarray:
     """sRGB bytes as linear bytes: what viser wants where it takes an array of colours."""
-    value = np.asarray(color, dtype=np.float64) / 255
-    curved = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    return np.round(255 * curved).astype(np.uint8)
+    return np.round(255 * to_linear(np.asarray(color, dtype=np.float64) / 255)).astype(np.uint8)
 
 
 def css(color: Rgb) -> str:
@@ -72,6 +76,9 @@ def dress(server: viser.ViserServer) -> None:
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(_PANEL_WIDTH)
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
+    # not by a picture of the surroundings, which a browser without a graphics card needs seconds to prepare
+    server.scene.configure_environment_map(hdri=None)
+    server.scene.add_light_hemisphere("/sky", sky_color=_SKY, ground_color=_GROUND, intensity=_SKYLIGHT)
     server.scene.set_background_image(night(), format="png")
 
 

@@ -3,13 +3,16 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from app import sensing
 from app.ends import Ends
-from app.events import JobFinished
+from app.events import JobEvents, JobFinished
 from app.helm import Helm
-from app.jobs import compare, fly, plan, scene
+from app.jobs import compare, fly, localize, plan, scene
+from app.jobs.apart import apart
 from app.jobs.fly import FlyRequest
 from app.jobs.plan import PlanRequest
 from app.place import Place
@@ -65,11 +68,15 @@ class NavigationWork:
             return compare.run(routes, session.place)
         if job.kind is JobKind.EXPERIMENT:
             return self._experiment(session)
+        if job.kind is JobKind.FIND:
+            picture = session.last_picture
+            assert picture is not None, "nothing is looked for without a picture"
+            return localize.find(session.place, picture)
         route = self._route(session, job.ends)
         if job.kind is JobKind.PLAN:
             return plan.run(route, session.place)
         made = job.first_plan.latest if job.first_plan is not None else None
-        self._helm = Helm(job)
+        self._helm = Helm(job, session.place)
         flying = session.flying
         request = FlyRequest(
             route,
@@ -121,13 +128,9 @@ class NavigationWork:
         return trials.Drawer((self.shelf or Shelf()).folder)
 
     def _experiment(self, session: Session) -> Iterator[Any]:
-        # imported when somebody asks: with their figures, experiments take long to import
-        from app.jobs import experiment
-
         asked = session.trials.asked
         assert asked is not None, "an experiment is begun by who says which"
-        request = experiment.ExperimentRequest(asked.name, trials=asked.trials, out=self._drawer.new(asked.name))
-        return experiment.run(request)
+        return apart(partial(_do_experiment, asked.name, asked.trials, self._drawer.new(asked.name)))
 
     def _replanned(self, session: Session, question: PlanQuestion, place: Place) -> Replanned:
         steps, summary = [], {}
@@ -148,3 +151,10 @@ class NavigationWork:
             config=settings.config(name, self.plans.get(name)), shortest=settings.shortest,
         )  # fmt: skip
         return route.lasting(settings.duration_s)
+
+
+def _do_experiment(name: str, trials: int | None, out: Path) -> JobEvents:
+    # imported where it is done: with their figures, experiments take long to import
+    from app.jobs import experiment
+
+    return experiment.run(experiment.ExperimentRequest(name, trials=trials, out=out))

@@ -12,16 +12,16 @@ from app.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.export import TRAJECTORY
 from app.jobs.outputs import prepare_folder, write_text
 from app.jobs.plan import PlanRequest
-from app.place import Place, occupancy_of, planning_place
+from app.place import Place, occupancy_of, planning_place, searcher_of
 from app.registry import ESTIMATORS, PLANNERS, named
 from app.runs.about import About
 from app.runs.log import logged
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.relocalise import RelocaliseStep, Searcher
+from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.export.tables import csv_text, episode_table, json_text
 from nerfnav.field.render import render_image
-from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate, with_room
@@ -138,7 +138,7 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     pilot = Pilot(
         planner(seen_as.field, place.robot, settings, again, occupancy_of(seen_as, settings.occupancy)),
         estimator(place.field, place.robot, CAMERA, config=config.filter),
-        Searcher(place.field, CAMERA, config.filter.color_noise),
+        searcher_of(place, CAMERA, config.filter.color_noise),
     )
     contact = None if place.scene is None else contact_check(place.scene, place.robot.body)
     simulator = Simulator(
@@ -157,11 +157,6 @@ def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:
 def _camera(place: Place) -> CameraFunction:
     """Pictures of the ground truth; of the field where there is none."""
     if place.scene is None:
-        return lambda pose: _picture_of_field(place, pose)
+        return lambda pose: render_image(place.field, CAMERA, pose).image
     renderer = MeshRenderer(place.scene, supersample=2)  # as the photographs that the field learned from
     return lambda pose: renderer.render(CAMERA, pose).image
-
-
-def _picture_of_field(place: Place, pose: Pose) -> torch.Tensor:
-    color = render_image(place.field, CAMERA, pose).color
-    return (255 * color.clamp(0, 1)).round().to(torch.uint8)

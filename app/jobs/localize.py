@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import torch
@@ -10,12 +11,13 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from app.events import JobEvents, JobFinished, JobStarted, Progress
-from app.place import field_file
+from app.jobs.fly import CAMERA
+from app.place import Place, color_noise, field_file, searcher_of
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseStep, Searcher
+from nerfnav.estimator.verdict import check_image
 from nerfnav.field.checkpoint import load_field
-from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.geometry.camera import Camera
 from nerfnav.geometry.so3 import quaternion_from_matrix, yaw_of
 
 
@@ -37,31 +39,39 @@ def run(request: LocalizeRequest) -> JobEvents:
     """Yield how far the search is, then where the camera most likely was. Raises NerfnavError for bad requests."""
     image = read_image(request.image)
     camera = camera_of(request, image)
+    field = load_field(field_file(request.place))
+    yield from _search(Searcher(field, camera, color_noise(field)), image)
+
+
+def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:
+    """The same for a picture that the robot's own camera has taken in an open place."""
+    return _search(searcher_of(place, CAMERA, color_noise(place.field)), image)
+
+
+def _search(searcher: Searcher, image: Tensor) -> JobEvents:
     yield JobStarted("localize")
+    check_image(image, searcher.camera)
     yield Progress("looking around in the field", 0.0)
     begun = time.perf_counter()
-    field = load_field(field_file(request.place))
-    noise = ColorNoise() if field.info.noise_std is None else ColorNoise(std=field.info.noise_std)
-    searcher = Searcher(field, camera, noise)
     searcher.looks  # noqa: B018 - made here, so that it is timed on its own
     looks_s = time.perf_counter() - begun
     begun, step = time.perf_counter(), None
     for step in searcher.relocalise(image):
+        yield step
         yield Progress("comparing", step.fraction)
     assert step is not None, "a search yields at least one step"
     seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
     yield JobFinished("localize", summary_of(step) | seconds)
 
 
-def summary_of(step: RelocaliseStep) -> dict[str, object]:
+def summary_of(step: RelocaliseStep) -> dict[str, Any]:
     """What `localize --json` prints: the outcome, and the likeliest poses of the camera's carrier, best first."""
-    inverse = FORWARD_MOUNT.rotation.T
-    rotations = step.poses.rotation @ inverse
+    poses = step.body_poses()
     found = [
         {
-            "position_m": step.poses.position[index].tolist(),
-            "yaw_rad": yaw_of(rotations[index]).item(),
-            "quaternion_wxyz": quaternion_from_matrix(rotations[index]).tolist(),
+            "position_m": poses.position[index].tolist(),
+            "yaw_rad": yaw_of(poses.rotation[index]).item(),
+            "quaternion_wxyz": quaternion_from_matrix(poses.rotation[index]).tolist(),
             "weight": step.weights[index].item(),
             "difference": step.differences[index].item(),
         }

@@ -1,6 +1,7 @@
 """The flight: where the robot is, where it believes to be, how sure it is, and what it intends."""
 
 import numpy as np
+import torch
 import trimesh
 import viser
 import viser.transforms as tf
@@ -9,11 +10,10 @@ from app.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions, r
 from app.session import Session
 from app.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav.estimator.belief import Belief
+from nerfnav.geometry.ellipsoid import ellipsoid_95
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
 
-_CHI_95 = 2.7955
-"""Square root of the 95 % quantile of the chi-squared distribution with three degrees of freedom."""
 _NOSE, _RIM = 0.2, 12  # length [m] and number of the lines that show where the nose may point
 _PAST = 5  # earlier plans that are still drawn
 _LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
@@ -75,17 +75,14 @@ def ellipsoids(beliefs: list[Belief], scale: float = 1.0) -> tuple[np.ndarray, n
     if not beliefs:
         return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
     centers = np.stack([belief.mean.position.detach().numpy() for belief in beliefs])
-    covariances = np.stack([belief.covariance[POSITION, POSITION].detach().double().numpy() for belief in beliefs])
-    variances, axes = np.linalg.eigh(covariances)
-    axes[np.linalg.det(axes) < 0, :, 0] *= -1  # a mirrored frame is no rotation
-    half = np.maximum(scale * _CHI_95 * np.sqrt(np.maximum(variances, 0)), _LEAST_AXIS)
-    return centers, tf.SO3.from_matrix(axes).wxyz, half
+    axes, half = ellipsoid_95(torch.stack([belief.covariance[POSITION, POSITION] for belief in beliefs]))
+    return centers, tf.SO3.from_matrix(axes.numpy()).wxyz, np.maximum(scale * half.numpy(), _LEAST_AXIS)
 
 
 def cone(belief: Belief, scale: float = 1.0) -> np.ndarray:
     """Segments (n, 2, 3) [m] from the believed position to where its nose may point, on the rim of the 95 % region."""
-    variances, axes = np.linalg.eigh(belief.covariance[ATTITUDE, ATTITUDE].detach().double().numpy())
-    half = scale * _CHI_95 * axes * np.sqrt(np.maximum(variances, 0))
+    axes, lengths = ellipsoid_95(belief.covariance[ATTITUDE, ATTITUDE])
+    half = scale * (axes * lengths).numpy()
     angles = np.linspace(0, 2 * np.pi, _RIM, endpoint=False)
     circle = np.stack([np.cos(angles), np.sin(angles)], -1)
     rim = np.concatenate([circle @ half[:, pair].T for pair in ([0, 1], [1, 2], [0, 2])])

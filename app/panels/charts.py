@@ -1,50 +1,45 @@
 """Charts over the time of a flight."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 import viser
 
 from app.panels.chart import Chart
 from app.records import FlightRecord
 from app.session import Session
-from app.theme import BELIEF, HIT, PLAN, TRUTH
+from app.theme import BELIEF, HIT, PLAN, TRUTH, Rgb
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots.state import POSITION
 
 _SIGMAS = 3.0
-_ERRORS = ((TRUTH, "position error [cm]"), (BELIEF, "three standard deviations [cm]"))
-_TIMES = ((BELIEF, "filter [ms]"), (PLAN, "replanning [ms]"), (HIT, "time of a step [ms]"))
 
 
-class ErrorsChart:
-    """How wrong the estimate is, and how wrong it says it may be."""
+@dataclass(frozen=True)
+class Curves:
+    """What a chart tells of a flight."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._chart = Chart(server, "time [s]", _ERRORS)
+    lines: tuple[tuple[Rgb, str], ...]
+    """Colour and name with unit of each line."""
+    of: Callable[[tuple[NavigationStep, ...]], np.ndarray]
+    """The flight's steps to rows: time [s], then each line."""
+
+
+class FlightChart:
+    """Curves of the flight that is shown, as far as it has gone."""
+
+    def __init__(self, server: viser.ViserServer, curves: Curves) -> None:
+        self._chart = Chart(server, "time [s]", curves.lines)
+        self._curves = curves
         self._shown: FlightRecord | None = None
 
     def show(self, session: Session) -> None:
-        """Draw the flight as far as it has gone."""
-        if session.shown_flight is not self._shown:
-            self._shown = session.shown_flight
-            self._chart.show(error_curves(_steps(session)))
-
-
-class TimesChart:
-    """What each time step took, and what it may take."""
-
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._chart = Chart(server, "time [s]", _TIMES)
-        self._shown: FlightRecord | None = None
-
-    def show(self, session: Session) -> None:
-        """Draw the flight as far as it has gone."""
-        if session.shown_flight is not self._shown:
-            self._shown = session.shown_flight
-            self._chart.show(time_curves(_steps(session)))
-
-
-def _steps(session: Session) -> tuple[NavigationStep, ...]:
-    return () if session.shown_flight is None else session.shown_flight.steps
+        """Draw the flight, where it is not drawn already."""
+        flight = session.shown_flight
+        if flight is not self._shown:
+            self._shown = flight
+            self._chart.show(self._curves.of(() if flight is None else flight.steps))
 
 
 def error_curves(steps: tuple[NavigationStep, ...]) -> np.ndarray:
@@ -64,3 +59,9 @@ def time_curves(steps: tuple[NavigationStep, ...]) -> np.ndarray:
     """Rows: time [s], the filter's and the planner's time [ms], the time that a step may take [ms]."""
     rows = [(step.time, step.filter_ms, step.replan_ms, 1e3 * step.plan.dt) for step in steps]
     return np.array(rows, dtype=np.float64).reshape(-1, 4).T
+
+
+ERRORS = Curves(((TRUTH, "position error [cm]"), (BELIEF, "three standard deviations [cm]")), error_curves)
+"""How wrong the estimate is, and how wrong it says it may be."""
+TIMES = Curves(((BELIEF, "filter [ms]"), (PLAN, "replanning [ms]"), (HIT, "time of a step [ms]")), time_curves)
+"""What each time step took, and what it may take."""

@@ -5,15 +5,21 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.messages import Command, Settings
+from app.layers.search import MOST_CANDIDATES
+from app.messages import CarryAway, Command, FindRobot, Settings
 from app.panels.binding import Binder
-from app.panels.charts import ErrorsChart
+from app.panels.charts import ERRORS, FlightChart
 from app.panels.choice import ChoiceList
 from app.records import FlightRecord
 from app.registry import ESTIMATORS
 from app.session import Session
-from app.widgets import note, number, table
+from app.steering import is_flying
+from app.widgets import columns, fine, note, number, table, warning
+from app.wording import sentence
 from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
+from nerfnav.geometry.so3 import yaw_of
+from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
 
@@ -28,14 +34,37 @@ class EstimatePanel:
             "Ellipsoids ×", 1.0, 10.0, 0.5, 1.0, hint="Draw the 95 % regions larger than they are"
         )
         Binder(Settings.LOOK, post)(self._ellipsoid, "ellipsoid", float)
+        self._find = server.gui.add_button(
+            "Find the robot", icon=viser.Icon.MAP_SEARCH, disabled=True,
+            hint="Look for it everywhere by its last picture alone, as if nothing were known",
+        )  # fmt: skip
+        self._carry = server.gui.add_button(
+            "Carry it away", color="gray", icon=viser.Icon.HAND_GRAB, visible=False,
+            hint="Put the flying robot down somewhere else, without telling it",
+        )  # fmt: skip
+        self._found = server.gui.add_html("", visible=False)
         self._numbers = server.gui.add_html(note("Opening…"))
-        self._errors = ErrorsChart(server)
+        self._errors = FlightChart(server, ERRORS)
+
+        @self._find.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(FindRobot())
+
+        @self._carry.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(CarryAway())
 
     def show(self, session: Session) -> None:
         """Show the estimate of the last time step."""
         self._estimator.show(session)
         self._ellipsoid.value = session.look.ellipsoid
         self._errors.show(session)
+        flying = is_flying(session)
+        self._find.disabled = session.last_picture is None or (session.job is not None and not flying)
+        self._carry.visible = flying
+        self._found.visible = session.search is not None
+        if session.search is not None:
+            self._found.content = found(session.search.step)
         self._numbers.content = describe(session.shown_flight)
 
 
@@ -54,7 +83,32 @@ def describe(flight: FlightRecord | None) -> str:
         *_of_update(last),
     ]
     words = last.update.outcome.value if last.update is not None and last.update.outcome is not None else ""
-    return table(rows) + (note(f"{words[0].upper()}{words[1:]}.") if words else "")
+    return table(rows) + (note(sentence(words)) if words else "") + _of_recovery(last)
+
+
+def _of_recovery(step: NavigationStep) -> str:
+    if step.recovery is None:
+        return ""
+    say = fine if step.recovery is Recovery.RELOCALISED else warning
+    return say(sentence(step.recovery.value))
+
+
+def found(step: RelocaliseStep) -> str:
+    """The likeliest places of a search, as HTML."""
+    if step.outcome is None:
+        return note(f"{len(step.weights)} places are left to compare.")
+    poses = step.body_poses()
+    rows = [
+        (
+            str(index + 1),
+            ", ".join(f"{value:.2f}" for value in poses.position[index].tolist()),
+            f"{np.rad2deg(yaw_of(poses.rotation[index]).item()):.0f}°",
+            f"{100 * step.weights[index].item():.0f} %",
+        )
+        for index in range(min(len(step.weights), MOST_CANDIDATES))
+    ]
+    say = fine if step.outcome is RelocaliseOutcome.FOUND else warning
+    return say(sentence(step.outcome.value)) + columns(("", "place [m]", "heading", "likely"), rows)
 
 
 def nees_of_pose(belief: Belief, truth: RigidState) -> float:

@@ -6,11 +6,12 @@ import numpy as np
 import viser
 
 from app.messages import Cancel, Command, Gust, Pause, Resume, StartFlight, StepOnce
-from app.panels.charts import TimesChart
+from app.panels.charts import TIMES, FlightChart
 from app.panels.flying import FlyingPanel
 from app.records import FlightRecord
 from app.session import JobKind, Session
 from app.widgets import note, number, table, warning
+from app.wording import sentence
 from nerfnav.robots.state import ATTITUDE, POSITION
 
 
@@ -26,7 +27,7 @@ class FlyPanel:
         )
         self._settings = FlyingPanel(server, post)
         self._numbers = server.gui.add_html("")
-        self._times = TimesChart(server)
+        self._times = FlightChart(server, TIMES)
 
         @self._gust.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -73,7 +74,7 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool) -> str:
         ("Replanning", number(last.replan_ms, "ms")),
         ("Steps that touched the mesh", str(sum(step.touched for step in flight.steps))),
     ]
-    words = flight.outcome.value.capitalize() + "." if flight.outcome is not None else ""
+    words = sentence(flight.outcome.value) if flight.outcome is not None else ""
     if not words and not flying:
         words = "Stopped on the way."
     remark = warning("Start or goal have moved since: this flight was between the earlier ones.") if stale else ""

@@ -9,6 +9,7 @@ from app.session import JobKind, Session
 from app.sources import title_of
 from app.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from app.widgets import heading, legend, warning
+from app.wording import capital
 
 _MEANINGS = (
     (START, "start"),
@@ -81,5 +82,6 @@ def activity(session: Session) -> str:
         JobKind.FLY: "Planning the flight",
         JobKind.COMPARE: "Comparing",
         JobKind.EXPERIMENT: "Doing the experiment",
+        JobKind.FIND: "Looking for the robot",
     }[job.kind]
-    return (job.label.capitalize() or default) + percent
+    return capital(job.label or default) + percent

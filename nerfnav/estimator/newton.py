@@ -209,8 +209,8 @@ def _chosen(better: Bool[Tensor, " n"], tried: Iterate, here: Iterate, moved: Fl
     return Iterate(Guess(pose, pick(tried.guess.exposure, here.guess.exposure)), moved=moved, **parts)
 
 
-def picture_information(here: Iterate) -> Float[Tensor, "6 6"]:
-    """What a picture tells of the pose, whatever gain and bias it was taken with (Schur's complement)."""
-    seen, exposure = here.seen[0], (here.seen + here.known)[0, EXPOSURE, EXPOSURE]
+def picture_information(here: Iterate, index: int = 0) -> Float[Tensor, "6 6"]:
+    """What a picture tells of one of the poses, whatever gain and bias it was taken with (Schur's complement)."""
+    seen, exposure = here.seen[index], (here.seen + here.known)[index, EXPOSURE, EXPOSURE]
     cross = seen[POSE, EXPOSURE]
     return seen[POSE, POSE] - cross @ torch.linalg.solve(exposure, cross.T)

@@ -6,8 +6,7 @@ expectation is 12, the length of the tangent, when the covariance is honest; mor
 """
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
+from nerfnav.files import replacing, write_npz
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.robots.state import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
@@ -139,10 +139,9 @@ class Episode:
         about = {"format": FORMAT, "version": VERSION, "dt": self.dt, **self.metrics()}
         about["recovery_of_step"] = [None if kind is None else kind.name.lower() for kind in self.recoveries]
         numbers, words = folder / "episode.npz", folder / "episode.json"
-        with _replacing(numbers) as beside, beside.open("wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, **{name: value.numpy() for name, value in arrays.items()})
-        with _replacing(words) as beside:
-            beside.write_text(json.dumps(about, indent=2, allow_nan=False) + "\n")
+        write_npz(numbers, {name: value.numpy() for name, value in arrays.items()})
+        with replacing(words) as stream:
+            stream.write((json.dumps(about, indent=2, allow_nan=False) + "\n").encode())
         return numbers, words
 
     @classmethod
@@ -189,14 +188,3 @@ def _state(prefix: str, stored: dict[str, Tensor]) -> RigidState:
 
 def _number(value: Tensor) -> float | None:
     return value.item() if value.isfinite() else None
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A path to write to, which takes the place of `path` only once all is written."""
-    beside = path.with_name(f"{path.name}.part")
-    try:
-        yield beside
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from nerfnav.estimator.noise import StateNoise
+from nerfnav.geometry.camera import Pose
 from nerfnav.robots.state import RigidState
 
 
@@ -16,6 +17,10 @@ class Orders:
     """Where it shall arrive from now on; None: where it is going already."""
     gust: StateNoise | None = None
     """A disturbance that comes on top of the usual one in this time step."""
+    carried: Pose | None = None
+    """T_world_body at which a hand puts the robot down at the end of this time step, before it looks."""
+    search: bool = False
+    """Whether to look for the robot everywhere in the picture of this time step, even if nothing seems wrong."""
 
 
 @dataclass(frozen=True)

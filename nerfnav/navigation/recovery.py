@@ -2,7 +2,9 @@
 
 A filter that rejects a picture (its innovation or its residual fails the test) hands the prediction back. The belief
 is then widened, so that the next picture may move it further; when several pictures in a row were rejected, a
-relocaliser searches the whole field, and the belief begins anew where it finds the robot.
+relocaliser searches the whole field, and the belief begins anew where it finds the robot; until then, pictures say
+nothing to the filter. Meanwhile the robot holds:
+it comes to rest by what it believes of its velocity, which it knows better than its place.
 """
 
 from collections.abc import Generator, Iterator
@@ -17,8 +19,9 @@ from torch import Tensor
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
-from nerfnav.geometry.camera import Pose
-from nerfnav.robots.state import RigidState
+from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import POSITION, Motion, RigidState
 
 
 @runtime_checkable
@@ -33,9 +36,21 @@ class Relocaliser(Protocol):
 class Recovery(Enum):
     """What was done about a picture that disagreed; the value is what a user reads."""
 
-    WIDENED = "the picture disagreed: the belief was widened"
+    WIDENED = "the picture disagreed: the belief was widened, and the robot holds"
+    BLIND = "the picture says too little for where the robot may be: it holds and looks around"
+    SEARCHED = "the robot was looked for everywhere and not found: it holds and looks around"
     RELOCALISED = "the robot was lost, and found again by looking everywhere"
     LOST = "the robot was lost, and not found again"
+
+    @property
+    def holds(self) -> bool:
+        """Whether the robot comes to rest and waits, for it does not know where it is."""
+        return self in (Recovery.WIDENED, Recovery.BLIND, Recovery.SEARCHED)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it looks somewhere else meanwhile, for what it sees does not help."""
+        return self in (Recovery.BLIND, Recovery.SEARCHED)
 
 
 @dataclass(frozen=True)
@@ -44,6 +59,20 @@ class RecoveryConfig:
 
     patience: int = 3
     """Pictures in a row that may disagree before the robot counts as lost."""
+    searches: int = 9
+    """Times that a lost robot is looked for everywhere before it is given up: once around."""
+    between: int = 3
+    """Pictures from one search to the next, in which the robot turns: neighbours look alike."""
+    widest: float = 0.2
+    """Standard deviation of a coordinate of the position from which a robot that sees nothing is BLIND [m]: twice its
+    size."""
+    sure: float = 0.03
+    """The same for a robot in doubt, which is BLIND whenever it sees nothing: above this, a picture that agrees with
+    its belief tells too little to end the doubt [m]. The sky agrees with any."""
+    rest: int = 6
+    """Steps that a robot which holds looks ahead."""
+    turn: float = 2.5
+    """With which it looks around [rad/s]."""
     widen: float = 1.7
     """Factor on all standard deviations of the belief for each picture that disagrees."""
     found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 2.0, 0.02, 3.0))
@@ -51,27 +80,70 @@ class RecoveryConfig:
     on a wrong belief; a tenth of this on the rates, and the next pictures are rejected again."""
 
 
-def recover(
-    belief: Belief, image: Tensor, lost: int, config: RecoveryConfig, relocaliser: Relocaliser | None
-) -> Generator[RelocaliseStep, None, tuple[Belief, Recovery]]:
-    """The belief to go on with after `lost` pictures in a row disagreed, and what was done.
+@dataclass(frozen=True)
+class Lookout:
+    """What looks for a robot that is lost."""
 
-    Yields the steps of a search, if there is one.
-    """
-    if lost < config.patience:
-        return replace(belief, covariance=belief.covariance * config.widen**2), Recovery.WIDENED
-    if relocaliser is None:
-        return belief, Recovery.LOST
-    step = None
-    for step in relocaliser.relocalise(image):
-        yield step
-    assert step is not None, "a search yields at least one step"
-    if step.outcome is not RelocaliseOutcome.FOUND:
-        return belief, Recovery.LOST
-    return belief_at(step.body_pose(), belief.mean, config.found), Recovery.RELOCALISED
+    relocaliser: Relocaliser | None
+    """Searches; None: lost is lost."""
+    config: RecoveryConfig = field(default_factory=RecoveryConfig)
+    """When."""
+    mount: Pose = field(default_factory=lambda: FORWARD_MOUNT)
+    """T_body_camera."""
+
+    def recover(
+        self, belief: Belief, image: Tensor, lost: int, at_once: bool = False
+    ) -> Generator[RelocaliseStep, None, tuple[Belief, Recovery]]:
+        """The belief to go on with after `lost` pictures in a row disagreed, and what was done.
+
+        Yields the steps of a search, if it is time for one, or one is wanted at once.
+        """
+        config = self.config
+        if not self.is_lost(lost) and not at_once:
+            return replace(belief, covariance=belief.covariance * config.widen**2), Recovery.WIDENED
+        searched, since = divmod(lost - config.patience, config.between)
+        if since and not at_once:
+            return belief, Recovery.SEARCHED
+        found = yield from self.search(belief, image)
+        if found is not None:
+            return found, Recovery.RELOCALISED
+        last = self.relocaliser is None or searched + 1 >= config.searches
+        return belief, Recovery.LOST if last else Recovery.SEARCHED
+
+    def is_lost(self, disagreed: int) -> bool:
+        """Whether so many pictures have disagreed that only a search can end the doubt."""
+        return disagreed >= self.config.patience
+
+    def is_blind(self, belief: Belief, sees: bool, doubts: bool) -> bool:
+        """Whether a robot whose picture did not disagree had better look around all the same."""
+        spread = float(belief.covariance.diagonal()[POSITION].max().sqrt())
+        if doubts:
+            return not sees or spread > self.config.sure
+        return not sees and spread > self.config.widest
+
+    def search(self, belief: Belief, image: Tensor) -> Generator[RelocaliseStep, None, Belief | None]:
+        """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right."""
+        if self.relocaliser is None:
+            return None
+        step = None
+        for step in self.relocaliser.relocalise(image):
+            yield step
+        assert step is not None, "a search yields at least one step"
+        if step.outcome is not RelocaliseOutcome.FOUND:
+            return None
+        return belief_at(step.body_poses(self.mount)[0], belief.mean, self.config.found)
 
 
 def belief_at(pose: Pose, before: RigidState, noise: StateNoise) -> Belief:
-    """A belief at a pose T_world_body, with the velocities that were believed before."""
-    mean = RigidState(pose.position, before.velocity, pose.rotation, torch.zeros_like(before.body_rate))
-    return Belief(mean, noise.covariance())
+    """A belief at a pose T_world_body; the body moves in its own axes as it was believed to before."""
+    velocity = pose.rotation @ before.rotation.T @ before.velocity
+    return Belief(RigidState(pose.position, velocity, pose.rotation, before.body_rate), noise.covariance())
+
+
+def come_to_rest(robot: Robot, start: RigidState, steps: int, dt: float, turn: float = 0.0) -> Motion:
+    """What a robot does in `steps` steps of `dt` [s] that holds: brake, then stay and turn with `turn` [rad/s]."""
+    states, actions = [start], []
+    for _ in range(steps):
+        actions.append(robot.hold(states[-1], dt, turn))
+        states.append(robot.step(states[-1], actions[-1], dt))
+    return Motion(RigidState.stack(states), torch.stack(actions), dt)

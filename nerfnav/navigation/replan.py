@@ -2,26 +2,29 @@
 
     plan from the start (A*, Eq. 2)
     repeat:  first action of the plan -> picture -> filter (Eqs. 3-8) -> plan from the posterior mean, hot-started
+
+While pictures disagree with the belief, the plan is to come to rest (see navigation/recovery.py).
 """
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
-from time import perf_counter
 from typing import TypeVar
 
 import torch
+from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.estimator import Estimator
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.predict import predict
-from nerfnav.estimator.steps import FilterOutcome
+from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.planners import Planner
-from nerfnav.navigation.recovery import Recovery, RecoveryConfig, Relocaliser, recover
+from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, Relocaliser, come_to_rest
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.navigation.timed import timed
 from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.minsnap import MinSnapConfig
 from nerfnav.planner.optimize import PlanConfig
@@ -29,7 +32,6 @@ from nerfnav.planner.rrt import RRTConfig
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import Motion, RigidState
 
-Step = TypeVar("Step", bound=LoopEvent)
 Config = TypeVar("Config", bound=PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig)
 _ROOM, _CARE = 0.04, 3.0
 """Room around the body [m] and weight of collision when a plan is redone in flight."""
@@ -56,7 +58,7 @@ class NavigateConfig:
     minimum_horizon: int = 6
     """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
     timeout_factor: float = 2.0
-    """TIMEOUT after this many times the planned steps."""
+    """TIMEOUT after this many times the planned steps; those in which the robot held count only beyond as many."""
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
     open_loop: bool = False
@@ -100,15 +102,20 @@ class Pilot:
 
 @dataclass(frozen=True)
 class _Flight:
-    """What does not change during a flight, but for a gust of wind."""
+    """What does not change during a flight, but for the orders."""
 
     mission: Mission
     simulator: Simulator
     pilot: Pilot
     config: NavigateConfig
     generator: torch.Generator
-    gust: StateNoise | None = None
+    orders: Orders = field(default_factory=Orders)
     """Of this time step alone."""
+
+    @property
+    def lookout(self) -> Lookout:
+        """What looks for the robot when it is lost."""
+        return Lookout(self.pilot.relocaliser, self.config.recovery, self.simulator.mount)
 
 
 def navigate(
@@ -128,15 +135,15 @@ def navigate(
     flight = _Flight(mission, simulator, pilot, config, generator)
     step = yield from _begin(flight)
     yield step
-    touched, lost, course = False, 0, Course(mission.goal)
+    touched, held, doubt, course = False, 0, Doubt(step.plan), Course(mission.goal)
     while step.outcome is None:
-        orders = mission.orders()
-        course = course.heeding(orders, step.index)
-        world = replace(flight, gust=orders.gust)
-        step = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, lost))
+        world = replace(flight, orders=mission.orders())
+        course = course.heeding(world.orders, step.index)
+        step = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, doubt))
         touched |= step.touched
-        lost = lost + 1 if step.recovery is Recovery.WIDENED else 0
-        outcome = EpisodeOutcome.DIVERGED if step.recovery is Recovery.LOST else _judge(step, flight, course)
+        held += step.holds
+        doubt = doubt.after(step)
+        outcome = _judge(step, flight, course, held)
         if outcome is not None and touched:
             outcome = EpisodeOutcome.COLLIDED
         step = replace(step, outcome=outcome)
@@ -150,7 +157,7 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
     belief = Belief(mean, config.initial.covariance())
     motion, spent_ms, outcome = mission.plan, 0.0, None
     if motion is None:
-        planned, spent_ms = yield from _timed(
+        planned, spent_ms = yield from timed(
             flight.pilot.planner.plan(start, mission.goal, mission.steps, mission.dt)
         )
         motion = planned.motion
@@ -158,7 +165,7 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
             outcome = EpisodeOutcome.NO_PLAN
     if outcome is None and not config.open_loop:
         steps = motion.actions.shape[-2]
-        planned, again_ms = yield from _timed(
+        planned, again_ms = yield from timed(
             flight.pilot.planner.replan(motion, mean, mission.goal, steps, executed=0)
         )
         motion, spent_ms = planned.motion, spent_ms + again_ms
@@ -166,41 +173,68 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
 
 
 def _advance(
-    last: NavigationStep, flight: _Flight, course: Course, lost: int
+    last: NavigationStep, flight: _Flight, course: Course, doubt: Doubt
 ) -> Generator[LoopEvent, None, NavigationStep]:
-    """One turn of Algorithm 1, after `lost` pictures in a row that disagreed."""
+    """One turn of Algorithm 1."""
     mission, simulator, index = flight.mission, flight.simulator, last.index + 1
-    action = last.plan.actions[0]
-    touched = simulator.act(action, mission.dt, flight.gust)
+    action, touched = _act(last, flight)
     image = simulator.look()
-    update, filter_ms = yield from _timed(
-        flight.pilot.estimator.update(last.belief, image, action, mission.dt, flight.generator)
+    believable = None if flight.lookout.is_lost(doubt.lost) else image  # a false belief may agree with it by chance
+    update, filter_ms = yield from timed(
+        flight.pilot.estimator.update(last.belief, believable, action, mission.dt, flight.generator)
     )
-    assert update.posterior is not None, "the last step of an estimator has the posterior"
-    belief, recovery = update.posterior, None
-    if update.outcome is FilterOutcome.DIVERGED:
-        belief, recovery = yield from recover(
-            belief, image, lost + 1, flight.config.recovery, flight.pilot.relocaliser
+    belief, recovery = yield from _trusted(update, image, flight, doubt)
+    if recovery is not None and recovery.holds:
+        plan, replan_ms, restart = _rest(last, belief, recovery, flight), 0.0, None
+    else:
+        elsewhere = recovery is Recovery.RELOCALISED or course.since >= max(doubt.made, 1)
+        left = mission.steps if elsewhere else max(doubt.steps_left, flight.config.minimum_horizon)
+        planned, replan_ms = yield from timed(
+            flight.pilot.planner.replan(doubt.way, belief.mean, course.goal, left, executed=1)
         )
-    elsewhere = recovery is Recovery.RELOCALISED or course.since == last.index > 0
-    left = mission.steps if elsewhere else len(last.plan.actions) - 1
-    planned, replan_ms = yield from _timed(
-        flight.pilot.planner.replan(
-            last.plan, belief.mean, course.goal, max(left, flight.config.minimum_horizon), executed=1
-        )
-    )
+        plan, restart = planned.motion, planned.restart
     return NavigationStep(
-        index, index * mission.dt, action, simulator.state, belief, image, update, planned.motion,
-        touched, filter_ms, replan_ms, recovery=recovery, restart=planned.restart,
+        index, index * mission.dt, action, simulator.state, belief, image, update, plan,
+        touched, filter_ms, replan_ms, recovery=recovery, restart=restart,
     )  # fmt: skip
+
+
+def _rest(last: NavigationStep, belief: Belief, recovery: Recovery, flight: _Flight) -> Motion:
+    """What a robot intends that does not know where it is."""
+    robot, config = flight.simulator.robot, flight.config.recovery
+    start = robot.settled(belief.mean, last.plan.states[0])
+    return come_to_rest(robot, start, config.rest, flight.mission.dt, config.turn if recovery.turns else 0.0)
+
+
+def _trusted(
+    update: FilterStep, image: Tensor, flight: _Flight, doubt: Doubt
+) -> Generator[LoopEvent, None, tuple[Belief, Recovery | None]]:
+    """The belief to go on with after an update, and what was done where it is not the update's own."""
+    assert update.posterior is not None, "the last step of an estimator has the posterior"
+    lookout, belief, wanted = flight.lookout, update.posterior, flight.orders.search
+    if update.outcome is FilterOutcome.DIVERGED or lookout.is_lost(doubt.lost):
+        return (yield from lookout.recover(belief, image, doubt.lost + 1, at_once=wanted))
+    found = (yield from lookout.search(belief, image)) if wanted else None
+    if found is not None:
+        return found, Recovery.RELOCALISED
+    blind = lookout.is_blind(belief, update.outcome is not FilterOutcome.PREDICTED_ONLY, doubt.held > 0)
+    return belief, Recovery.BLIND if blind else None
+
+
+def _act(last: NavigationStep, flight: _Flight) -> tuple[Tensor, bool]:
+    """Let the world move on by the first action of the plan; returns it, and whether the body touched anything."""
+    simulator, orders, action = flight.simulator, flight.orders, last.plan.actions[0]
+    touched = simulator.act(action, flight.mission.dt, orders.gust)
+    if orders.carried is not None:
+        simulator.carry(orders.carried)
+    return action, touched
 
 
 def _drift(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
     """One time step without looking: the next planned action, and a belief that only spreads."""
     yield from ()
     simulator, dt, index = flight.simulator, flight.mission.dt, last.index + 1
-    action = last.plan.actions[0]
-    touched = simulator.act(action, dt, flight.gust)
+    action, touched = _act(last, flight)
     belief = predict(last.belief, action, simulator.robot, dt, flight.config.filter.process_noise)
     rest = Motion(last.plan.states[1:], last.plan.actions[1:], dt)
     return NavigationStep(
@@ -208,32 +242,20 @@ def _drift(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, 
     )
 
 
-def _judge(step: NavigationStep, flight: _Flight, course: Course) -> EpisodeOutcome | None:
-    """Whether the flight is over, collisions aside."""
+def _judge(step: NavigationStep, flight: _Flight, course: Course, held: int) -> EpisodeOutcome | None:
+    """Whether the flight is over, collisions aside; a robot that does not know where it is has not arrived."""
     mission, config = flight.mission, flight.config
+    if step.recovery is Recovery.LOST:
+        return EpisodeOutcome.DIVERGED
     if not _is_finite(step.plan):
         return EpisodeOutcome.NO_PLAN
     if config.open_loop and len(step.plan.actions):
         return None
-    if (step.belief.mean.position - course.goal.position).norm() < config.goal_tolerance_m:
+    if not step.holds and (step.belief.mean.position - course.goal.position).norm() < config.goal_tolerance_m:
         return EpisodeOutcome.REACHED
-    late = step.index - course.since >= config.timeout_factor * mission.steps
+    most = config.timeout_factor * mission.steps
+    late = step.index - course.since - min(held, most) >= most
     return EpisodeOutcome.TIMEOUT if late or config.open_loop else None
-
-
-def _timed(steps: Iterator[Step]) -> Generator[Step, None, tuple[Step, float]]:
-    """Pass all steps on; returns the last one and the time that the work took [ms], the consumer's left out."""
-    spent, last = 0.0, None
-    while True:
-        began = perf_counter()
-        step = next(steps, None)
-        spent += perf_counter() - began
-        if step is None:
-            break
-        last = step
-        yield step
-    assert last is not None, "lasting work yields at least one step"
-    return last, 1e3 * spent
 
 
 def with_room(config: Config) -> Config:

@@ -1,6 +1,6 @@
 """What the loop yields: every iteration of planner and filter, and a record of each completed time step."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from jaxtyping import Float, UInt8
@@ -57,6 +57,38 @@ class NavigationStep:
     """Why the plan was made anew in this step; None where the last one was carried on."""
     recovery: Recovery | None = None
     """What was done where the picture disagreed with the belief; None where it agreed."""
+
+
+    @property
+    def holds(self) -> bool:
+        """Whether the robot comes to rest and waits, for it does not know where it is."""
+        return self.recovery is not None and self.recovery.holds
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """How long a robot has not known where it is."""
+
+    way: Motion
+    """The last plan that was made to lead to the goal."""
+    made: int = 0
+    """At which time step."""
+    held: int = 0
+    """Time steps since, in which the robot held."""
+    lost: int = 0
+    """Pictures since that disagreed."""
+
+    def after(self, step: NavigationStep) -> "Doubt":
+        """After one more time step."""
+        if not step.holds:
+            return Doubt(step.plan, step.index)
+        disagreed = step.recovery is not Recovery.BLIND
+        return replace(self, held=self.held + 1, lost=self.lost + disagreed)
+
+    @property
+    def steps_left(self) -> int:
+        """Time steps that the rest of the way takes: what was lost by stopping has to be made good."""
+        return len(self.way.actions) - 1 + 2 * self.held
 
 
 LoopEvent = PlanStep | FilterStep | RelocaliseStep | NavigationStep

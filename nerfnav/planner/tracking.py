@@ -7,8 +7,7 @@ SE(3)" (2010):
     f = F . R e3                                                what the present attitude gives of it
     R_des from F and the heading,  e_R = Log(R' R_des)
 
-The explicit Euler dynamics carry an action's torque into the attitude two steps later, so the attitude error is
-taken between the predictions for that time, and the torque is the one that takes the share `turn` of it away.
+How force and attitude become thrust and torque: see `Quadrotor.steer`.
 """
 
 from dataclasses import dataclass
@@ -17,9 +16,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.geometry import so3
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots.thrust import upward
 
 
 @dataclass(frozen=True)
@@ -70,16 +69,12 @@ def control(
     robot: Quadrotor, state: RigidState, reference: Reference, step: int, config: TrackingConfig
 ) -> Float[Tensor, "4"]:
     """Thrust [N] and torque [N m] at a time step."""
-    dt, inertia = reference.dt, torch.tensor(robot.config.inertia)
-    thrust, still = _thrust(robot, state, reference, step, config), torch.zeros(3)
-    soon = robot.step(state, torch.cat([thrust, still]), dt)  # the torque changes nothing but its body rate
-    push = torch.cat([_thrust(robot, soon, reference, step + 1, config), still])
-    later = robot.step(soon, push, dt)
-    wanted = wanted_force(robot, later, reference, step + 2, config)
-    aim = attitude_for(wanted, reference.at(step + 2)[3])
-    rate = config.turn * so3.local(soon.rotation, aim) / dt
-    gyroscopic = torch.linalg.cross(state.body_rate, inertia * state.body_rate)
-    return torch.cat([thrust, inertia * (rate - state.body_rate) / dt + gyroscopic])
+
+    def wish(at: RigidState, ahead: int) -> tuple[Tensor, Tensor]:
+        force = wanted_force(robot, at, reference, step + ahead, config)
+        return force, attitude_for(force, reference.at(step + ahead)[3])
+
+    return robot.steer(state, wish, reference.dt, config.turn)
 
 
 def wanted_force(
@@ -90,8 +85,8 @@ def wanted_force(
     pull = config.frequency**2 * (position - state.position)
     brake = 2 * config.damping * config.frequency * (velocity - state.velocity)
     force = robot.config.mass * (acceleration + pull + brake)
-    upward = (force[2] + robot.weight).clamp_min(config.least_thrust * robot.weight)
-    return torch.stack([force[0], force[1], upward])
+    against_gravity = torch.tensor([0.0, 0.0, robot.weight])
+    return upward(force + against_gravity, config.least_thrust * robot.weight)
 
 
 def attitude_for(force: Float[Tensor, "3"], yaw: Float[Tensor, ""]) -> Float[Tensor, "3 3"]:
@@ -101,11 +96,3 @@ def attitude_for(force: Float[Tensor, "3"], yaw: Float[Tensor, ""]) -> Float[Ten
     left = torch.linalg.cross(up, ahead)
     left = left / left.norm()
     return torch.stack([torch.linalg.cross(left, up), left, up], -1)
-
-
-def _thrust(
-    robot: Quadrotor, state: RigidState, reference: Reference, step: int, config: TrackingConfig
-) -> Float[Tensor, "1"]:
-    """f [N]: the part of the wanted force along the body's z axis, never downward."""
-    along = wanted_force(robot, state, reference, step, config) @ state.rotation[:, 2]
-    return along.clamp_min(0)[None]

@@ -26,6 +26,7 @@ from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_gr
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.robot import Limit, Robot
 from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots.thrust import shortened
 
 _FREE_POSITION, _FREE_YAW = 0.15, 0.5
 """How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
@@ -84,6 +85,12 @@ class Couch(Robot):
             so3.retract(state.rotation, state.body_rate * dt),
             state.body_rate + about_z(action[..., 2] / self.config.inertia) * dt,
         )
+
+    def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Float[Tensor, "3"]:
+        """Push against the velocity, as much as the greatest force can."""
+        config = self.config
+        force = shortened(-config.mass / dt * state.velocity, config.max_force)
+        return torch.cat([force[:2], config.inertia / dt * (turn - state.body_rate[2:])])
 
     def free_numbers(self, steps: int) -> int:
         """How many numbers are free over `steps` steps."""

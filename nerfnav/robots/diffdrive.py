@@ -96,6 +96,12 @@ class DiffDrive(Robot):
             about_z(rate + action[..., 1] * dt),
         )
 
+    def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Float[Tensor, "2"]:
+        """Brake as fast as it can."""
+        most = torch.tensor([self.config.max_acceleration, self.config.max_yaw_acceleration]).to(state.velocity)
+        wanted = torch.stack([-forward_speed(state), turn - state.body_rate[2]]) / dt
+        return wanted.clamp(-most, most)
+
     def free_numbers(self, steps: int) -> int:
         """How many numbers are free over `steps` steps."""
         if steps < self.minimum_steps:

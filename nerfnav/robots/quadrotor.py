@@ -31,9 +31,7 @@ from nerfnav.robots.body import Body
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.robot import Limit, Robot
 from nerfnav.robots.state import Motion, RigidState
-
-_NO_THRUST = 1e-4
-"""Acceleration by thrust [m/s^2] below which it has no direction to speak of."""
+from nerfnav.robots.thrust import Wish, shortened, thrust_and_attitude, tipped, upward
 
 _FREE_POSITION, _FREE_YAW = 0.15, 0.5
 """How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
@@ -69,6 +67,12 @@ class QuadrotorConfig:
     the attitude is not defined by the waypoints."""
     angular_acceleration: float = 20.0
     """Angular acceleration that costs as much as carrying the weight [rad/s^2]: sets Gamma of the torques."""
+    braking: float = 5.0
+    """Deceleration for each m/s of velocity while it holds [1/s]; with steps of 0.1 s, more swings back."""
+    max_braking: float = 8.0
+    """Largest deceleration while it holds [m/s^2]: a tilt of about 40 degrees."""
+    levelling: float = 0.8
+    """Share of the error of the attitude that it takes away in one step while it holds."""
 
 
 @final
@@ -106,6 +110,36 @@ class Quadrotor(Robot):
             state.body_rate + (torque - gyroscopic) / inertia * dt,
         )
 
+    def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Float[Tensor, "4"]:
+        """Brake, level out and hover."""
+        config, least = self.config, self.config.thrust_floor * self.weight
+        soon = so3.retract(state.rotation, state.body_rate * dt)
+        turned = so3.from_yaw(torch.tensor(turn * dt / config.levelling).to(soon))
+
+        def wish(at: RigidState, _: int) -> tuple[Tensor, Tensor]:
+            brake = shortened(-config.braking * at.velocity, config.max_braking)
+            force = upward(config.mass * (brake - self._gravity(brake)), least)
+            return force, tipped(soon, force) @ turned
+
+        return self.steer(state, wish, dt, config.levelling)
+
+    def steer(self, state: RigidState, wish: Wish, dt: float, turn: float) -> Float[Tensor, "4"]:
+        """The thrust [N] and torque [N m] that come nearest to a wish.
+
+        Explicit Euler carries an action's torque into the attitude two steps later. So the error of the attitude is
+        that of the predictions for that time, and the torque is the one that takes the share `turn` of it away.
+        """
+        states, thrusts, still = [state], [], torch.zeros(3)
+        for ahead in range(2):
+            force, _ = wish(states[-1], ahead)
+            thrusts.append((force @ states[-1].rotation[:, 2]).clamp_min(0)[None])  # never downward
+            states.append(self.step(states[-1], torch.cat([thrusts[-1], still]), dt))  # torque: of the rate alone
+        _, aim = wish(states[2], 2)
+        rate = turn * so3.local(states[1].rotation, aim) / dt
+        inertia = torch.tensor(self.config.inertia).to(rate)
+        gyroscopic = torch.linalg.cross(state.body_rate, inertia * state.body_rate)
+        return torch.cat([thrusts[0], inertia * (rate - state.body_rate) / dt + gyroscopic])
+
     def free_numbers(self, steps: int) -> int:
         """How many numbers are free over `steps` steps."""
         if steps < self.minimum_steps:
@@ -132,7 +166,7 @@ class Quadrotor(Robot):
             [_rows(start.velocity, batch), positions.diff(dim=-2)[..., 1:-1, :] / dt, _rows(goal.velocity, batch)], -2
         )
         pull = velocity[..., 2:, :].diff(dim=-2) / dt - self._gravity(free)  # what thrust must give, t = 2 .. N-1
-        thrust, attitude = _thrust_and_attitude(pull, free[..., -(steps - 2) :])
+        thrust, attitude = thrust_and_attitude(pull, free[..., -(steps - 2) :])
         first, second, last = (fixed.expand(*batch, 1, 3, 3) for fixed in (*held, goal.rotation))
         rotation = torch.cat([first, second, attitude, last], -3)
         between = so3.local(rotation[..., 1:-1, :, :], rotation[..., 2:, :, :]) / dt
@@ -218,25 +252,3 @@ def _rows(vector: Tensor, batch: torch.Size) -> Tensor:
     """A vector as one row of a (batch, time, ...) table."""
     return vector.expand(*batch, vector.shape[-1])[..., None, :]
 
-
-def _thrust_and_attitude(pull: Tensor, yaw: Tensor) -> tuple[Tensor, Tensor]:
-    """|a| [m/s^2] and the attitude R = Tilt(a / |a|) Rz(yaw), where Tilt turns e3 the shortest way.
-
-    Singular only upside down (Watterson and Kumar, "Control of quadrotors using the Hopf fibration on SO(3)", 2020),
-    whereas the usual cross products with a heading are singular at 90 degrees of pitch.
-    """
-    squared = pull.square().sum(-1, keepdim=True)
-    upright = torch.zeros_like(pull)
-    upright[..., 2] = _NO_THRUST
-    guarded = torch.where(squared > _NO_THRUST**2, pull, upright)
-    thrust = guarded.square().sum(-1, keepdim=True).sqrt()
-    x, y, z = (guarded / thrust).unbind(-1)
-    share = 1 / (1 + z).clamp_min(1e-6)
-    xx, xy, yy = 1 - x * x * share, -x * y * share, 1 - y * y * share
-    cosine, sine = torch.cos(yaw), torch.sin(yaw)
-    rows = [
-        cosine * xx + sine * xy, cosine * xy - sine * xx, x,
-        cosine * xy + sine * yy, cosine * yy - sine * xy, y,
-        -cosine * x - sine * y, sine * x - cosine * y, z,
-    ]  # fmt: skip
-    return thrust.squeeze(-1), torch.stack(rows, -1).unflatten(-1, (3, 3))

@@ -64,6 +64,14 @@ class Robot(ABC):
         """The state after `dt` [s] under an action: f(x, u), differentiable."""
 
     @abstractmethod
+    def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Float[Tensor, " a"]:
+        """The action of `dt` [s] that brings the robot nearer to rest; repeated, it comes to rest and stays so.
+
+        With `turn` [rad/s] it looks around, and turns on the spot. It asks nothing of the position: it is what a robot
+        can do that does not know where it is.
+        """
+
+    @abstractmethod
     def motion(
         self, free: Float[Tensor, "*batch k"], start: RigidState, goal: RigidState, steps: int, dt: float
     ) -> Motion:

@@ -315,7 +315,8 @@ def test_a_gust_is_for_a_flight_under_way(opened: Session) -> None:
 def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: Session) -> None:
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None and flying.flight is not None
-    helm = Helm(flying.job)
+    assert flying.place is not None
+    helm = Helm(flying.job, flying.place)
     there = End((0.4, -0.4, 0.4))
     dragged = after(flying, m.MoveEnd(Which.GOAL, there))
     helm.follow(dragged)
@@ -329,7 +330,8 @@ def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: 
 def test_each_gust_is_felt_once(opened: Session) -> None:
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None
-    helm = Helm(flying.job)
+    assert flying.place is not None
+    helm = Helm(flying.job, flying.place)
     helm.follow(after(flying, m.Gust()))
     assert [helm.orders().gust for _ in range(3)] == [GUST, None, None]
 

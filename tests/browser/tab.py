@@ -45,6 +45,7 @@ _TAB_OF_BUTTON = {
     **dict.fromkeys(("start", "goal"), "Scene"),
     **dict.fromkeys(("Plan", "Cancel", "Compare planners"), "Plan"),
     **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop", "Gust"), "Fly"),
+    **dict.fromkeys(("Find the robot", "Carry it away"), "Estimate"),
     **dict.fromkeys(("Open", "Compare", "End comparison", "Rename", "Delete"), "Runs"),
     **dict.fromkeys(("Download", "Screenshot", "Reset"), "Export"),
 }

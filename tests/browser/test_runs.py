@@ -123,7 +123,9 @@ def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(
     replay.locator("#at").fill("5")
     assert replay.locator("#time").text_content() == "0.50 s of 1.60 s"
     # a pixel of the robot's colour shows that it is drawn
-    seen = cv2.imdecode(np.frombuffer(replay.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1].astype(int)
+    shot = cv2.imdecode(np.frombuffer(replay.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    assert shot is not None
+    seen = shot[..., ::-1].astype(int)
     assert ((seen[..., 2] > 120) & (seen[..., 0] < 60) & (seen[..., 1] > 90)).sum() > 50
     replay.get_by_role("button", name="Play").click()
     replay.wait_for_function("document.getElementById('play').textContent === 'Play' && at > 15")

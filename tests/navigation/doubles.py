@@ -79,10 +79,11 @@ class Oracle:
     outcome: FilterOutcome = FilterOutcome.UPDATED
 
     def update(
-        self, belief: Belief, image: Tensor, action: Tensor, dt: float, generator: torch.Generator
+        self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
     ) -> Iterator[FilterStep]:
         prediction = predict(belief, action, ROBOT, dt, CALM)
-        seen = Belief(self.simulator.state, prediction.covariance)
+        tells = self.outcome is FilterOutcome.UPDATED
+        seen = Belief(self.simulator.state, CALM.covariance() if tells else prediction.covariance)
         step = FilterStep(
             0, seen.mean, 1.0, 1.0, torch.zeros(1, 2, dtype=torch.long), torch.zeros(1), seen, self.outcome
         )

@@ -167,7 +167,7 @@ def test_the_same_seeds_give_the_same_flight():
 
 def test_the_consumers_time_is_not_counted(monkeypatch: pytest.MonkeyPatch):
     clock = [0.0]
-    monkeypatch.setattr("nerfnav.navigation.replan.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("nerfnav.navigation.timed.perf_counter", lambda: clock[0])
     world = simulator()
     for event in navigate(MISSION, world, Pilot(StraightPlanner(), Oracle(world)), CONFIG, draws(1)):
         if isinstance(event, FilterStep):

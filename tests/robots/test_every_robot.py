@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import so3
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import RigidState
@@ -121,3 +122,38 @@ def test_a_settled_state_is_one_that_the_robot_can_go_on_from(robot: Robot):
 def test_a_quadrotor_is_nowhere_put_right():
     state, _ = ends(EVERY["quadrotor"])
     assert EVERY["quadrotor"].settled(state, RigidState.at_rest((0, 0, 0))) is state
+
+
+@each_robot
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_that_holds_comes_to_rest_level_and_stays(robot: Robot, seed: int):
+    state, _ = ends(robot, seed)
+    noise = torch.tensor([0.0] * 3 + [0.6] * 3 + [0.2] * 3 + [0.6] * 3, dtype=torch.float64)
+    pushed = state.retract(noise * torch.randn(12, generator=torch.Generator().manual_seed(seed), dtype=torch.float64))
+    states = [robot.settled(pushed, state)]
+    for _ in range(30):
+        states.append(robot.step(states[-1], robot.hold(states[-1], DT), DT))
+    for part in ("velocity", "body_rate"):
+        assert getattr(states[-1], part).norm() < 0.01, part
+    assert states[-1].rotation[2, 2] > 0.999
+    assert (states[-1].position - states[0].position).norm() < 1.2
+
+
+@each_robot
+def test_a_robot_at_rest_holds_where_it_is(robot: Robot):
+    rest = RigidState.at_rest((0.1, 0.2, 0.5), 0.7)
+    after = rest
+    for _ in range(10):
+        after = robot.step(after, robot.hold(after, DT), DT)
+    assert largest_difference(after, rest) < 1e-5
+
+
+@each_robot
+def test_a_robot_that_looks_around_turns_on_the_spot(robot: Robot):
+    states = [RigidState.at_rest((0.1, 0.2, 0.5), 0.7)]
+    for _ in range(12):
+        states.append(robot.step(states[-1], robot.hold(states[-1], DT, turn=1.5), DT))
+    assert states[-1].body_rate[2].item() == pytest.approx(1.5, rel=0.02)
+    turned = so3.local(states[0].rotation, states[-1].rotation)
+    assert turned[2].item() == pytest.approx(1.5 * 1.2, abs=0.4) and turned[:2].norm() < 1e-3
+    assert (states[-1].position - states[0].position).norm() < 1e-3

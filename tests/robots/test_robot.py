@@ -15,6 +15,9 @@ class Statue(Robot):
     def step(self, state: RigidState, action: Tensor, dt: float) -> RigidState:
         return state
 
+    def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> Tensor:
+        return torch.zeros(1)
+
     def motion(self, free: Tensor, start: RigidState, goal: RigidState, steps: int, dt: float) -> Motion:
         return Motion(RigidState.stack([start] * (steps + 1)), torch.zeros(steps, 1), dt)
 

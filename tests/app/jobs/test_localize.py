@@ -1,18 +1,25 @@
 """Localizing a picture as a job."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import cv2
 import pytest
 import torch
 
 from app.events import JobFinished, JobStarted, Progress
-from app.jobs.localize import LocalizeRequest, camera_of, read_image, run
+from app.jobs.fly import CAMERA as ROBOTS_CAMERA
+from app.jobs.localize import LocalizeRequest, camera_of, find, read_image, run
+from app.place import searcher_of
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.field.checkpoint import save_field
 from nerfnav.field.render import render_image
+from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.robots.state import RigidState
+from tests.app.doubles import balls_place
 from tests.estimator.places import voxel_balls
 
 CAMERA = Camera.from_fov(96, 80, 80)
@@ -42,6 +49,22 @@ def test_a_picture_is_found_in_a_field_file(request_here: LocalizeRequest) -> No
     assert torch.tensor(summary["position_m"]).sub(TRUTH.position).norm() < 0.02
     assert summary["yaw_rad"] == pytest.approx(0.1, abs=0.03)
     assert sum(one["weight"] for one in summary["candidates"]) == pytest.approx(1)
+
+
+def test_a_picture_of_the_robots_own_camera_is_found_in_an_open_place() -> None:
+    place, truth = balls_place(), RigidState.at_rest((-0.45, 0.25, 0.3), -0.5)
+    field = cast(VoxelField, place.field)
+    place = replace(place, field=replace(field, info=replace(field.info, noise_std=0.01)))
+    color = render_image(place.field, ROBOTS_CAMERA, truth.pose.compose(FORWARD_MOUNT)).color
+    events = list(find(place, (255 * color.clamp(0, 1)).round().to(torch.uint8)))
+    steps = [event for event in events if isinstance(event, RelocaliseStep)]
+    finished = events[-1]
+    assert isinstance(finished, JobFinished) and finished.summary["outcome"] == "found"
+    assert torch.tensor(finished.summary["position_m"]).sub(truth.position).norm() < 0.02
+    assert len(steps[0].weights) > len(steps[-1].weights), "ever fewer places are left"
+    assert steps[-1].outcome is not None
+    list(find(place, torch.zeros(200, 200, 3, dtype=torch.uint8)))
+    assert searcher_of.cache_info().hits >= 1, "the place is looked around in once"
 
 
 def test_intrinsics_take_the_place_of_the_field_of_view(request_here: LocalizeRequest) -> None:
