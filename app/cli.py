@@ -16,6 +16,7 @@ from typing import Any
 
 import tyro
 
+from app.importing import importing
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 
 COMMANDS = {
@@ -72,7 +73,8 @@ def parse(words: Sequence[str]) -> tuple[Any, Any]:
     name, rest = ("serve", words) if not words or words[0].startswith("-") else (words[0], words[1:])
     if name not in COMMANDS:
         raise UnknownNameError("command", name, COMMANDS)
-    command = importlib.import_module(f"app.commands.{name}{'_' if iskeyword(name) else ''}")
+    with importing():
+        command = importlib.import_module(f"app.commands.{name}{'_' if iskeyword(name) else ''}")
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):

@@ -15,6 +15,7 @@ import torch
 
 from app.asking import questions_of
 from app.events import JobCancelled, JobFailed, JobFinished
+from app.memory import give_back
 from app.messages import Reported, Tell
 from app.questions import Answer, Question
 from app.session import Job, Session
@@ -23,6 +24,7 @@ from nerfnav.navigation.steps import NavigationStep
 
 _log = logging.getLogger(__name__)
 _ANSWER_EVERY_S = 0.1  # pause between two answers while a job runs, which has the rest of the time
+_GIVE_BACK_EVERY_S = 10.0  # while a job runs, and after each
 
 
 class Work(Protocol):
@@ -53,6 +55,7 @@ class Worker:
         self._running: _Running | None = None
         self._answered: set[Question] = set()
         self._last_answer = 0.0
+        self._gave_back = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="nerfnav-worker", daemon=True)
 
     def start(self) -> None:
@@ -80,6 +83,8 @@ class Worker:
             self._switch(session)
             self._answer_one()
             self._advance(session)
+            if time.monotonic() - self._gave_back > _GIVE_BACK_EVERY_S:
+                self._give_back()
         if self._running is not None:
             self._running.close()
 
@@ -110,6 +115,7 @@ class Worker:
         if self._running is not None and (job is None or job.id != self._running.id):
             self._running.close()
             self._running = None
+            self._give_back()
         if job is not None and self._running is None:
             self._running = _Running(job, self._work, session)
 
@@ -136,6 +142,10 @@ class Worker:
             _log.exception("answering %s failed", type(question).__name__)
             self._post(Tell("Something broke", _describe(error), bad=True))
         self._last_answer = time.monotonic()
+
+    def _give_back(self) -> None:
+        give_back()
+        self._gave_back = time.monotonic()
 
     def _advance(self, session: Session) -> None:
         running, job = self._running, session.job

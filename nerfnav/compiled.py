@@ -64,8 +64,9 @@ def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Any], A
 
 
 def default_threads() -> int:
-    """All cores but one, which is left to the web server and the rest of the machine; at least 1."""
-    return max(1, (os.cpu_count() or 2) - 1)
+    """All cores that this process may use but one, which is left to the web server and the rest; at least 1."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 2
+    return max(1, cores - 1)
 
 
 @contextmanager

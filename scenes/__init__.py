@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -32,7 +33,12 @@ def load(name: str) -> Scene:
     here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
     key = name.encode() + code_of(here, library / "world", library / "geometry")
     # only what this user's own nerfnav has written is unpickled, as with numba's cache of machine code
-    return pickle.loads(kept("scenes", key, lambda: pickle.dumps(_BUILDERS[name]())))
+    return pickle.loads(kept("scenes", key, lambda: _pickled(_BUILDERS[name]())))
+
+
+def _pickled(scene: Scene) -> bytes:
+    """The scene without what trimesh has derived of its mesh, which is ten times as large and seldom needed."""
+    return pickle.dumps(replace(scene, mesh=scene.mesh.copy()))
 
 
 def trained_path(name: str) -> Path:

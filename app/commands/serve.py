@@ -17,6 +17,7 @@ import viser
 from tyro.conf import Positional
 
 from app.guard import guarded_server
+from app.importing import importing
 from app.net import check_address, page_url
 from app.theme import dress
 from app.widgets import heading
@@ -71,7 +72,8 @@ def run(arguments: Arguments) -> None:
 
 def _run_app(arguments: Arguments, server: viser.ViserServer) -> None:
     """Bring the app to the page, and wait for its end."""
-    from app.server import App
+    with importing(for_good=True):
+        from app.server import App
 
     sys.setswitchinterval(_SWITCH_S)
     app = App(arguments.place, arguments.host, arguments.port, arguments.token, server=server)

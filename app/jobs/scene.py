@@ -1,5 +1,6 @@
 """Open a place and make it visible: the field, its surface, and kernels that are warm before they are needed."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -8,7 +9,7 @@ from pathlib import Path
 import torch
 
 from app.events import JobEvent, JobFinished, Progress
-from app.jobs import adopt, import_, plan
+from app.jobs import plan
 from app.jobs.plan import PlanRequest
 from app.messages import PlaceOpened, SurfaceShaped
 from app.place import Place, open_place
@@ -24,7 +25,7 @@ from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Camera, look_at
 
-_CELLS = 170
+_CELLS = 140
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
 _LEVEL, _DEPTH = 15.0, 0.3
 """Density at the surface [1/m], or this optical depth of a voxel where that is less: low enough that thin parts have
@@ -33,7 +34,7 @@ no holes, high enough that fog is not seen."""
 _SPECK = 400
 """Parts of the surface with fewer faces than this are not shown."""
 
-_APP, _FIELDS = Path(__file__).parents[1], Path(meshing.__file__).parent  # whose code the surface depends on
+_CODE = Path(__file__).parents[1], Path(meshing.__file__).parent  # which the surface depends on
 
 
 def run(
@@ -41,9 +42,12 @@ def run(
 ) -> Iterator[JobEvent | PlaceOpened | SurfaceShaped]:
     """Yield the place as soon as it is loaded, then its surface; a source is made into a field first.
 
-    Raises NerfnavError as `open_place` does, or where no field can be made.
+    Raises NerfnavError as `open_place` does, or where no field can be made. What makes fields is imported only then:
+    most places come with one, and somebody waits for them.
     """
     if is_source(what):
+        from app.jobs import adopt
+
         made = Path(what).with_suffix(FIELD)
         for event in adopt.run(Path(what), made):
             if not isinstance(event, JobFinished):  # the job goes on
@@ -52,7 +56,9 @@ def run(
     yield Progress("opening the field", 0.05)
     place = opener(what)
     if isinstance(place.field, NeuralField):  # a page wants answers within moments
-        place = replace(place, field=(yield from import_.baking(place.field, None)))
+        from app.jobs.import_ import baking
+
+        place = replace(place, field=(yield from baking(place.field, None)))
     yield PlaceOpened(place)
     yield Progress("shaping the surface", 0.3)
     if surface := surface_of(place):
@@ -73,11 +79,10 @@ def surface_of(place: Place) -> bytes:
         mesh = without_specks(field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
         return unlit_glb(mesh) if len(mesh.faces) else b""
 
-    if not isinstance(place.field, VoxelField):
+    if place.file is None or not isinstance(place.field, VoxelField):
         return shape()
-    box, values = place.field.box, place.field.values
-    parts = [tensor.detach().cpu().numpy().tobytes() for tensor in (box.lower, box.upper, values)]
-    return kept("surfaces", b"".join([code_of(_APP, _FIELDS), repr(values.shape).encode(), *parts]), shape)
+    key = code_of(*_CODE) + hashlib.sha256(place.file.read_bytes()).digest()
+    return kept("surfaces", key, shape)
 
 
 def _voxel(place: Place) -> float:

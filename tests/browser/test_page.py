@@ -24,6 +24,15 @@ Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
 
 
+_SURROUNDINGS = """
+() => {
+  let scene = window.__viserMutable.nodeRefFromName[''];
+  while (scene.parent) scene = scene.parent;
+  return scene.environment ? 'a picture of them' : null;
+}
+"""
+
+
 def endless(job: object) -> Progress:
     """A step of a job that never gets anywhere."""
     time.sleep(0.02)
@@ -39,6 +48,7 @@ def test_the_page_shows_handles_and_panel_under_its_own_name(serve: Serve, open_
         assert tab.page.get_by_role("button", name=name, exact=True).is_enabled()
     for which in Which:
         np.testing.assert_allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-5)
+    assert tab.has_node("/sky") and tab.page.evaluate(_SURROUNDINGS) is None, "the light comes from lamps alone"
 
 
 def test_dragging_an_arrow_moves_the_end_in_every_tab_and_stays_after_a_reload(serve: Serve, open_tab: OpenTab) -> None:

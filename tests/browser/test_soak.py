@@ -28,6 +28,7 @@ WARM_UP_S = 300.0
 """Until then memory may grow as it likes."""
 MOST_GROWTH_MB = 50.0
 """From then on."""
+_WINDOW_S = 300.0
 _KEYS = ("f", "f", "f", "p", "t", "g", "s", "Space", "x", "Shift+r")
 _QUIET = ("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save")  # which ask for files, or touch what is kept
 _READY = "'/goal' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__viserMutable?.nodePoseData?.['/goal']"
@@ -51,6 +52,16 @@ class Account:
         late = [memory for at, memory in self.memory_mb if at >= since_s]
         return max(late) - late[0] if late else 0.0
 
+    def kept_mb(self, since_s: float) -> float:
+        """How much the least memory of the last five minutes is above that of five minutes after `since_s` [MB].
+
+        That is what is kept: a flight that looks everywhere for its robot needs more than others, for moments.
+        """
+        end = self.memory_mb[-1][0]
+        early = [memory for at, memory in self.memory_mb if since_s <= at <= since_s + _WINDOW_S]
+        late = [memory for at, memory in self.memory_mb if at >= max(since_s, end - _WINDOW_S)]
+        return min(late) - min(early) if early and late else 0.0
+
 
 class Crowd:
     """People who do things at random."""
@@ -64,6 +75,15 @@ class Crowd:
     def _load(self, tab: Tab) -> None:
         tab.page.goto(f"{self._server.url}?fixedDpr=0.25")
         tab.page.wait_for_function(_READY, timeout=60_000)
+
+    def use_all_once(self) -> None:
+        """What is made when it is first needed, such as views from everywhere to find a robot by, is made then."""
+        page = self._tabs[0].page
+        page.bring_to_front()
+        page.keyboard.press("f")
+        page.get_by_role("tab", name="Estimate").click()
+        page.get_by_role("button", name="Carry it away").click(timeout=30_000)
+        page.wait_for_timeout(10_000)
 
     def act(self) -> str:
         """Do one thing in one tab; what it was."""
@@ -114,6 +134,7 @@ def soak(server: Served, context: BrowserContext, actions: int, most_s: float, s
     account = Account()
     page_complaints = complaints_of(context)
     crowd, began, noted = Crowd(server, context, seed), time.monotonic(), -np.inf
+    crowd.use_all_once()
     for _ in range(actions):
         now = time.monotonic() - began
         if now > most_s:
@@ -136,7 +157,7 @@ def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser
         context.close()
     assert not account.complaints
     assert account.idle, "a job goes on that nobody can stop"
-    assert sum(account.actions.values()) > 20, account.actions
+    assert len(account.actions) >= 3, account.actions
     # within the first minutes kernels, maps and pictures are still being made for the first time
     assert account.growth_mb(30) < 4 * MOST_GROWTH_MB, account.memory_mb
 
@@ -151,9 +172,11 @@ def main() -> None:
     cores = set(sorted(os.sched_getaffinity(0))[: asked.cores])
     with sync_playwright() as playwright, served("stonehenge", cores=cores) as server:
         browser = launch(playwright)
-        account = soak(server, browser.new_context(viewport={"width": 800, "height": 560}), 10**6, 60 * asked.minutes)
+        context = browser.new_context(viewport={"width": 800, "height": 560})
+        account = soak(server, context, 10**6, 60 * asked.minutes, asked.seed)
         browser.close()
-    print(json.dumps({"growth_mb": account.growth_mb(WARM_UP_S), **vars(account)}))
+    growth = {"growth_mb": account.growth_mb(WARM_UP_S), "kept_mb": account.kept_mb(WARM_UP_S)}
+    print(json.dumps({**growth, **vars(account)}))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,65 @@
+"""What makes the first sight of the page come early, and keeps what runs long small."""
+
+import gc
+import zipfile
+from collections.abc import Callable
+
+import pytest
+import viser
+from viser import _icons
+
+from app import worker
+from app.events import JobFinished
+from app.icons import icons_at_hand
+from app.importing import importing
+from app.memory import give_back
+from app.session import JobKind
+from tests.app.doubles import ScriptedWork
+from tests.app.test_worker import Loop
+
+
+def _counted(function: Callable[..., None], calls: list[int]) -> Callable[..., None]:
+    return lambda *arguments: (calls.append(1), function(*arguments))[1]
+
+
+def test_icons_are_the_same_out_of_one_open_archive(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = (viser.Icon.MAP_2, viser.Icon.DRONE)
+    known = [_icons.svg_from_icon.__wrapped__(name) for name in names]
+    listed: list[int] = []
+    monkeypatch.setattr(zipfile.ZipFile, "_RealGetContents", _counted(zipfile.ZipFile._RealGetContents, listed))  # type: ignore[attr-defined]
+    with icons_at_hand():
+        assert [_icons.svg_from_icon.__wrapped__(name) for name in names] == known
+    assert len(listed) == 1, "the archive is listed once"
+    assert [_icons.svg_from_icon.__wrapped__(name) for name in names] == known
+    assert len(listed) == 3, "and afterwards as viser does it"
+
+
+def test_nothing_is_collected_while_importing_and_again_afterwards_even_after_a_failure() -> None:
+    with importing():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    with pytest.raises(ImportError), importing():
+        raise ImportError
+    assert gc.isenabled()
+
+
+def test_what_is_there_after_importing_for_good_is_left_alone_by_collections() -> None:
+    try:
+        with importing(for_good=True):
+            pass
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
+
+
+def test_free_memory_can_be_given_back_at_any_time() -> None:
+    give_back()
+
+
+def test_memory_is_given_back_after_each_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[None] = []
+    monkeypatch.setattr(worker, "give_back", lambda: given.append(None))
+    loop = Loop(ScriptedWork({JobKind.OPEN: [JobFinished("open")]}))
+    loop.until(lambda: loop.session.job is None)
+    loop.until(lambda: len(given) == 1)
+    loop.worker.stop()
