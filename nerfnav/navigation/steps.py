@@ -58,7 +58,6 @@ class NavigationStep:
     recovery: Recovery | None = None
     """What was done where the picture disagreed with the belief; None where it agreed."""
 
-
     @property
     def holds(self) -> bool:
         """Whether the robot comes to rest and waits, for it does not know where it is."""

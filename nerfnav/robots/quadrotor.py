@@ -251,4 +251,3 @@ class Quadrotor(Robot):
 def _rows(vector: Tensor, batch: torch.Size) -> Tensor:
     """A vector as one row of a (batch, time, ...) table."""
     return vector.expand(*batch, vector.shape[-1])[..., None, :]
-
