@@ -18,12 +18,15 @@ from app.sources import FIELD, is_source
 from app.surface import unlit_glb, without_specks
 from nerfnav.cached import code_of, kept
 from nerfnav.errors import NerfnavError
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.fast import FastFilter
 from nerfnav.field import meshing
 from nerfnav.field.meshing import field_mesh
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.camera import Camera, look_at
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.navigation.replan import NavigateConfig
 
 _CELLS = 140
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
@@ -92,13 +95,15 @@ def _voxel(place: Place) -> float:
 
 
 def warm_up(place: Place) -> None:
-    """Do once, small, what plans and flights will do: kernels are compiled and the map is made by then."""
-    box = place.field.box
-    eye = box.center + 0.4 * box.size * torch.tensor([1.0, 0.0, 0.0])
-    render_image(place.field, Camera.from_fov(8, 8, 90), look_at(eye, box.center))
+    """Do once, small, what plans and flights will do: kernels are compiled and maps are made by then."""
     ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None
     request = PlanRequest(ends.start.position, ends.goal.position)
     with suppress(NerfnavError):  # ends that nobody chose may be occupied
         for _ in plan.run(request, place):
             pass
+    start, camera = ends.start.state(), Camera.from_fov(64, 64, 90)
+    picture = render_image(place.field, camera, start.pose.compose(FORWARD_MOUNT)).image
+    belief, draws = Belief(start, NavigateConfig().initial.covariance()), torch.Generator().manual_seed(0)
+    for _ in FastFilter(place.field, place.robot, camera).correct(belief, picture, draws):
+        pass

@@ -11,6 +11,7 @@ A picture reduced by 2^k looks about like level k: a voxel of it covers about as
 """
 
 from dataclasses import replace
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float
@@ -37,6 +38,7 @@ def levels_of(field: Field, count: int) -> tuple[Field, ...]:
     return tuple(levels)
 
 
+@lru_cache(maxsize=3)  # the levels of one place: every flight and every search asks for them
 @torch.no_grad()
 def coarser(field: VoxelField) -> VoxelField:
     """The field on nodes twice as far apart; the same field where it has too few nodes already."""
