@@ -6,7 +6,7 @@ from typing import TypeVar
 from app.ends import End, Ends, Which
 from app.place import Place
 from app.records import FlightRecord
-from app.session import JobKind, Notice, Session
+from app.session import Notice, Session
 from app.sources import without_paths
 
 Value = TypeVar("Value")
@@ -36,8 +36,8 @@ def moved(session: Session, place: Place, which: Which, end: End) -> Session:
 
 def _followed(session: Session, ends: Ends) -> FlightRecord | None:
     """The flight after an end was moved: while it is under way, it goes where the goal is now."""
-    flight, job = session.flight, session.job
-    if flight is None or job is None or job.kind is not JobKind.FLY:
+    flight = session.flight
+    if flight is None or not session.in_flight:
         return flight
     return replace(flight, ends=Ends(flight.ends.start, ends.goal))
 

@@ -17,7 +17,7 @@ from app.runs.changes import commanded, rolled, source_elsewhere
 from app.runs.commands import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, Scrub
 from app.session import Job, JobKind, Session, opening_ends
 from app.sources import title_of, without_folder
-from app.steering import is_flying, steered
+from app.steering import steered
 from app.trials.state import ListTrials, ShowResult, StartTrials
 from app.wording import sentence
 from nerfnav import robots
@@ -88,7 +88,7 @@ def _command(session: Session, command: m.Command) -> Session:
         case StartTrials() | ShowResult() | ListTrials():
             session = replace(session, trials=session.trials.commanded(command))
             return _begin(session, JobKind.EXPERIMENT) if isinstance(command, StartTrials) else session
-        case m.FindRobot() if not is_flying(session):
+        case m.FindRobot() if not session.in_flight:
             return _sought(session)
         case m.Pause() | m.Resume() | m.StepOnce() | m.Gust() | m.CarryAway() | m.FindRobot():
             return steered(session, command)
@@ -200,7 +200,7 @@ def _report(session: Session, event: object) -> Session:
             return _step(session, job, event)
         case RelocaliseStep():
             shown, flight = session.shown_flight, session.flight
-            if flight is not None and is_flying(session):
+            if flight is not None and session.in_flight:
                 flight = flight.with_iteration(event)
             return replace(session, flight=flight, search=SearchRecord(event, len(shown.steps) if shown else 0))
         case JobFinished():

@@ -168,6 +168,11 @@ class Session:
         return self.plan is not None and self.plan.replayed is not None
 
     @property
+    def in_flight(self) -> bool:
+        """Whether a flight is under way, be it held."""
+        return self.job is not None and self.job.kind is JobKind.FLY
+
+    @property
     def moves(self) -> bool:
         """Whether something changes with time alone."""
         return self.replaying or self.runs.timeline.playing

@@ -3,20 +3,20 @@
 from dataclasses import replace
 
 from app import messages as m
-from app.session import Job, JobKind, Session
+from app.session import Job, Session
 
 Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.CarryAway | m.FindRobot
 
 
-def is_flying(session: Session) -> bool:
-    """Whether there is a flight under way, be it held."""
-    return session.job is not None and session.job.kind is JobKind.FLY
+def may_find(session: Session) -> bool:
+    """Whether the robot can be looked for: there is a picture, and nothing but a flight in the way."""
+    return session.last_picture is not None and (session.job is None or session.in_flight)
 
 
 def steered(session: Session, command: Steering) -> Session:
     """The session after such a command; unchanged where nothing flies."""
     job = session.job
-    if job is None or job.kind is not JobKind.FLY:
+    if job is None or not session.in_flight:
         return session
     return replace(session, job=_asked(job, command, session.steps_reported))
 

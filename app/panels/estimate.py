@@ -13,7 +13,7 @@ from app.panels.choice import ChoiceList
 from app.records import FlightRecord
 from app.registry import ESTIMATORS
 from app.session import Session
-from app.steering import is_flying
+from app.steering import may_find
 from app.widgets import columns, fine, note, number, table, warning
 from app.wording import sentence
 from nerfnav.estimator.belief import Belief
@@ -59,9 +59,8 @@ class EstimatePanel:
         self._estimator.show(session)
         self._ellipsoid.value = session.look.ellipsoid
         self._errors.show(session)
-        flying = is_flying(session)
-        self._find.disabled = session.last_picture is None or (session.job is not None and not flying)
-        self._carry.visible = flying
+        self._find.disabled = not may_find(session)
+        self._carry.visible = session.in_flight
         self._found.visible = session.search is not None
         if session.search is not None:
             self._found.content = found(session.search.step)

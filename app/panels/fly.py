@@ -9,7 +9,7 @@ from app.messages import Cancel, Command, Gust, Pause, Resume, StartFlight, Step
 from app.panels.charts import TIMES, FlightChart
 from app.panels.flying import FlyingPanel
 from app.records import FlightRecord
-from app.session import JobKind, Session
+from app.session import Session
 from app.widgets import note, number, table, warning
 from app.wording import sentence
 from nerfnav.robots.state import ATTITUDE, POSITION
@@ -45,8 +45,7 @@ class FlyPanel:
 
     def show(self, session: Session) -> None:
         """Show the flight as far as it is."""
-        job = session.job
-        flying = job is not None and job.kind is JobKind.FLY
+        job, flying = session.job, session.in_flight
         self._fly.disabled = session.place is None or job is not None
         self._fly.visible, self._steer.visible, self._gust.visible = not flying, flying, flying
         self._settings.show(session)

@@ -28,6 +28,7 @@ from app.messages import (
 )
 from app.registry import PLANNERS
 from app.session import JobKind, Session
+from app.steering import may_find
 from nerfnav import robots
 
 
@@ -94,7 +95,8 @@ def entries() -> Iterator[Entry]:
     yield Entry("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step of the flight")
     yield Entry("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
     yield Entry("Carry it away", _when_flying(CarryAway()), icon=icons.HAND_GRAB, hint="Put the robot down elsewhere")
-    yield Entry("Find the robot", _find, icon=icons.MAP_SEARCH, hint="Look for it everywhere by its last picture alone")
+    yield Entry("Find the robot", lambda session: FindRobot() if may_find(session) else None, icon=icons.MAP_SEARCH,
+                hint="Look for it everywhere by its last picture alone")  # fmt: skip
     yield Entry("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)
     yield Entry("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task")
     yield Entry("Reset", lambda session: Reset() if session.place is not None else None, "R", "shift", icons.REFRESH)
@@ -111,20 +113,11 @@ def _when_idle(command: Command) -> Callable[[Session], Command | None]:
 
 
 def _when_flying(command: Command) -> Callable[[Session], Command | None]:
-    return lambda session: command if _is_flying(session) else None
-
-
-def _find(session: Session) -> Command | None:
-    busy = session.job is not None and not _is_flying(session)
-    return None if busy or session.last_picture is None else FindRobot()
-
-
-def _is_flying(session: Session) -> bool:
-    return session.job is not None and session.job.kind is JobKind.FLY
+    return lambda session: command if session.in_flight else None
 
 
 def _hold(session: Session) -> Command | None:
-    if session.job is None or not _is_flying(session):
+    if session.job is None or not session.in_flight:
         return None
     return Resume() if session.job.paused else Pause()
 

@@ -8,7 +8,7 @@ import viser
 from app.messages import Command
 from app.runs.about import Entry
 from app.runs.commands import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
-from app.session import JobKind, Session
+from app.session import Session
 from app.theme import OTHER_PLAN, OTHER_TRUTH
 from app.widgets import columns, legend, note, number, table
 
@@ -74,7 +74,7 @@ class RunsPanel:
             self._list.value = before if before in names else names[0]
         entry = self._chosen
         self._about.content = describe(entry) if entry is not None else note("Flights are kept here: fly one.")
-        busy = session.job is not None and session.job.kind is JobKind.FLY
+        busy = session.in_flight
         for handle in (self._actions, self._change, self._name):
             handle.visible = entry is not None and not busy
         self._compare(session)

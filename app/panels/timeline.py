@@ -8,7 +8,7 @@ import viser
 from app.messages import Command
 from app.records import FlightRecord
 from app.runs.commands import PlayBack, Scrub
-from app.session import JobKind, Session
+from app.session import Session
 
 _PLAY, _PAUSE = "Play back", "Hold"
 
@@ -42,8 +42,7 @@ class TimelinePanel:
     def show(self, session: Session) -> None:
         """Show the timeline where there is something to look back at."""
         flight, shown = session.flight, session.shown_flight
-        flies = session.job is not None and session.job.kind is JobKind.FLY
-        visible = flight is not None and len(flight.steps) > 1 and not flies
+        visible = flight is not None and len(flight.steps) > 1 and not session.in_flight
         self._slider.visible = self._button.visible = visible
         if not visible or flight is None or shown is None:
             return

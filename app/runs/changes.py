@@ -6,7 +6,7 @@ from app.changes import noticed
 from app.questions import Question
 from app.runs.commands import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, RunCommand, Scrub
 from app.runs.questions import Errand, RunsQuestion, RunsReport, StoredFlight
-from app.session import JobKind, Session
+from app.session import Session
 from nerfnav import robots
 
 
@@ -20,7 +20,7 @@ def runs_questions(session: Session) -> tuple[Question, ...]:
 def source_elsewhere(session: Session, name: str) -> str | None:
     """What has to be opened before a flight can be shown; None where it is open, or nobody knows."""
     entry = session.runs.entry(name)
-    if entry is None or _flies(session) or session.place is None:
+    if entry is None or session.in_flight or session.place is None:
         return None
     here = entry.about.source == session.what or entry.about.place == session.place.name
     return None if here else entry.about.source
@@ -33,7 +33,7 @@ def commanded(session: Session, command: RunCommand) -> Session:
         case ListRuns():
             return replace(session, runs=runs.wanting(Errand.LIST))
         case OpenRun(name):
-            if _flies(session):
+            if session.in_flight:
                 return noticed(session, "Still flying", "Stop the flight before you open another one.", bad=True)
             return replace(session, runs=runs.wanting(Errand.OPEN, name))
         case CompareRun(None):
@@ -44,7 +44,7 @@ def commanded(session: Session, command: RunCommand) -> Session:
             return replace(session, runs=runs.wanting(Errand.RENAME, name, to))
         case DeleteRun(name):
             return replace(session, runs=runs.wanting(Errand.DELETE, name))
-    if flight is None or not flight.steps or _flies(session):
+    if flight is None or not flight.steps or session.in_flight:
         return session
     match command:
         case Scrub(at):
@@ -89,7 +89,7 @@ def rolled(session: Session, seconds: float) -> Session:
 def _opened(session: Session, stored: StoredFlight) -> Session:
     """The session with a stored flight as its flight, of the robot that flew it, between its ends."""
     place, about = session.place, stored.entry.about
-    if place is None or _flies(session):
+    if place is None or session.in_flight:
         return session
     if about.robot not in robots.names():
         return noticed(session, "Could not open", f"There is no robot called {about.robot!r} any more.", bad=True)
@@ -120,10 +120,6 @@ def _forgotten(session: Session, question: RunsQuestion) -> Session:
         if stored is not None and stored.entry.name == question.name:
             changed[part] = None if entry is None else replace(stored, entry=entry)
     return replace(session, runs=replace(runs, **changed))
-
-
-def _flies(session: Session) -> bool:
-    return session.job is not None and session.job.kind is JobKind.FLY
 
 
 def _now(session: Session) -> tuple[int, ...]:

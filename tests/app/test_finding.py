@@ -13,7 +13,6 @@ from app.layers.search import frusta
 from app.panels import estimate
 from app.records import SearchRecord
 from app.session import JobKind, Session
-from app.steering import is_flying
 from app.work import NavigationWork
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
@@ -80,7 +79,7 @@ def test_what_was_found_is_in_sight_near_the_time_of_its_picture() -> None:
 
 def test_carrying_and_finding_are_counted_in_flight_and_each_reaches_the_flight_once(opened: Session) -> None:
     session = flying(opened, 3)
-    assert is_flying(session) and session.job is not None and session.place is not None
+    assert session.in_flight and session.job is not None and session.place is not None
     helm = Helm(session.job, session.place)
     asked = after(session, m.CarryAway(), m.FindRobot(), m.Gust())
     assert asked.job is not None and (asked.job.kidnaps, asked.job.searches, asked.job.gusts) == (1, 1, 1)
