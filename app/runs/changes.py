@@ -98,8 +98,8 @@ def _opened(session: Session, stored: StoredFlight) -> Session:
     timeline = session.runs.timeline.moved(stored.record, 0)
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
-        problems={}, offers={}, plan=None, flight=stored.record, view=None, sights=session.sights.elsewhere(),
-        runs=replace(session.runs, opened=stored, timeline=timeline),
+        problems={}, offers={}, plan=None, flight=stored.record, search=None, view=None,
+        sights=session.sights.elsewhere(), runs=replace(session.runs, opened=stored, timeline=timeline),
     )  # fmt: skip
 
 

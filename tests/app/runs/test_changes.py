@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from app import messages as m
 from app.asking import questions_of
@@ -22,6 +23,8 @@ from app.runs.commands import (
 from app.runs.questions import RunsQuestion, report
 from app.runs.shelf import Shelf
 from app.session import JobKind, Session
+from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
+from nerfnav.robots.state import RigidState
 from tests.app.doubles import balls_place, flight_step
 from tests.app.runs.shelves import ENDS, put
 
@@ -71,6 +74,17 @@ def test_an_opened_flight_is_shown_from_its_start_between_its_ends(session: Sess
     assert opened.flight.summary["outcome"] == "collided"
     shown = opened.shown_flight
     assert shown is not None and len(shown.steps) == 1
+
+
+def test_an_opened_flight_does_not_show_what_was_found_in_another(session: Session, shelf: Shelf) -> None:
+    finding = served(session, shelf, OpenRun("first"), Scrub(8), m.FindRobot())
+    assert finding.job is not None
+    pose = RigidState.stack([RigidState.at_rest((0.1, 0.2, 0.3))]).pose
+    step = RelocaliseStep(1.0, pose, torch.ones(1), torch.zeros(1), RelocaliseOutcome.FOUND)
+    end = JobFinished("localize", {"outcome": "found", "advice": "one place looks like the picture"})
+    found = served(finding, shelf, m.Reported(finding.job.id, step), m.Reported(finding.job.id, end))
+    assert found.search is not None and found.search.at == 9
+    assert served(found, shelf, OpenRun("second")).search is None
 
 
 def test_the_timeline_shows_any_time_step_and_keeps_within_the_flight(session: Session, shelf: Shelf) -> None:
