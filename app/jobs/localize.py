@@ -12,8 +12,9 @@ from torch import Tensor
 
 from app.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.fly import CAMERA
-from app.place import Place, color_noise, field_file, searcher_of
+from app.place import Place, field_file, searcher_of
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseStep, Searcher
 from nerfnav.estimator.verdict import check_image
 from nerfnav.field.checkpoint import load_field
@@ -40,12 +41,13 @@ def run(request: LocalizeRequest) -> JobEvents:
     image = read_image(request.image)
     camera = camera_of(request, image)
     field = load_field(field_file(request.place))
-    yield from _search(Searcher(field, camera, color_noise(field)), image)
+    yield from _search(Searcher(field, camera, ColorNoise().measured(field.info.noise_std)), image)
 
 
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:
     """The same for a picture that the robot's own camera has taken in an open place."""
-    return _search(searcher_of(place, CAMERA, color_noise(place.field)), image)
+    noise = ColorNoise().measured(place.field.info.noise_std)
+    return _search(searcher_of(place, CAMERA, noise), image)
 
 
 def _search(searcher: Searcher, image: Tensor) -> JobEvents:

@@ -25,11 +25,11 @@ from nerfnav.estimator.covariance import POSE, information_of, posterior_covaria
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.newton import POSE as _POSE
 from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, minimise, picture_information
-from nerfnav.estimator.photometric import Observation, difference, inliers, patches
+from nerfnav.estimator.photometric import THREADS, Observation, difference, inliers, patches
 from nerfnav.estimator.pixels import PixelSource, choose_pixels
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import Stage, View, small_observation
-from nerfnav.estimator.starts import THREADS, drawn, likeliest
+from nerfnav.estimator.starts import drawn, likeliest
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.estimator.verdict import check_image, contrast, predicted_only
 from nerfnav.field.field import Field

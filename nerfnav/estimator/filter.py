@@ -74,9 +74,7 @@ class FilterConfig:
 
     def for_field(self, noise_std: float | None) -> "FilterConfig":
         """The same with the noise that was measured for a field (`field.info.noise_std`); None changes nothing."""
-        if noise_std is None:
-            return self
-        return replace(self, color_noise=replace(self.color_noise, std=noise_std))
+        return replace(self, color_noise=self.color_noise.measured(noise_std))
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def evaluate(sight: Sight, guess: Guess, prior: Prior, robust: float) -> Iterate
     weighted = jacobian * weight[..., None]
     curvature = weighted.transpose(1, 2) @ jacobian
     slope = (flat[:, None] @ weighted)[:, 0]
-    loss = torch.where(size <= robust, size.square(), robust * (2 * size - robust)).sum(-1)
+    loss = robust_square(size, robust).sum(-1)
     known, by_known = _known(guess, prior)
     push = known @ prior.information
     process = (push * known).sum(-1)
@@ -173,6 +173,11 @@ def evaluate(sight: Sight, guess: Guess, prior: Prior, robust: float) -> Iterate
     pulled = (by_known.transpose(1, 2) @ push[..., None])[..., 0]
     cost = prior.kappa * loss + process
     return Iterate(guess, cost, process, residual, known, curvature, turned, slope + pulled, torch.zeros_like(cost))
+
+
+def robust_square(size: Float[Tensor, "*batch"], bound: float) -> Float[Tensor, "*batch"]:
+    """Squares of differences, growing only linearly beyond a bound (twice Huber's loss)."""
+    return torch.where(size <= bound, size.square(), bound * (2 * size - bound))
 
 
 def _known(guess: Guess, prior: Prior) -> tuple[Float[Tensor, "n 8"], Float[Tensor, "n 8 8"]]:

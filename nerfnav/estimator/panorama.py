@@ -19,13 +19,13 @@ from jaxtyping import Complex, Float
 from torch import Tensor
 
 from nerfnav.compiled import threads
+from nerfnav.estimator.photometric import THREADS
 from nerfnav.field.field import Field
 from nerfnav.field.render import FastRenderer, render_rays
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
 
-_THREADS = 2
 _ROWS, _COLUMNS = 24, 64
 """Cells of a panorama: 5.6 degrees each."""
 _HIGHEST = math.radians(67)
@@ -60,7 +60,7 @@ class Panoramas:
         directions = _directions().reshape(-1, 3)
         render = field.render_rays if isinstance(field, FastRenderer) else partial(render_rays, field)
         parts = []
-        with torch.no_grad(), threads(_THREADS):
+        with torch.no_grad(), threads(THREADS):
             for some in places.split(_PLACES_AT_ONCE):
                 origins = some.repeat_interleave(len(directions), 0)
                 color = render(origins, directions.repeat(len(some), 1)).color

@@ -21,6 +21,8 @@ from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Camera, Pose
 from nerfnav.robots.state import RigidState
 
+THREADS = 2
+"""That views of the field are made on, wherever they are compared with pictures."""
 _RAYS_AT_ONCE = 1 << 17
 _DEVIATION_PER_MAD = 1.4826
 """Standard deviation of a Gaussian whose median absolute deviation is 1."""
@@ -42,6 +44,10 @@ class ColorNoise:
     k = 1 + m / (per_patch patches) for m compared pixels."""
     outlier_deviations: float = 3.0
     """Pixels this many robust deviations above the median difference are dropped (authors' later code: none)."""
+
+    def measured(self, std: float | None) -> "ColorNoise":
+        """The same with the `std` that was measured for a field (`field.info.noise_std`); None changes nothing."""
+        return self if std is None else replace(self, std=std)
 
 
 @dataclass(frozen=True)

@@ -18,16 +18,24 @@ from torch import Tensor
 
 from nerfnav.compiled import threads
 from nerfnav.estimator.looks import Looks, LooksConfig
-from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, minimise, picture_information
+from nerfnav.estimator.newton import (
+    Guess,
+    Iterate,
+    NewtonConfig,
+    Prior,
+    joined,
+    minimise,
+    picture_information,
+    robust_square,
+)
 from nerfnav.estimator.panorama import free_places
-from nerfnav.estimator.photometric import ColorNoise
+from nerfnav.estimator.photometric import THREADS, ColorNoise
 from nerfnav.estimator.pyramid import small_observation
 from nerfnav.field.field import Field
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.structs import TensorStruct
 
-_THREADS = 2
 _NOTHING = 1e-4
 """Information that stands for none [1/m^2, 1/rad^2]: a standard deviation of 100."""
 _INDEPENDENT = 20.0
@@ -133,15 +141,14 @@ def relocalise(
     config = RelocaliseConfig() if config is None else config
     image = looks.fitted(image)
     poses, misfit = looks.likeliest(image, config.attempts * config.kept[0])
-    unknown = torch.full((len(misfit), 2), torch.inf)
-    first = _Ranking(poses, misfit / (noise.std**2 / _INDEPENDENT), misfit.clamp_min(0).sqrt(), unknown)
+    first = _Ranking(poses, misfit / (noise.std**2 / _INDEPENDENT), misfit.clamp_min(0).sqrt())
     search, ended, done = _Search(image, looks, noise, config), None, 0.0
     while ended is None or (ended.outcome is RelocaliseOutcome.LOST and len(first.cost)):
         mine, first = first[: config.kept[0]], first[config.kept[0] :]
-        best = yield from search.improved(mine, done)
-        if ended is None or best.differences[0] < ended.differences[0]:
-            ended = best.step(1.0)
-            ended = replace(ended, outcome=_outcome(best, noise, config))
+        ranking, left = yield from search.improved(mine, done)
+        if ended is None or ranking.differences[0] < ended.differences[0]:
+            ended = ranking.step(1.0)
+            ended = replace(ended, outcome=_outcome(ended, left, noise, config))
         done += 1 / config.attempts
     yield ended
 
@@ -153,8 +160,6 @@ class _Ranking(TensorStruct):
     poses: Pose
     cost: Float[Tensor, "*batch"]
     differences: Float[Tensor, "*batch"]
-    spread: Float[Tensor, "*batch 2"]
-    """Largest standard deviations of position [m] and attitude [rad]; infinite where they were not asked for."""
 
     def step(self, fraction: float) -> RelocaliseStep:
         return RelocaliseStep(fraction, self.poses, torch.softmax(-0.5 * self.cost, 0), self.differences)
@@ -169,9 +174,14 @@ class _Search:
     noise: ColorNoise
     config: RelocaliseConfig
 
-    def improved(self, ranking: _Ranking, done: float) -> Generator[RelocaliseStep, None, _Ranking]:
-        """Improve poses through all stages; `done` is the share of the whole search that was done before."""
-        config, generator = self.config, torch.Generator().manual_seed(0)
+    def improved(
+        self, ranking: _Ranking, done: float
+    ) -> Generator[RelocaliseStep, None, tuple[_Ranking, Float[Tensor, "2"]]]:
+        """Improve poses through all stages; `done` is the share of the whole search that was done before.
+
+        Returns them, and the `spread` of the best.
+        """
+        config, generator, last = self.config, torch.Generator().manual_seed(0), None
         exposure = joined(None, config.exposure_std)
         stages = zip(config.halvings, config.kept, config.iterations, config.robust, strict=True)
         for stage, (halvings, kept, iterations, robust) in enumerate(stages):
@@ -180,17 +190,13 @@ class _Search:
             seen = small_observation(self.image, self.looks.view.at(halvings), config.pixels, generator)
             kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * self.noise.std**2)
             settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
-            with threads(_THREADS):
+            with threads(THREADS):
                 *_, last = minimise(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings)
             differences = robust_square(last.residual.abs(), robust).mean((1, 2)).sqrt()
-            ranking = _Ranking(last.guess.pose, last.cost, differences, spreads(last, stage + 1 == len(config.kept)))
+            ranking = _Ranking(last.guess.pose, last.cost, differences)
             ranking = ranking[distinct(last.guess.pose, last.cost, config.alike)]
-        return ranking
-
-
-def robust_square(size: Float[Tensor, "*batch"], bound: float) -> Float[Tensor, "*batch"]:
-    """Squares of differences, growing only linearly beyond a bound (twice Huber's loss)."""
-    return torch.where(size <= bound, size.square(), bound * (2 * size - bound))
+        assert last is not None, "a search has at least one stage"
+        return ranking, spread(last)
 
 
 def distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float]) -> Int[Tensor, " m"]:
@@ -207,19 +213,19 @@ def distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float])
     return order[torch.tensor(chosen)]
 
 
-def spreads(here: Iterate, asked: bool = True) -> Float[Tensor, "n 2"]:
-    """Largest standard deviations that a picture leaves to each pose: position [m], attitude [rad]."""
-    if not asked:
-        return torch.full((len(here.cost), 2), torch.inf)
-    known = torch.stack([picture_information(here, index) for index in range(len(here.cost))]).double()
+def spread(here: Iterate) -> Float[Tensor, "2"]:
+    """Largest standard deviations that a picture leaves to the likeliest pose: position [m], attitude [rad]."""
+    known = picture_information(here, int(here.cost.argsort()[0])).double()
     covariance = torch.linalg.inv(known + _NOTHING * torch.eye(6).double())
-    parts = [torch.linalg.eigvalsh(covariance[:, part, part])[:, -1].sqrt() for part in (slice(0, 3), slice(3, 6))]
-    return torch.stack(parts, -1).float()
+    parts = [torch.linalg.eigvalsh(covariance[part, part])[-1].sqrt() for part in (slice(0, 3), slice(3, 6))]
+    return torch.stack(parts).float()
 
 
-def _outcome(best: _Ranking, noise: ColorNoise, config: RelocaliseConfig) -> RelocaliseOutcome:
-    step = best.step(1.0)
+def _outcome(
+    step: RelocaliseStep, left: Float[Tensor, "2"], noise: ColorNoise, config: RelocaliseConfig
+) -> RelocaliseOutcome:
+    """`left` is the spread of the likeliest pose."""
     if not step.differences[0] <= config.gate * noise.std:
         return RelocaliseOutcome.LOST
-    tells = bool((best.spread[0] <= torch.tensor(config.vague)).all())
+    tells = bool((left <= torch.tensor(config.vague)).all())
     return RelocaliseOutcome.FOUND if tells and step.weights[0] >= config.certain else RelocaliseOutcome.AMBIGUOUS

@@ -7,12 +7,9 @@ from nerfnav.compiled import threads
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import POSE
 from nerfnav.estimator.newton import Guess
-from nerfnav.estimator.photometric import Observation
+from nerfnav.estimator.photometric import THREADS, Observation
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Pose
-
-THREADS = 2
-"""That the filter's kernels run on."""
 
 
 def drawn(prediction: Belief, count: int, generator: torch.Generator) -> Pose:

@@ -7,8 +7,11 @@ from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.cost import PoseCost
+from nerfnav.estimator.estimator import Estimator
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.photometric import ColorNoise, Observation
+from nerfnav.estimator.predict import predict
+from nerfnav.estimator.steps import FilterStep
 from nerfnav.field.analytic import BallsField
 from nerfnav.field.field import Field
 from nerfnav.field.levels import raw_of
@@ -26,6 +29,7 @@ CAMERA = Camera.from_fov(24, 20, 90)
 BOX = Box.of((-1.0, -1.0, -0.2), (1.0, 1.0, 0.8))
 HERE = RigidState.at_rest((-0.3, 0.0, 0.25))
 COLOR_STD = 0.02
+DT = 0.1
 
 
 def balls() -> BallsField:
@@ -61,6 +65,21 @@ def near(state: RigidState, seed: int, noise: StateNoise | None = None) -> Belie
     """A belief whose mean is off as its covariance says."""
     noise = StateNoise(0.01, 0.01, 0.01, 0.01) if noise is None else noise
     return Belief(state.retract(noise.sample(draws(seed))), noise.covariance())
+
+
+def updated(estimator: Estimator, noise: StateNoise, seed: int) -> tuple[list[FilterStep], RigidState, Belief]:
+    """The steps of one update, the truth, and the prediction: belief and truth are off by draws of the noise."""
+    generator = draws(seed)
+    belief = Belief(HERE.retract(noise.sample(generator)), noise.covariance())
+    truth = ROBOT.step(HERE, HOVER, DT).retract(noise.sample(generator))
+    image = picture(balls(), truth, generator)
+    steps = list(estimator.update(belief, image, HOVER, DT, generator))
+    return steps, truth, predict(belief, HOVER, ROBOT, DT, noise)
+
+
+def posterior(step: FilterStep) -> Belief:
+    assert step.posterior is not None
+    return step.posterior
 
 
 @cache

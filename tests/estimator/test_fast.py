@@ -20,9 +20,8 @@ from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.robots.state import RigidState
-from tests.estimator.places import CAMERA, COLOR_STD, HERE, HOVER, ROBOT, balls, draws, picture
+from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, balls, draws, picture, posterior, updated
 
-DT = 0.1
 SMALL = StateNoise(0.01, 0.01, 0.01, 0.01)
 SEARCH = SearchConfig(candidates=12, starts=3, pixels=(60, 100, 480), iterations=(2, 3, 8))
 PYRAMID = PyramidConfig(
@@ -37,18 +36,8 @@ SHAPE = (CAMERA.height, CAMERA.width, 3)
 
 
 def update(seed: int, filter_: FastFilter = FILTER) -> tuple[list[FilterStep], RigidState, Belief]:
-    """The steps of one update, the truth, and the prediction."""
-    generator = draws(seed)
-    belief = Belief(HERE.retract(SMALL.sample(generator)), SMALL.covariance())
-    truth = ROBOT.step(HERE, HOVER, DT).retract(SMALL.sample(generator))
-    image = picture(balls(), truth, generator)
-    steps = list(filter_.update(belief, image, HOVER, DT, generator))
-    return steps, truth, predict(belief, HOVER, ROBOT, DT, SMALL)
-
-
-def end(step: FilterStep) -> Belief:
-    assert step.posterior is not None
-    return step.posterior
+    """One update of HERE's belief under SMALL noise, see `updated`."""
+    return updated(filter_, SMALL, seed)
 
 
 def assert_sound(belief: Belief) -> None:
@@ -61,7 +50,7 @@ def assert_sound(belief: Belief) -> None:
 
 def test_a_picture_makes_the_pose_many_times_better():
     steps, truth, prediction = update(0)
-    before, after = prediction.mean.local(truth), end(steps[-1]).mean.local(truth)
+    before, after = prediction.mean.local(truth), posterior(steps[-1]).mean.local(truth)
     assert steps[-1].outcome is FilterOutcome.UPDATED
     assert after[:3].norm() < 0.3 * before[:3].norm()
     assert after[6:9].norm() < 0.3 * before[6:9].norm()
@@ -89,7 +78,7 @@ def test_derivatives_of_what_a_body_sees_are_those_of_finite_differences():
 
 def test_velocity_moves_through_the_predictions_cross_covariance():
     steps, _, prediction = update(2)
-    last = end(steps[-1]).mean
+    last = posterior(steps[-1]).mean
     pose = [0, 1, 2, 6, 7, 8]
     change = prediction.mean.local(last)
     covariance = prediction.covariance
@@ -98,8 +87,8 @@ def test_velocity_moves_through_the_predictions_cross_covariance():
 
 
 def test_the_exact_covariance_is_near_that_of_gauss_newton():
-    quick = end(update(3)[0][-1]).covariance
-    exact = end(update(3, replace(FILTER, config=replace(CONFIG, exact_covariance=True)))[0][-1]).covariance
+    quick = posterior(update(3)[0][-1]).covariance
+    exact = posterior(update(3, replace(FILTER, config=replace(CONFIG, exact_covariance=True)))[0][-1]).covariance
     ratio = quick.diagonal()[:3].sqrt() / exact.diagonal()[:3].sqrt()
     assert ((ratio > 0.5) & (ratio < 2)).all()
 
@@ -117,7 +106,7 @@ def test_a_darker_picture_finds_the_same_place_when_exposure_is_estimated():
 
 def test_inerf_ignores_the_prediction_once_it_has_started():
     steps, truth, prediction = update(4, inerf(balls(), ROBOT, CAMERA, config=CONFIG))
-    last = end(steps[-1]).mean
+    last = posterior(steps[-1]).mean
     assert truth.local(last)[:3].norm() < 0.3 * truth.local(prediction.mean)[:3].norm()
     torch.testing.assert_close(last.velocity, prediction.mean.velocity)
 
@@ -127,7 +116,7 @@ def test_without_a_picture_the_dynamics_alone_move_the_belief():
     (step,) = FILTER.update(belief, None, HOVER, 0.17, draws(0))
     expected = predict(belief, HOVER, ROBOT, 0.17, SMALL)
     assert step.outcome is FilterOutcome.PREDICTED_ONLY
-    torch.testing.assert_close(end(step).covariance, expected.covariance)
+    torch.testing.assert_close(posterior(step).covariance, expected.covariance)
 
 
 def noise_image(seed: int) -> Tensor:
@@ -147,7 +136,7 @@ WRONG = {
 @pytest.mark.parametrize("kind", WRONG)
 def test_no_picture_breaks_the_belief(kind: str):
     (*_, step) = FILTER.update(Belief(HERE, SMALL.covariance()), WRONG[kind], HOVER, DT, draws(0))
-    assert_sound(end(step))
+    assert_sound(posterior(step))
     if kind in ("black", "white", "grey"):
         assert step.outcome is FilterOutcome.PREDICTED_ONLY
     if kind == "noise":
@@ -169,11 +158,11 @@ def test_light_after_ten_frames_under_a_lens_cap_finds_the_robot_again():
     for _ in range(10):
         truth = ROBOT.step(truth, HOVER, DT)
         (step,) = filter_.update(belief, WRONG["black"], HOVER, DT, draws(0))
-        belief = end(step)
+        belief = posterior(step)
     truth = truth.retract(torch.tensor([0.03, 0.02, -0.02, 0, 0, 0, 0.02, 0.0, 0.03, 0, 0, 0]))
     for _ in range(2):
         (*_, step) = filter_.correct(belief, picture(balls(), truth), draws(1))
-        belief = end(step)
+        belief = posterior(step)
     assert truth.local(belief.mean)[:3].norm() < 5e-3
 
 
@@ -184,7 +173,7 @@ def test_updates_whose_time_steps_vary_follow_a_robot():
         truth = ROBOT.step(truth, push, dt)
         (*_, step) = FILTER.update(belief, picture(balls(), truth, generator), push, dt, generator)
         assert step.outcome is FilterOutcome.UPDATED
-        belief = end(step)
+        belief = posterior(step)
         assert truth.local(belief.mean)[:3].norm() < 5e-3
     assert_sound(belief)
 
@@ -193,7 +182,7 @@ def test_a_turned_picture_leaves_a_sound_belief_that_knows_it_is_lost():
     square = replace(FILTER, camera=Camera.from_fov(20, 20, 80))
     image = picture(balls(), HERE)[:, 2:22].rot90().contiguous()
     (*_, step) = square.update(Belief(HERE, SMALL.covariance()), image, HOVER, DT, draws(0))
-    assert_sound(end(step))
+    assert_sound(posterior(step))
     assert step.outcome is FilterOutcome.DIVERGED
 
 
@@ -202,7 +191,7 @@ def test_a_picture_improves_the_pose_however_its_pixels_are_drawn(draw: PixelDra
     config = replace(CONFIG, pixels=PixelConfig(draw=draw), pyramid=replace(PYRAMID, pixels=150))
     steps, truth, prediction = update(0, replace(FILTER, config=config))
     assert len(steps[-1].pixels) == 150
-    assert end(steps[-1]).mean.local(truth)[:3].norm() < 0.4 * prediction.mean.local(truth)[:3].norm()
+    assert posterior(steps[-1]).mean.local(truth)[:3].norm() < 0.4 * prediction.mean.local(truth)[:3].norm()
 
 
 def test_a_lens_that_bends_lines_is_seen_through():
@@ -212,14 +201,14 @@ def test_a_lens_that_bends_lines_is_seen_through():
     image = (255 * color).round().to(torch.uint8)
     *_, aware = replace(FILTER, camera=bent).correct(Belief(HERE, SMALL.covariance()), image, draws(0))
     *_, blind = FILTER.correct(Belief(HERE, SMALL.covariance()), image, draws(0))
-    error = truth.local(end(aware).mean)[:3].norm()
-    assert error < 2e-3 and error < truth.local(end(blind).mean)[:3].norm()
+    error = truth.local(posterior(aware).mean)[:3].norm()
+    assert error < 2e-3 and error < truth.local(posterior(blind).mean)[:3].norm()
 
 
 def test_a_prior_without_any_spread_is_refused_unless_the_dynamics_add_some():
     flat = Belief(HERE, torch.zeros(12, 12))
     (*_, step) = FILTER.update(flat, picture(balls(), HERE), HOVER, DT, draws(0))
-    assert_sound(end(step))
+    assert_sound(posterior(step))
     still = replace(FILTER, config=replace(CONFIG, process_noise=StateNoise(0.0, 0.0, 0.0, 0.0)))
     with pytest.raises(InvalidInputError, match="not finite and positive definite"):
         list(still.update(flat, picture(balls(), HERE), HOVER, DT, draws(0)))

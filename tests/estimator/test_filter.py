@@ -19,9 +19,22 @@ from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.field.analytic import BallsField
 from nerfnav.field.field import Points
 from nerfnav.robots.state import RigidState
-from tests.estimator.places import BOX, CAMERA, COLOR_STD, HERE, HOVER, ROBOT, balls, draws, near, picture
+from tests.estimator.places import (
+    BOX,
+    CAMERA,
+    COLOR_STD,
+    DT,
+    HERE,
+    HOVER,
+    ROBOT,
+    balls,
+    draws,
+    near,
+    picture,
+    posterior,
+    updated,
+)
 
-DT = 0.1
 SMALL = StateNoise(0.006, 0.003, 0.006, 0.003)
 DESCENT = DescentConfig(90, position_rate=2e-3, velocity_rate=1e-3, attitude_rate=2e-3, body_rate_rate=1e-3)
 CONFIG = FilterConfig(
@@ -35,18 +48,8 @@ FILTER = PoseFilter(balls(), ROBOT, CAMERA, config=CONFIG)
 
 
 def update(seed: int, filter_: PoseFilter = FILTER) -> tuple[list[FilterStep], RigidState, Belief]:
-    """The steps of one update, the truth, and the prediction, all drawn from the noise that the filter assumes."""
-    generator = draws(seed)
-    belief = Belief(HERE.retract(SMALL.sample(generator)), SMALL.covariance())
-    truth = ROBOT.step(HERE, HOVER, DT).retract(SMALL.sample(generator))
-    image = picture(balls(), truth, generator)
-    steps = list(filter_.update(belief, image, HOVER, DT, generator))
-    return steps, truth, predict(belief, HOVER, ROBOT, DT, SMALL)
-
-
-def posterior(step: FilterStep) -> Belief:
-    assert step.posterior is not None
-    return step.posterior
+    """One update of HERE's belief under SMALL noise, see `updated`."""
+    return updated(filter_, SMALL, seed)
 
 
 def test_a_picture_makes_the_pose_many_times_better():
@@ -175,6 +178,8 @@ def test_the_paper_preset_has_the_papers_numbers():
 def test_the_noise_of_a_field_is_taken_over_where_it_is_known():
     assert FilterConfig().for_field(0.03).color_noise.std == 0.03
     assert FilterConfig().for_field(None) == FilterConfig()
+    mine = FilterConfig(color_noise=ColorNoise(alike=7.0))
+    assert mine.for_field(0.03).color_noise == ColorNoise(std=0.03, alike=7.0)
 
 
 def test_the_learning_rates_stand_where_their_numbers_stand():
