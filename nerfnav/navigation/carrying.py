@@ -1,7 +1,7 @@
 """Where a hand puts a robot that it carries away ("kidnapped robot"): somewhere else, where its body fits."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 
@@ -41,7 +41,7 @@ def carried_away(
     config = CarryConfig() if config is None else config
     for place in _places(state, box, generator, config):
         turn = so3.from_yaw(config.turn * _between(-1, 1, generator)).to(state.rotation)
-        there = replace(state, position=place, rotation=turn @ state.rotation, velocity=turn @ state.velocity)
+        there = state.moved_to(Pose(turn @ state.rotation, place))
         if box.contains(place) and (place - state.position).norm() >= config.nearest and fits(there):
             return there.pose
     return None

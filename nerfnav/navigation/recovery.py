@@ -3,8 +3,8 @@
 A filter that rejects a picture (its innovation or its residual fails the test) hands the prediction back. The belief
 is then widened, so that the next picture may move it further; when several pictures in a row were rejected, a
 relocaliser searches the whole field, and the belief begins anew where it finds the robot; until then, pictures say
-nothing to the filter. Meanwhile the robot holds:
-it comes to rest by what it believes of its velocity, which it knows better than its place.
+nothing to the filter. Meanwhile the robot holds: it comes to rest by what it believes of its velocity, which it knows
+better than its place.
 """
 
 from collections.abc import Generator, Iterator
@@ -131,13 +131,7 @@ class Lookout:
         assert step is not None, "a search yields at least one step"
         if step.outcome is not RelocaliseOutcome.FOUND:
             return None
-        return belief_at(step.body_poses(self.mount)[0], belief.mean, self.config.found)
-
-
-def belief_at(pose: Pose, before: RigidState, noise: StateNoise) -> Belief:
-    """A belief at a pose T_world_body; the body moves in its own axes as it was believed to before."""
-    velocity = pose.rotation @ before.rotation.T @ before.velocity
-    return Belief(RigidState(pose.position, velocity, pose.rotation, before.body_rate), noise.covariance())
+        return Belief(belief.mean.moved_to(step.body_poses(self.mount)[0]), self.config.found.covariance())
 
 
 def come_to_rest(robot: Robot, start: RigidState, steps: int, dt: float, turn: float = 0.0) -> Motion:

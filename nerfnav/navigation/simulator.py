@@ -53,10 +53,7 @@ class Simulator:
 
     def carry(self, pose: Pose) -> None:
         """Put the robot at T_world_body; it goes on moving as it did, in its own axes."""
-        state = self.state
-        velocity = pose.rotation @ state.rotation.T @ state.velocity
-        moved = RigidState(pose.position, velocity, pose.rotation, state.body_rate)
-        self.state = self.robot.settled(moved, state)
+        self.state = self.robot.settled(self.state.moved_to(pose), self.state)
 
     def look(self) -> UInt8[Tensor, "height width 3"]:
         """The picture that the robot's camera takes now."""

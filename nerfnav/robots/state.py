@@ -45,6 +45,12 @@ class RigidState(TensorStruct):
         """T_world_body."""
         return Pose(self.rotation, self.position)
 
+    def moved_to(self, pose: Pose) -> "RigidState":
+        """The same body at another pose T_world_body, moving on in its own axes: R^T v and w stay as they are."""
+        turn_world = pose.rotation @ self.rotation.transpose(-1, -2)
+        velocity_world = (turn_world @ self.velocity[..., None])[..., 0]
+        return RigidState(pose.position, velocity_world, pose.rotation, self.body_rate)
+
     def retract(self, tangent: Float[Tensor, "*batch 12"]) -> "RigidState":
         """x (+) tangent."""
         return RigidState(

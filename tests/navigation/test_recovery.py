@@ -9,13 +9,14 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, belief_at, come_to_rest
+from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest
 from nerfnav.navigation.replan import NavigateConfig, Pilot, navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
@@ -205,9 +206,13 @@ def test_doubt_grows_with_each_picture_until_patience_ends() -> None:
 
 
 def test_a_robot_that_is_found_turned_moves_in_its_own_axes_as_it_did() -> None:
-    before = replace(simulator().state, velocity=torch.tensor([0.5, 0.0, 0.1]), body_rate=torch.tensor([0.0, 0.1, 0.2]))
-    turned = Pose(so3.from_yaw(torch.tensor(torch.pi / 2)), torch.tensor([0.1, 0.2, 0.3]))
-    found = belief_at(turned, before, CALM).mean
+    world = simulator()
+    before = replace(world.state, velocity=torch.tensor([0.5, 0.0, 0.1]), body_rate=torch.tensor([0.0, 0.1, 0.2]))
+    world.carry(Pose(so3.from_yaw(torch.tensor(torch.pi / 2)), torch.tensor([0.1, 0.2, 0.3])))
+    steps = Lookout(Searcher(world)).search(Belief(before, CALM.covariance()), torch.zeros(1))
+    with pytest.raises(StopIteration) as end:
+        [next(steps) for _ in range(3)]
+    found = end.value.value.mean
     torch.testing.assert_close(found.velocity, torch.tensor([0.0, 0.5, 0.1]))
     assert torch.equal(found.body_rate, before.body_rate)
 

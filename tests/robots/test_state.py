@@ -35,6 +35,16 @@ def test_the_parts_of_a_tangent_move_the_parts_of_a_state():
     torch.testing.assert_close(moved.body_rate, state.body_rate + step[BODY_RATE])
 
 
+@pytest.mark.parametrize("batch", [(), (4,), (2, 3)])
+def test_bodies_that_are_moved_each_to_its_own_pose_move_on_in_their_own_axes(batch: tuple[int, ...]) -> None:
+    before, there = random_state(*batch), random_state(*batch, seed=1)
+    moved = before.moved_to(there.pose)
+    velocities_body = [(one.rotation.mT @ one.velocity[..., None])[..., 0] for one in (before, moved)]
+    torch.testing.assert_close(velocities_body[1], velocities_body[0])
+    assert torch.equal(moved.pose.position, there.position) and torch.equal(moved.body_rate, before.body_rate)
+    torch.testing.assert_close(moved.moved_to(before.pose).velocity, before.velocity)
+
+
 def test_at_rest_is_level_still_and_heads_where_asked():
     state = RigidState.at_rest((1, 2, 3), 0.5)
     assert state.position.tolist() == [1, 2, 3]
