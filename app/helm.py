@@ -6,13 +6,13 @@ import torch
 
 from app.ends import Ends, Which
 from app.flying import GUST
-from app.place import Place, occupancy_of, planning_place
+from app.place import Place, planning_place
 from app.session import Job, Session
 from nerfnav.field.unknown import Unknown
 from nerfnav.geometry.camera import Pose
 from nerfnav.navigation.carrying import carried_away
 from nerfnav.navigation.orders import Orders
-from nerfnav.planner.occupancy import OccupancyConfig, body_density
+from nerfnav.planner.ends import fits
 from nerfnav.robots.state import RigidState
 
 _ROOM = 0.03
@@ -53,10 +53,9 @@ class Helm:
 
     def _elsewhere(self) -> Pose | None:
         seen = planning_place(self._place, Unknown.OCCUPIED)  # as plans see it
-        body, most = seen.robot.body_with_room(_ROOM), occupancy_of(seen, OccupancyConfig()).config.threshold
+        body = seen.robot.body_with_room(_ROOM)
 
-        def fits(state: RigidState) -> bool:
-            settled = seen.robot.settled(state, self._truth)
-            return body_density(seen.field, body, settled) <= most
+        def fits_there(state: RigidState) -> bool:
+            return fits(seen.field, body, seen.robot.settled(state, self._truth))
 
-        return carried_away(self._truth, seen.field.box, fits, self._generator)
+        return carried_away(self._truth, seen.field.box, fits_there, self._generator)

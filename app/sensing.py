@@ -32,8 +32,8 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.planner.costs import collision_per_step
-from nerfnav.planner.ends import nearest_free_pose
-from nerfnav.planner.occupancy import OccupancyConfig, body_density
+from nerfnav.planner.ends import fits, nearest_free_pose
+from nerfnav.planner.occupancy import OccupancyConfig
 from nerfnav.planner.safety import SafetyConfig, clearance_of
 from nerfnav.robots.state import Motion, RigidState
 
@@ -49,7 +49,7 @@ def end_report(place: Place, question: EndQuestion) -> EndReport:
     place = planning_place(place, Unknown.OCCUPIED)  # as plans see it
     body, state, name = place.robot.body, question.end.state(), question.which.value
     occupancy = occupancy_of(place, OccupancyConfig())
-    if body_density(place.field, body, state) <= occupancy.config.threshold:
+    if fits(place.field, body, state, occupancy.config.threshold):
         return EndReport(question, None)
     nearest = nearest_free_pose(place.field, body, state, occupancy)
     if nearest is None:

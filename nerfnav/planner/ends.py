@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.field.field import Field
 from nerfnav.geometry import so3
-from nerfnav.planner.occupancy import OccupancyMap, body_density
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 
@@ -41,6 +40,11 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
             )  # fmt: skip
 
 
+def fits(field: Field, body: Body, state: RigidState, threshold: float = OccupancyConfig.threshold) -> bool:
+    """Whether a body can be at a state: it is nowhere in a density [1/m] above the threshold, as maps have it."""
+    return body_density(field, body, state) <= threshold
+
+
 def check_finite(name: str, state: RigidState) -> None:
     """Raise InvalidInputError where a state holds NaN or infinity."""
     for part in ("position", "velocity", "rotation", "body_rate"):
@@ -58,31 +62,26 @@ def nearest_free_pose(field: Field, body: Body, state: RigidState, occupancy: Oc
     turns = torch.arange(1, count) * (torch.pi / count)
     turned = [replace(state, rotation=so3.from_yaw(turn) @ state.rotation) for turn in turns.to(state.position)]
     for tried in ((state,), tuple(turned)):
-        point = _first_fit(field, body, tried, occupancy, state)
-        if point is not None:
-            fits = (one for one in tried if _fits(field, body, replace(one, position=point), occupancy))
-            return replace(next(fits), position=point)
+        nearest = _first_fit(field, body, tried, occupancy, state)
+        if nearest is not None:
+            return nearest
     return None
 
 
 def _first_fit(
     field: Field, body: Body, states: tuple[RigidState, ...], occupancy: OccupancyMap, near: RigidState
-) -> Float[Tensor, "3"] | None:
-    """The nearest free voxel, in whole centimetres, where the body fits in one of the states' attitudes."""
+) -> RigidState | None:
+    """The first of the states in whose attitude the body fits, at the nearest free voxel, in whole centimetres."""
     flat = occupancy.by_heading.shape[-1] == 1  # one height alone: keep it exactly
     for center in occupancy.nearest_free_voxels(near.position, _SEARCH_REACH)[:_CANDIDATES]:
         point = (center * 100).round() / 100
         if flat:
             point[2] = near.position[2]
-        if field.box.contains(point) and any(
-            _fits(field, body, replace(state, position=point), occupancy) for state in states
-        ):
-            return point
+        if field.box.contains(point):
+            for there in (replace(state, position=point) for state in states):
+                if fits(field, body, there, occupancy.config.threshold):
+                    return there
     return None
-
-
-def _fits(field: Field, body: Body, state: RigidState, occupancy: OccupancyMap) -> bool:
-    return body_density(field, body, state) <= occupancy.config.threshold
 
 
 def _advice(state: RigidState, nearest: RigidState | None) -> str:

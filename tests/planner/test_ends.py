@@ -6,7 +6,7 @@ import torch
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.geometry import so3
-from nerfnav.planner.ends import check_ends, nearest_free_pose
+from nerfnav.planner.ends import check_ends, fits, nearest_free_pose
 from nerfnav.planner.fast import plan_fast
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.planner.problem import PlanProblem
@@ -41,6 +41,9 @@ def test_a_start_beside_a_stone_is_judged_by_its_body_not_by_its_centre():
     assert FIELD.density(beside.position) < 15 and body_density(FIELD, ROBOT.body, beside) > 100
     with pytest.raises(OccupiedError, match="the start"):
         check(beside, FREE)
+    assert fits(FIELD, ROBOT.body, FREE) and not fits(FIELD, ROBOT.body, beside)
+    density = body_density(FIELD, ROBOT.body, beside)
+    assert fits(FIELD, ROBOT.body, beside, density) and not fits(FIELD, ROBOT.body, beside, 0.99 * density)
 
 
 def test_ends_outside_the_box_are_refused_and_the_box_is_told():
