@@ -8,6 +8,7 @@ expectation is 12, the length of the tangent, when the covariance is honest; mor
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -81,8 +82,13 @@ class Episode:
 
     @property
     def goal(self) -> RigidState:
-        """Where the plans lead."""
-        return self.plans[0].states[-1]
+        """Where the robot was to arrive in the end: a goal may move, and what a robot does that holds leads nowhere."""
+        led = [
+            plan.states[-1]
+            for plan, recovery in zip_longest(self.plans, self.recoveries)
+            if (recovery is None or not recovery.holds) and plan.states.position[-1].isfinite().all()
+        ]
+        return led[-1] if led else self.plans[0].states[-1]
 
     def errors(self) -> Float[Tensor, "times 12"]:
         """e = truth (-) mean at each time, in the tangent of the mean."""

@@ -9,6 +9,8 @@ import torch
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.orders import Orders
+from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.replan import NavigateConfig, Pilot, navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.robots.state import RigidState
@@ -41,6 +43,26 @@ def test_an_episode_stacks_a_flight_over_time(flight: list[NavigationStep]):
     assert episode.times[-1] == pytest.approx(0.1 * (count - 1))
     assert episode.outcome is EpisodeOutcome.COLLIDED
     torch.testing.assert_close(episode.goal.position, MISSION.goal.position)
+
+
+def test_the_last_goal_of_a_flight_is_what_it_missed() -> None:
+    world, there = simulator(), RigidState.at_rest((-0.3, 0.6, 0.4))
+    mission = replace(MISSION, orders=lambda: Orders(goal=there))
+    pilot, config = Pilot(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM, noise=CALM)
+    steps = [step for step in navigate(mission, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+    episode = Episode.of(steps)
+    assert episode.outcome is EpisodeOutcome.REACHED
+    torch.testing.assert_close(episode.goal.position, there.position)
+    missed = (world.state.position - there.position).norm().item()
+    assert episode.metrics()["final_position_error_m"] == pytest.approx(missed, rel=1e-4) and missed < 0.1
+
+
+def test_a_robot_that_holds_in_the_end_was_to_arrive_where_it_was_going_before(flight: list[NavigationStep]) -> None:
+    last = flight[-1]
+    rest = replace(last.plan, states=last.plan.states.map(lambda part: part.flip(0)))
+    nowhere = replace(last.plan, states=last.plan.states.map(lambda part: part * torch.nan))
+    for end in (replace(last, plan=rest, recovery=Recovery.WIDENED), replace(last, plan=nowhere)):
+        torch.testing.assert_close(Episode.of([*flight[:-1], end]).goal.position, MISSION.goal.position)
 
 
 def test_a_flight_that_was_stopped_has_that_outcome(flight: list[NavigationStep]):
