@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nerfnav.field.field import Field
+from nerfnav.navigation.planners import FieldPlanner
 from nerfnav.planner.clearance import BallCheck
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.follow import step_of
@@ -14,18 +14,13 @@ from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.rrt import RRTConfig, plan_rrt
 from nerfnav.planner.steps import PlanOutcome, PlanStep
-from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 
 
 @dataclass(frozen=True)
-class MinSnapPlanner:
+class MinSnapPlanner(FieldPlanner):
     """A* and minimum snap, then the rest of that curve, as seen from where the robot is."""
 
-    field: Field
-    """Where."""
-    robot: Robot
-    """Who."""
     first: MinSnapConfig = dataclasses.field(default_factory=MinSnapConfig)
     """How the first plan is made."""
     again: MinSnapConfig = dataclasses.field(default_factory=MinSnapConfig)
@@ -35,25 +30,19 @@ class MinSnapPlanner:
 
     def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
         """See Planner."""
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, dt)
-        return plan_minimum_snap(problem, self.first, self.occupancy)
+        return plan_minimum_snap(self.problem(start, goal, steps, dt), self.first, self.occupancy)
 
     def replan(
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt)
-        return _carried_on(problem, last, executed, self.again.weights)
+        return _carried_on(self.rest(last, start, goal, steps), last, executed, self.again.weights)
 
 
 @dataclass(frozen=True)
-class RRTPlanner:
+class RRTPlanner(FieldPlanner):
     """RRT and a controller that follows its path, then the rest of what was flown, as seen from where the robot is."""
 
-    field: Field
-    """Where."""
-    robot: Robot
-    """Who."""
     first: RRTConfig = dataclasses.field(default_factory=RRTConfig)
     """How the first plan is made."""
     again: RRTConfig = dataclasses.field(default_factory=RRTConfig)
@@ -65,15 +54,13 @@ class RRTPlanner:
 
     def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
         """See Planner."""
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, dt)
-        return plan_rrt(problem, self.first, self.occupancy, self.check)
+        return plan_rrt(self.problem(start, goal, steps, dt), self.first, self.occupancy, self.check)
 
     def replan(
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt)
-        return _carried_on(problem, last, executed, self.again.weights)
+        return _carried_on(self.rest(last, start, goal, steps), last, executed, self.again.weights)
 
 
 def _carried_on(problem: PlanProblem, last: Motion, executed: int, weights: CostWeights) -> Iterator[PlanStep]:

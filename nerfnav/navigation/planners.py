@@ -38,63 +38,66 @@ class Planner(Protocol):
 
 
 @dataclass(frozen=True)
-class PaperPlanner:
-    """A* and Adam, then Adam again from the rest of the waypoints."""
+class FieldPlanner:
+    """What all planners of this project have in common: one robot in one field."""
 
     field: Field
     """Where."""
     robot: Robot
     """Who."""
+    extra_terms: tuple[Callable[[Motion], Tensor], ...] = dataclasses.field(default=(), kw_only=True)
+    """What is added to J, see PlanProblem."""
+
+    def problem(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> PlanProblem:
+        """What there is to plan from scratch."""
+        return PlanProblem(self.field, self.robot, start, goal, steps, dt, self.extra_terms)
+
+    def rest(self, last: Motion, start: RigidState, goal: RigidState, steps: int) -> PlanProblem:
+        """What is left to plan of `last` from an estimate, or from the nearest state that the robot can be in."""
+        return self.problem(self.robot.settled(start, last.states[0]), goal, steps, last.dt)
+
+
+@dataclass(frozen=True)
+class PaperPlanner(FieldPlanner):
+    """A* and Adam, then Adam again from the rest of the waypoints."""
+
     first: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper)
     """How the first plan is made."""
     again: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper_replan)
     """How the plan is redone at each time step."""
     occupancy: OccupancyMap | None = None
     """Saves making the map of the field again where the caller has it."""
-    extra_terms: tuple[Callable[[Motion], Tensor], ...] = ()
-    """What is added to J, see PlanProblem."""
 
     def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
         """See Planner."""
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, dt, self.extra_terms)
-        return plan(problem, self.first, self.occupancy)
+        return plan(self.problem(start, goal, steps, dt), self.first, self.occupancy)
 
     def replan(
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
-        start = self.robot.settled(start, last.states[0])
-        trajectory = hot_start(last, start, goal, self.robot, executed=executed, steps=steps)
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt, self.extra_terms)
+        problem = self.rest(last, start, goal, steps)
+        trajectory = hot_start(last, problem.start, goal, self.robot, executed=executed, steps=steps)
         return replan(problem, trajectory, self.again)
 
 
 @dataclass(frozen=True)
-class FastPlanner:
+class FastPlanner(FieldPlanner):
     """Several ways around and quasi-Newton on compiled kernels, then the rest of the plan as long as it leads."""
 
-    field: Field
-    """Where."""
-    robot: Robot
-    """Who."""
     first: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
     """How the first plan is made."""
     again: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
     """How the plan is redone at each time step."""
     occupancy: OccupancyMap | None = None
     """Saves making the map of the field again where the caller has it."""
-    extra_terms: tuple[Callable[[Motion], Tensor], ...] = ()
-    """What is added to J, see PlanProblem."""
 
     def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
         """See Planner."""
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, dt, self.extra_terms)
-        return plan_fast(problem, self.first, self.occupancy)
+        return plan_fast(self.problem(start, goal, steps, dt), self.first, self.occupancy)
 
     def replan(
         self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
     ) -> Iterator[PlanStep]:
         """See Planner."""
-        start = self.robot.settled(start, last.states[0])
-        problem = PlanProblem(self.field, self.robot, start, goal, steps, last.dt, self.extra_terms)
-        return carry_on(problem, last, executed, self.again, self.occupancy)
+        return carry_on(self.rest(last, start, goal, steps), last, executed, self.again, self.occupancy)

@@ -48,7 +48,7 @@ class NavigateConfig:
     2 cm by which a step is disturbed, and three times the weight of collision (paper: none, 1). With the state known
     to millimetres, 9 of 160 flights through Stonehenge then touched something; 21 with 3 cm and a weight of 1."""
     filter: FilterConfig = field(default_factory=FilterConfig)
-    """How the state is estimated (for the paper's filter)."""
+    """How the state is estimated; in open loop, `process_noise` alone counts."""
     noise: StateNoise = field(default_factory=StateNoise)
     """What disturbs the true robot at each step (paper: 2 cm, 0.02 rad, half on the rates)."""
     initial: StateNoise = field(default_factory=lambda: StateNoise.isotropic(0.01**2))

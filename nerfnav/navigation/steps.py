@@ -44,7 +44,8 @@ class NavigationStep:
     update: FilterStep | None
     """The last iteration of the filter, with its pixels; None where there was no picture."""
     plan: Motion
-    """What it intends to do from here; its first state is the belief's mean."""
+    """What it intends to do from here, from the belief's mean or the nearest state that the robot can be in; in open
+    loop what is left of the first plan, wherever it believes to be."""
     touched: bool
     """Whether the body met the ground truth on the way here; False where there is no ground truth."""
     filter_ms: float

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from nerfnav.planner.costs import CostWeights, collision_probability_bound, evaluate
+from nerfnav.planner.costs import CostWeights, collision_probability_bound
 from nerfnav.planner.fast import FastPlanConfig, improve, plan_fast
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem
@@ -69,5 +69,5 @@ def _risk(problem: PlanProblem, step: PlanStep) -> float:
 def _restated(problem: PlanProblem, step: PlanStep, weights: CostWeights, iteration: int) -> PlanStep:
     """The same plan with its J under the weights that the user knows."""
     with torch.no_grad():
-        cost = evaluate(problem.field, problem.robot, step.motion, weights).numbers()
-    return replace(step, iteration=iteration, cost=replace(cost, extra=step.cost.extra))
+        cost = problem.terms(step.motion, weights).numbers()
+    return replace(step, iteration=iteration, cost=cost)

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.planner.costs import CostWeights, evaluate
+from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
@@ -23,5 +23,5 @@ def step_of(problem: PlanProblem, trajectory: Trajectory, weights: CostWeights, 
     """A trajectory as it is, with its J."""
     with torch.no_grad():
         motion = trajectory.motion(problem.robot)
-        cost = evaluate(problem.field, problem.robot, motion, weights).numbers()
+        cost = problem.terms(motion, weights).numbers()
     return PlanStep(0, trajectory, motion, cost, outcome)

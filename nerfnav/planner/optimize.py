@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
-from nerfnav.planner.costs import CostWeights, Terms, evaluate
+from nerfnav.planner.costs import CostWeights, Terms
 from nerfnav.planner.ends import check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
@@ -84,7 +84,7 @@ def descend(problem: PlanProblem, trajectory: Trajectory, config: PlanConfig) ->
     last_ones = max(_SETTLING_ITERATIONS, config.iterations // 10)
     for iteration in range(config.iterations):
         motion = trajectory.with_free(free).motion(problem.robot)
-        terms = _terms(problem, motion, config)
+        terms = problem.terms(motion, config.weights)
         now = _record(iteration, trajectory.with_free(free.detach().clone()), motion, terms)
         if not torch.isfinite(terms.total):
             yield replace(best or now, iteration=iteration, outcome=PlanOutcome.DIVERGED)
@@ -108,16 +108,9 @@ def _step(
 ) -> PlanStep:
     with torch.no_grad():
         motion = trajectory.motion(problem.robot)
-        terms = _terms(problem, motion, config)
+        terms = problem.terms(motion, config.weights)
     return replace(_record(iteration, trajectory, motion, terms), outcome=outcome)
 
 
 def _record(iteration: int, trajectory: Trajectory, motion: Motion, terms: Terms) -> PlanStep:
     return PlanStep(iteration, trajectory, motion.detach(), terms.numbers())
-
-
-def _terms(problem: PlanProblem, motion: Motion, config: PlanConfig) -> Terms:
-    terms = evaluate(problem.field, problem.robot, motion, config.weights)
-    if not problem.extra_terms:
-        return terms
-    return replace(terms, extra=torch.stack([term(motion) for term in problem.extra_terms]).sum())

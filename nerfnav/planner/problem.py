@@ -1,7 +1,7 @@
 """What is to be planned, and where every planner starts: the ends checked, and a first way between them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import torch
@@ -10,6 +10,7 @@ from torch import Tensor
 
 from nerfnav.field.field import Field
 from nerfnav.planner.astar import SearchConfig, find_paths, smooth_path, waypoints_along
+from nerfnav.planner.costs import CostWeights, Terms, evaluate
 from nerfnav.planner.ends import check_ends, check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.trajectory import Trajectory
@@ -43,6 +44,13 @@ class PlanProblem:
     extra_terms: tuple[Callable[[Motion], Tensor], ...] = ()
     """What is added to J: any differentiable functions of a motion. They cost the fast planner a millisecond or more
     at each iteration."""
+
+    def terms(self, motion: Motion, weights: CostWeights) -> Terms:
+        """The terms of J for a motion, with those that the problem adds."""
+        terms = evaluate(self.field, self.robot, motion, weights)
+        if not self.extra_terms:
+            return terms
+        return replace(terms, extra=torch.stack([term(motion) for term in self.extra_terms]).sum())
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from nerfnav.field.meshing import field_mesh
 from nerfnav.geometry.box import Box
 from nerfnav.planner.astar import smooth_path, waypoints_along
 from nerfnav.planner.clearance import BallCheck
-from nerfnav.planner.costs import CostWeights, evaluate
+from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_ends
 from nerfnav.planner.follow import step_along
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
@@ -111,7 +111,7 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
     planned = step_along(problem, waypoints, config.weights, PlanOutcome.CONVERGED)
     flown = follow(problem.robot, problem, waypoints, config.tracking)
     with torch.no_grad():
-        cost = evaluate(problem.field, problem.robot, flown, config.weights).numbers()
+        cost = problem.terms(flown, config.weights).numbers()
     return replace(planned, motion=flown, cost=cost)
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import torch
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.planner.costs import evaluate
 from nerfnav.planner.ends import check_finite
 from nerfnav.planner.fast import FastPlanConfig, improve, replan_fast
 from nerfnav.planner.hot_start import hot_start
@@ -117,7 +116,7 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
     if left == 0:
         return 0.0
     with torch.no_grad():
-        total = evaluate(problem.field, problem.robot, rest, config.weights).total.item()
+        total = problem.terms(rest, config.weights).total.item()
     return total * max(1.0, problem.steps / left)
 
 

@@ -6,6 +6,7 @@ from functools import partial
 import pytest
 import torch
 
+from nerfnav import robots
 from nerfnav.navigation.baselines import MinSnapPlanner, RRTPlanner
 from nerfnav.navigation.planners import Planner
 from nerfnav.planner.rrt import RRTConfig
@@ -33,6 +34,24 @@ def test_what_is_left_of_a_plan_is_planned_again_from_where_the_robot_is(make: C
     assert len(again.motion.actions) == 14
     apart = (states.position - first.motion.states.position[executed:]).norm(dim=-1)
     assert apart.max() < 0.2, "it follows the rest of the plan"
+
+
+def test_what_is_added_to_the_cost_is_counted_whoever_plans() -> None:
+    problem = across(ball())
+    planner = MinSnapPlanner(problem.field, ROBOT, extra_terms=(lambda motion: motion.states.position[-1, 0],))
+    *_, first = planner.plan(problem.start, problem.goal, 20, 0.1)
+    *_, again = planner.replan(first.motion, first.motion.states[6], problem.goal, 14, 6)
+    for step in (first, again):
+        assert step.cost.extra == pytest.approx(problem.goal.position[0].item(), abs=1e-4)
+
+
+def test_a_cart_that_is_believed_to_be_in_the_air_is_planned_for_on_the_ground() -> None:
+    start, goal = RigidState.at_rest((-0.7, 0.05, 0.1)), RigidState.at_rest((0.7, 0.0, 0.1))
+    planner = MinSnapPlanner(across(ball()).field, robots.load("diffdrive"))
+    *_, first = planner.plan(start, goal, 20, 0.1)
+    lifted = first.motion.states[6].retract(torch.tensor([0.0, 0.0, 0.02, *[0.0] * 3, 0.02, *[0.0] * 5]))
+    *_, again = planner.replan(first.motion, lifted, goal, 14, 6)
+    torch.testing.assert_close(again.motion.states.position[:, 2], torch.full((15,), 0.1))
 
 
 @pytest.mark.parametrize("make", MAKERS, ids=["minsnap", "rrt"])

@@ -1,7 +1,10 @@
 """Carrying a plan on in flight, and giving it up in time."""
 
+from dataclasses import replace
+
 import pytest
 import torch
+from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.navigation.planners import FastPlanner
@@ -31,6 +34,17 @@ def test_a_plan_that_still_leads_to_the_goal_is_carried_on(flown: Motion):
     assert all(step.restart is None for step in steps)
     assert steps[-1].outcome is PlanOutcome.CONVERGED
     assert GOAL.local(steps[-1].motion.states[-1]).abs().max() < 1e-5
+
+
+def test_a_plan_is_carried_on_that_costs_what_its_problem_adds_to_the_cost():
+    def high(motion: Motion) -> Tensor:
+        return 2000 * (motion.states.position[..., 2] - 0.8).square().sum(-1)
+
+    first = PlanProblem(ball(), ROBOT, START, GOAL, extra_terms=(high,))
+    flown = last_step(plan_fast(first))
+    assert flown.cost.extra > 0.5 * flown.cost.total
+    left = replace(first, start=flown.motion.states[1].retract(torch.tensor([0.01, -0.01, *[0.0] * 10])), steps=19)
+    assert last_step(carry_on(left, flown.motion, 1, FastPlanConfig())).restart is None
 
 
 def test_a_goal_that_moved_is_followed(flown: Motion):
