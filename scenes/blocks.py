@@ -3,7 +3,8 @@
 import numpy as np
 
 from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 from scenes.light import Light, from_srgb, lit
 from scenes.noise import fractal
 from scenes.primitives import Size, box, place

@@ -10,7 +10,8 @@ import numpy as np
 import trimesh
 
 from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 from scenes.light import Light, lit
 from scenes.meadow import meadow
 from scenes.primitives import EDGE, Roughness, Size, place, stone

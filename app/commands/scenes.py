@@ -7,7 +7,8 @@ from rich.table import Table
 
 import scenes
 from app.commands.screen import show
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import Results, Row, Study, TrialDone
 from nerfnav.field.voxel import VoxelField
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 
 
 @dataclass(frozen=True)

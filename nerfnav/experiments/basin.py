@@ -9,24 +9,20 @@ nothing but sky, from which nothing can converge, count like all others.
 import math
 import time
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 
 import numpy as np
 import torch
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from nerfnav import robots
 from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.fast import FastFilter
-from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.steps import FilterOutcome
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.estimation import Trial, disturbed_flight
+from nerfnav.experiments.disturbed import Trial, disturbed_flight, fast_filter, over_flights
 from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.experiments.views import CAMERA, SUPERSAMPLE, take_picture
+from nerfnav.experiments.study import ExperimentStep, Results, Row, Study
+from nerfnav.experiments.views import SUPERSAMPLE, take_picture
 from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT, RigidState
 from nerfnav.world.raycast import MeshRenderer
 
@@ -34,17 +30,13 @@ SIZES = ((0.02, 0.02), (0.05, 0.05), (0.1, 0.1), (0.2, 0.2))
 """How far the belief is off: position [m], attitude [rad]."""
 CONVERGED = {"position_m": 0.01, "rotation_deg": 1.0}
 """An estimate has converged that is nearer than this."""
-_TRIALS = 100
 _MOVING = (0.1, 0.1)
 """Spread of the prior's velocity [m/s] and body rate [rad/s]."""
 
 
 def run(study: Study) -> Iterator[ExperimentStep]:
     """Correct a belief of every size on every flight."""
-    count = study.trials or _TRIALS
-    trials = [Trial(study.tasks[index % len(study.tasks)], study.seed * _TRIALS + index) for index in range(count)]
-    answers = yield from run_trials(study, "correcting", correct, trials)
-    rows = [row for answer in answers for row in answer]
+    rows = yield from over_flights(study, "correcting", correct)
     yield Results(summary_of(rows), tuple(rows), {"basin": picture(rows)})
 
 
@@ -108,7 +100,7 @@ def _corrected(
     truth, image = seen
     belief = prior(truth, size, generator)
     begun = time.perf_counter()
-    *_, last = _filter(arena).correct(belief, image, generator)
+    *_, last = fast_filter(arena).correct(belief, image, generator)
     ms = 1e3 * (time.perf_counter() - begun)
     assert last.posterior is not None, "the last step of an estimator has the posterior"
     error = last.posterior.mean.local(truth)
@@ -123,10 +115,3 @@ def _corrected(
 
 def _label(size: tuple[float, float]) -> str:
     return f"{100 * size[0]:g} cm, {size[1]:g} rad"
-
-
-@lru_cache(maxsize=2)
-def _filter(arena: Arena) -> FastFilter:
-    """Made once in each process."""
-    config = FilterConfig().for_field(arena.field.info.noise_std)
-    return FastFilter(arena.field, robots.load("quadrotor"), CAMERA, config=config)

@@ -33,7 +33,7 @@ from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
 from nerfnav.robots.state import Motion
 from nerfnav.world.contact import judge
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 
 _ROBOT = Quadrotor(QuadrotorConfig(point_counts=(7, 7, 3)))
 """Body points 2 cm apart: in a coarser body a thin bar may lie between the points, where no loss sees the overlap."""

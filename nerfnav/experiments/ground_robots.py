@@ -33,7 +33,7 @@ from nerfnav.planner.steps import PlanStep, last_step
 from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.state import Motion
 from nerfnav.world.contact import judge
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 
 Way = list[list[float]]
 """x, y [m] and heading [rad] at each time."""

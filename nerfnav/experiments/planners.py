@@ -27,7 +27,7 @@ from nerfnav.planner.rrt import RRTConfig, ball_check
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.world.contact import judge
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 
 PLANNERS = ("nerfnav", "minsnap", "rrt")
 """Who takes part."""

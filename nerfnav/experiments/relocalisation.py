@@ -143,5 +143,4 @@ def _poses(arena: Arena, kind: str, count: int, seed: int) -> Pose:
 @lru_cache(maxsize=2)
 def _searcher(arena: Arena) -> Searcher:
     """Made once in each process."""
-    std = arena.field.info.noise_std
-    return Searcher(arena.field, CAMERA, ColorNoise() if std is None else ColorNoise(std=std))
+    return Searcher(arena.field, CAMERA, ColorNoise().measured(arena.field.info.noise_std))

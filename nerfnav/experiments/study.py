@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from nerfnav.errors import InvalidInputError, NerfnavError
 from nerfnav.experiments.arena import Arena
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

@@ -5,8 +5,8 @@
 
 Both start from the same wrong poses and minimise the same cost. Its picture is what the field itself shows from the
 true pose, so that nothing but the planes is to blame for what is left, and reduced to an eighth: the large errors would
-be hopeless at full size, with either. For small errors the two planes are alike; the further the
-attitude has to turn, the more the single plane is bent against it: by half the angle in the direction of a step.
+be hopeless at full size, with either. For small errors the two planes are alike; the further the attitude has to turn,
+the more the single plane is bent against it: by half the angle in the direction of a step.
 """
 
 from collections.abc import Iterator, Sequence

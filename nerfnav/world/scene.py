@@ -6,38 +6,8 @@ from enum import Enum
 import trimesh
 
 from nerfnav.geometry.box import Box
-from nerfnav.robots.state import RigidState
 from nerfnav.world.paint import Paint
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Task:
-    """Fly from one place to another, at rest at both ends."""
-
-    name: str
-    """What users read."""
-    start: Point
-    """[m]"""
-    goal: Point
-    """[m]"""
-    start_yaw: float = 0.0
-    """Heading at the start [rad]."""
-    goal_yaw: float = 0.0
-    """Heading at the goal [rad]."""
-    robot: str = "quadrotor"
-    """Name of the robot that the task is for."""
-
-    @property
-    def start_state(self) -> RigidState:
-        """The state at rest at the start."""
-        return RigidState.at_rest(self.start, self.start_yaw)
-
-    @property
-    def goal_state(self) -> RigidState:
-        """The state at rest at the goal."""
-        return RigidState.at_rest(self.goal, self.goal_yaw)
+from nerfnav.world.task import Task
 
 
 class Vantage(Enum):

@@ -8,13 +8,15 @@ import trimesh
 from nerfnav.experiments.arena import Arena
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 
 BOX = Box.of((-1, -1, 0), (1, 1, 1))
 TASKS = (
     Task("Around the column", (-0.7, 0.05, 0.5), (0.7, 0.0, 0.5)),
     Task("Along the wall", (-0.7, -0.7, 0.4), (0.7, -0.7, 0.5)),
 )
+PAST = Task("Past the column, in view of it", (-0.8, 0.1, 0.5), (-0.45, 0.1, 0.5), 0.0, 0.0)
 
 
 @cache

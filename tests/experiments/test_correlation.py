@@ -6,7 +6,7 @@ import torch
 
 from nerfnav.experiments.correlation import Watch, overlap_along, picture, summary_of, watch
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.experiments.places import column
 
 

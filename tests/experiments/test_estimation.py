@@ -5,20 +5,14 @@ import math
 import pytest
 import torch
 
-from nerfnav import robots
-from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.noise import StateNoise
-from nerfnav.experiments.estimation import METHODS, Trial, disturbed_flight, judge, picture, run, summary_of
+from nerfnav.experiments.estimation import METHODS, judge, picture, run, summary_of
 from nerfnav.experiments.study import Results, Row, Study
 from nerfnav.robots.state import RigidState
-from nerfnav.world.contact import contact_check
-from nerfnav.world.scene import Task
-from tests.experiments.places import column
+from tests.experiments.places import PAST, column
 
 HERE = RigidState.at_rest((0.1, 0.2, 0.3), 0.4)
-PAST = Task("Past the column, in view of it", (-0.8, 0.1, 0.5), (-0.45, 0.1, 0.5), 0.0, 0.0)
-AWAY = Task("Out of the box, with the back to the column", (0.6, 0.0, 0.5), (0.85, 0.0, 0.5), 0.0, 0.0)
 
 
 def row(method: str, step: int, error: float, **other: object) -> Row:
@@ -35,22 +29,6 @@ def test_a_belief_is_judged_by_its_own_covariance() -> None:
     assert judged["position_m"] == pytest.approx(0.06, rel=1e-4) and judged["velocity_mps"] == pytest.approx(0.04)
     assert judged["nees_pose"] == pytest.approx(9 + 1, rel=1e-2) and judged["nees"] == pytest.approx(14, rel=1e-2)
     assert not judged["inside_95"]  # 3 standard deviations of one number: 9 is more than 7.8
-
-
-def test_flights_touch_nothing_and_always_see_something() -> None:
-    arena = column()
-    actions, states = disturbed_flight(arena, Trial(PAST, 3))
-    assert actions.shape == (20, 4) and states.position.shape == (21, 3)
-    touches = contact_check(arena.scene, robots.load("quadrotor").body)
-    assert not any(touches(states[index], states[index + 1]) for index in range(20))
-    again, other = (disturbed_flight(arena, Trial(PAST, seed))[1] for seed in (3, 4))
-    assert torch.equal(states.position, again.position) and not torch.equal(states.position, other.position)
-
-
-def test_a_flight_that_sees_nothing_is_none_to_estimate_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nerfnav.experiments.estimation._REDRAWS", 5)
-    with pytest.raises(InvalidInputError, match="lose sight of everything: estimate on another task"):
-        disturbed_flight(column(), Trial(AWAY, 0))
 
 
 def test_errors_are_summed_over_all_steps_and_at_the_end() -> None:

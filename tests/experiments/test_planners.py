@@ -6,7 +6,7 @@ import pytest
 
 from nerfnav.experiments.planners import PLANNERS, Flight, fly, run, summary_of
 from nerfnav.experiments.study import Results, Study
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.experiments.places import TASKS, column
 
 

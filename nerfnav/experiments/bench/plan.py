@@ -32,13 +32,9 @@ def problems_of(arena: Arena, tasks: int) -> tuple[PlanProblem, ...]:
 @contextmanager
 def both_threads() -> Iterator[int]:
     """Give kernels and torch as many threads inside the block as planners are timed with; yields those of kernels."""
-    before = torch.get_num_threads()
-    with threads(THREADS) as used:
+    with threads(THREADS) as used:  # which gives torch its own number back
         torch.set_num_threads(TORCH_THREADS)
-        try:
-            yield used
-        finally:
-            torch.set_num_threads(before)
+        yield used
 
 
 def measure(

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import torch
 
-from nerfnav import compiled
+from nerfnav.compiled import threads
 from nerfnav.experiments.arena import Arena
 from nerfnav.geometry.camera import Camera, Pose, look_at
 
@@ -21,13 +21,9 @@ _RADIUS = 0.3
 @contextmanager
 def field_threads() -> Iterator[None]:
     """Give kernels and torch the same number of threads inside the block."""
-    before = torch.get_num_threads()
-    with compiled.threads(THREADS):
+    with threads(THREADS):  # which gives torch its own number back
         torch.set_num_threads(THREADS)
-        try:
-            yield
-        finally:
-            torch.set_num_threads(before)
+        yield
 
 
 def views_in(arena: Arena, count: int, size: int) -> list[tuple[Camera, Pose]]:

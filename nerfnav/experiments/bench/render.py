@@ -24,21 +24,18 @@ def measure(arena: Arena, pictures: int = 3, size: int = 100, rounds: int = 1, f
     batches = list(zip(origins.split(_RAYS_AT_ONCE), directions.split(_RAYS_AT_ONCE), strict=True))
     result: dict[str, torch.Tensor] = {}
 
-    def joined(parts: list[Rendering]) -> torch.Tensor:
-        return torch.cat([part.color for part in parts])
-
     def slow() -> None:
         with torch.no_grad():
-            result["paper"] = joined(
+            result["paper"] = _colors(
                 [render_rays(field, *pair, uniform_samples(field.box, *pair, field.step)) for pair in batches]
             )
 
     def given() -> None:
         with torch.no_grad():
-            joined([render_rays(field, *pair, found) for pair, found in zip(batches, samples, strict=True)])
+            _colors([render_rays(field, *pair, found) for pair, found in zip(batches, samples, strict=True)])
 
     def fast() -> None:
-        result["fast"] = joined([field.render_rays(*pair) for pair in batches])
+        result["fast"] = _colors([field.render_rays(*pair) for pair in batches])
 
     with field_threads():
         fast()  # compiled
@@ -53,3 +50,7 @@ def measure(arena: Arena, pictures: int = 3, size: int = 100, rounds: int = 1, f
         "torch_threads": float(THREADS),
     }
     return Comparison("render", slow_ms, fast_ms, THREADS, detail)
+
+
+def _colors(parts: list[Rendering]) -> torch.Tensor:
+    return torch.cat([part.color for part in parts])
