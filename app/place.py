@@ -1,9 +1,11 @@
 """A place: a field that a robot can plan in, with the ground truth to judge by where there is one."""
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import scenes
 from nerfnav import robots
@@ -13,18 +15,30 @@ from nerfnav.estimator.relocalise import Searcher
 from nerfnav.field.checkpoint import StoredField, load_field
 from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.geometry.camera import Camera
-from nerfnav.importers.meshes.truth import load_truth
 from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.splats import Splats, splats_beside
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.robot import Robot
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.task import Task
+
+if TYPE_CHECKING:
+    from nerfnav.world.scene import Scene
 
 _STEPS_IN_VOXEL = 2
 
 
 class NoTrainedFieldError(NerfnavError):
     """A scene whose field has not been trained yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The ground truth of a place, which is read when it is first needed: people see the place before."""
+
+    tasks: tuple[Task, ...]
+    """What is asked of robots there."""
+    load: Callable[[], "Scene"]
+    """What reads it; gives the same scene each time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +49,8 @@ class Place:
     """Name of the scene, or of the field's file."""
     field: StoredField
     """What is planned in."""
-    scene: Scene | None
-    """The ground truth that the field was trained from; None where there is none."""
+    truth: Truth | None
+    """What the field was trained from; None where that is unknown."""
     robot: Robot
     """What moves."""
     splats: Splats | None = None
@@ -47,7 +61,12 @@ class Place:
     @property
     def tasks(self) -> tuple[Task, ...]:
         """What is asked of this robot here; none without a ground truth."""
-        return self.scene.tasks if self.scene is not None else ()
+        return self.truth.tasks if self.truth is not None else ()
+
+    @property
+    def scene(self) -> "Scene | None":
+        """The ground truth; None where there is none. The first time takes a moment."""
+        return self.truth.load() if self.truth is not None else None
 
 
 def open_place(what: str, robot: str = "quadrotor") -> Place:
@@ -60,21 +79,31 @@ def open_place(what: str, robot: str = "quadrotor") -> Place:
     path = field_file(what)
     body, field = robots.load(robot), load_field(path)
     if what in scenes.names():
-        return Place(what, field, scenes.load(what), body, file=path)
+        return Place(what, field, _truth_of(what), body, file=path)
     beside = splats_beside(path)
     splats = load_splats(beside) if beside.is_file() else None
     return Place(path.stem, field, ground_truth(field, path), body, splats, path)
 
 
-def ground_truth(field: StoredField, path: Path) -> Scene | None:
+def ground_truth(field: StoredField, path: Path) -> Truth | None:
     """What the field in the file `path` was trained from; None where that is unknown, or no longer beside the file.
 
     Raises FieldFileError where what lies there is something else.
     """
     if field.info.truth:
-        truth = path.with_name(Path(field.info.truth).name)
-        return load_truth(truth, field.info.truth_sha256) if truth.is_file() else None
-    return scenes.load(field.info.source) if field.info.source in scenes.names() else None
+        from nerfnav.importers.meshes.truth import load_truth  # slow to import
+
+        beside = path.with_name(Path(field.info.truth).name)
+        if not beside.is_file():
+            return None
+        scene = load_truth(beside, field.info.truth_sha256)
+        return Truth(scene.tasks, lambda: scene)
+    return _truth_of(field.info.source) if field.info.source in scenes.names() else None
+
+
+def _truth_of(name: str) -> Truth:
+    """The ground truth of a bundled scene."""
+    return Truth(scenes.tasks(name), lambda: scenes.load(name))
 
 
 @lru_cache(maxsize=4)
@@ -98,11 +127,6 @@ def occupancy_of(place: Place, config: OccupancyConfig) -> OccupancyMap:
 def searcher_of(place: Place, camera: Camera, noise: ColorNoise) -> Searcher:
     """What finds a robot anywhere in the place; made once, for it looks all around from everywhere first."""
     return Searcher(place.field, camera, noise)
-
-
-def color_noise(field: StoredField) -> ColorNoise:
-    """The colour noise that was measured for a field."""
-    return ColorNoise() if field.info.noise_std is None else ColorNoise(std=field.info.noise_std)
 
 
 def field_file(what: str) -> Path:

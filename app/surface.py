@@ -1,27 +1,29 @@
 """A mesh made ready for a browser: cleaned, and as bytes that are shown as they are (binary glTF without light)."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import trimesh
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from trimesh.visual.color import ColorVisuals
+import scipy
 
 from nerfnav.export.glb import packed, parts
 from nerfnav.geometry.srgb import to_linear
+
+if TYPE_CHECKING:
+    import trimesh  # slow to import, and surfaces are seldom made
 
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
 _CUTS = 100  # heights at which a surface can be cut
 
 
-def without_specks(mesh: trimesh.Trimesh, least_faces: int) -> trimesh.Trimesh:
+def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimesh":
     """The mesh without connected parts of fewer faces: a trained field has specks of fog that only disturb the eye."""
     if len(mesh.faces) == 0:
         return mesh
     edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
     shape = (len(mesh.vertices), len(mesh.vertices))
-    graph = coo_matrix((np.ones(len(edges), dtype=bool), (edges[:, 0], edges[:, 1])), shape=shape)
-    _, part_of_vertex = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_matrix((np.ones(len(edges), dtype=bool), (edges[:, 0], edges[:, 1])), shape=shape)
+    _, part_of_vertex = scipy.sparse.csgraph.connected_components(graph, directed=False)
     part_of_face = part_of_vertex[mesh.faces[:, 0]]
     kept = mesh.copy()
     kept.update_faces(np.bincount(part_of_face)[part_of_face] >= least_faces)
@@ -29,7 +31,7 @@ def without_specks(mesh: trimesh.Trimesh, least_faces: int) -> trimesh.Trimesh:
     return kept
 
 
-def unlit_glb(mesh: trimesh.Trimesh) -> bytes:
+def unlit_glb(mesh: "trimesh.Trimesh") -> bytes:
     """A mesh with vertex colours as binary glTF that viewers show as it is, without light (KHR_materials_unlit)."""
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f4")
     faces, below = _by_height(vertices, np.asarray(mesh.faces))
@@ -91,7 +93,9 @@ def _by_height(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, lis
     return np.ascontiguousarray(faces[order], dtype="<u4"), [*below[:-1].tolist(), len(faces)]
 
 
-def _vertex_colors(mesh: trimesh.Trimesh) -> np.ndarray:
+def _vertex_colors(mesh: "trimesh.Trimesh") -> np.ndarray:
     """sRGB bytes (n, 3)."""
+    from trimesh.visual.color import ColorVisuals
+
     assert isinstance(mesh.visual, ColorVisuals), "only vertex colours are shown as they are"
     return np.asarray(mesh.visual.vertex_colors)[:, :3]

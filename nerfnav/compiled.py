@@ -3,6 +3,8 @@
 numba caches compiled functions by the time stamp of the file they stand in, and misses changes in files they call
 into: stale machine code then gives silently wrong results. The cache folder is therefore named after the content
 of all kernel sources.
+
+numba itself is imported when a kernel is first called: it takes a fifth of a second, and somebody waits for the page.
 """
 
 import hashlib
@@ -10,16 +12,23 @@ import inspect
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-import numba
 import torch
 
 _PACKAGE = Path(__file__).parent
+_FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
+
+prange = range
+"""`range` whose turns are done side by side in a parallel kernel."""
 
 
+@cache
 def _sources_digest() -> str:
+    import numba
+
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("kernels/*.py")):
         digest.update(path.read_bytes())
@@ -34,31 +43,55 @@ def cache_folder() -> Path:
 
 @contextmanager
 def _cache_in(folder: Path) -> Iterator[None]:
-    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    from numba import config
+
+    before = config.CACHE_DIR  # type: ignore[attr-defined]
+    config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     try:
         yield
     finally:
-        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+        config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
-_FOLDER = cache_folder()
-_FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
+class Kernel:
+    """A function that is compiled, or its machine code read from the cache, when it is first called."""
+
+    def __init__(self, function: Any, options: dict[str, Any]) -> None:
+        """`options` are those of numba's `njit`."""
+        self._function, self._options = function, options
+        self.__doc__, self.__name__ = function.__doc__, function.__name__
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the function gives for these arrays and numbers."""
+        return self._dispatcher(*arguments)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes this for where other kernels call it."""
+        return self._dispatcher._numba_type_
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        import numba
+
+        names = self._function.__globals__
+        if names.get("prange") is prange:
+            names["prange"] = numba.prange  # which numba knows by identity
+        with _cache_in(cache_folder()):
+            return numba.njit(**self._options)(self._function)
 
 
-def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Any], Any]:
+def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Any], Kernel]:
     """Compile a function with numba, cached, without the interpreter's lock.
 
     `inline` marks a small function that is only called by other kernels.
     """
 
-    def decorate(function: Any) -> Any:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": _FAST, "cache": True}
-        if inline:
-            options |= {"cache": False, "forceinline": True}
-        with _cache_in(_FOLDER):
-            # unwrapped: when shapes are checked, every function of the package comes in a wrapper
-            return numba.njit(parallel=parallel, **options)(inspect.unwrap(function))
+    def decorate(function: Any) -> Kernel:
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": _FAST, "parallel": parallel}
+        options |= {"cache": False, "forceinline": True} if inline else {"cache": True}
+        # unwrapped: when shapes are checked, every function of the package comes in a wrapper
+        return Kernel(inspect.unwrap(function), options)
 
     return decorate
 
@@ -76,6 +109,8 @@ def threads(count: int) -> Iterator[int]:
     Both numba and torch run on OpenMP, and a parallel kernel leaves torch with all cores, on which its small tensors
     are ten times slower beside another busy process: torch gets back the number that it had.
     """
+    import numba
+
     used = max(1, min(count, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
     # torch first: the first question to numba starts its threads, and torch then answers with their number
     torch_before, before = torch.get_num_threads(), numba.get_num_threads()

@@ -1,48 +1,61 @@
 """The places that come with nerfnav: one file per world, built by a function, found by name."""
 
+import importlib
 import pickle
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import nerfnav
 from nerfnav.cached import code_of, kept
 from nerfnav.errors import UnknownNameError
-from nerfnav.world.scene import Scene
-from scenes import blocks, church, playground, stonehenge
+from nerfnav.world.task import Task
 
-_BUILDERS: dict[str, Callable[[], Scene]] = {
-    "stonehenge": stonehenge.build,
-    "playground": playground.build,
-    "church": church.build,
-    "blocks": blocks.build,
-}
+if TYPE_CHECKING:
+    from nerfnav.world.scene import Scene  # slow to import, and seldom needed at once
+
+_NAMES = ("stonehenge", "playground", "church", "blocks")
 
 
 def names() -> list[str]:
     """The known scenes, the default one first."""
-    return list(_BUILDERS)
+    return list(_NAMES)
 
 
 @cache
-def load(name: str) -> Scene:
+def load(name: str) -> "Scene":
     """The scene of that name, built once on this machine. Raises UnknownNameError, which lists the known names."""
-    if name not in _BUILDERS:
-        raise UnknownNameError("scene", name, names())
-    here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
-    key = name.encode() + code_of(here, library / "world", library / "geometry")
+    _check(name)
+
+    def build() -> bytes:
+        scene = importlib.import_module(f"scenes.{name}").build()
+        # without what trimesh has derived of its mesh, which is ten times as large and seldom needed
+        return pickle.dumps(replace(scene, mesh=scene.mesh.copy()))
+
     # only what this user's own nerfnav has written is unpickled, as with numba's cache of machine code
-    return pickle.loads(kept("scenes", key, lambda: _pickled(_BUILDERS[name]())))
+    return pickle.loads(kept("scenes", _key(name), build))
 
 
-def _pickled(scene: Scene) -> bytes:
-    """The scene without what trimesh has derived of its mesh, which is ten times as large and seldom needed."""
-    return pickle.dumps(replace(scene, mesh=scene.mesh.copy()))
+@cache
+def tasks(name: str) -> tuple[Task, ...]:
+    """What is asked of robots in that scene, known long before the scene is read. Raises as `load` does."""
+    _check(name)
+    return pickle.loads(kept("tasks", _key(name), lambda: pickle.dumps(load(name).tasks)))
 
 
 def trained_path(name: str) -> Path:
     """Where the trained field of a scene lies. Raises UnknownNameError, which lists the known names."""
-    if name not in _BUILDERS:
-        raise UnknownNameError("scene", name, names())
+    _check(name)
     return Path(__file__).parent / "trained" / f"{name}.npz"
+
+
+def _check(name: str) -> None:
+    if name not in _NAMES:
+        raise UnknownNameError("scene", name, _NAMES)
+
+
+def _key(name: str) -> bytes:
+    """All that a scene depends on."""
+    here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
+    return name.encode() + code_of(here, library / "world", library / "geometry")

@@ -87,8 +87,8 @@ def _truth(what: str, field: StoredField, path: Path) -> Scene:
     if not Path(what).is_file():
         raise InvalidInputError(f"there is no mesh file {what}, and no scene of that name; known are: {_known()}")
     own = ground_truth(field, path)
-    if own is not None and own.name == Path(what).name:
-        return own
+    if own is not None and (scene := own.load()).name == Path(what).name:
+        return scene
     box = (_corner(field.box.lower), _corner(field.box.upper))
     *_, last = import_mesh(Path(what), SceneConfig(Placement(box=box)))
     assert last.imported is not None  # the last step carries the scene

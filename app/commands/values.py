@@ -61,7 +61,7 @@ class Route:
         if self.robot is not None:
             return open_place(self.place, self.robot)
         place = open_place(self.place)
-        tasks = place.scene.tasks if place.scene else ()
+        tasks = place.tasks
         number = 0 if self.task is None else self.task
         if self.start is not None or not 0 <= number < len(tasks):
             return place
@@ -85,13 +85,13 @@ class Route:
 
     def task_name(self, place: Place) -> str | None:
         """Name of the scene's task that is asked for; None where the ends are given."""
-        tasks = place.scene.tasks if place.scene else ()
+        tasks = place.tasks
         number = 0 if self.task is None else self.task
         return tasks[number].name if self.start is None and 0 <= number < len(tasks) else None
 
     def _ends(self, place: Place) -> tuple[End, End]:
         """Start and goal. Raises InvalidInputError where they cannot be told from what was said."""
-        tasks = place.scene.tasks if place.scene else ()
+        tasks = place.tasks
         if self.start is not None and self.goal is not None and self.task is None:
             return _end(self.start), _end(self.goal)
         if self.start is not None or self.goal is not None:

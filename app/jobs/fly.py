@@ -25,13 +25,11 @@ from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate, with_room
-from nerfnav.navigation.simulator import CameraFunction, Simulator
+from nerfnav.navigation.simulator import CameraFunction, ContactFunction, Simulator
 from nerfnav.navigation.steps import LoopEvent, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import Motion
-from nerfnav.world.contact import contact_check
-from nerfnav.world.raycast import MeshRenderer
 
 CAMERA = Camera.from_fov(200, 200, 90)
 """What the robot sees with: as wide as the field's own photographs."""
@@ -96,7 +94,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
 
 def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
     """What `fly --json` prints."""
-    unjudged = {} if place.scene else {"mesh_collision_steps": None}
+    unjudged = {} if place.truth else {"mesh_collision_steps": None}
     return episode.metrics() | unjudged
 
 
@@ -140,9 +138,8 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
         estimator(place.field, place.robot, CAMERA, config=config.filter),
         searcher_of(place, CAMERA, config.filter.color_noise),
     )
-    contact = None if place.scene is None else contact_check(place.scene, place.robot.body)
     simulator = Simulator(
-        place.robot, route.start_state, _camera(place), generator, noise=config.noise, contact=contact
+        place.robot, route.start_state, _camera(place), generator, noise=config.noise, contact=_contact(place)
     )
     mission = Mission(route.goal_state, route.steps, route.dt, request.plan, request.orders)
     return navigate(mission, simulator, pilot, config, generator)
@@ -154,9 +151,20 @@ def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:
     return config if asked else config.for_field(place.field.info.noise_std)
 
 
+def _contact(place: Place) -> ContactFunction | None:
+    """What tells whether the robot touches the ground truth; None where there is none."""
+    if place.scene is None:
+        return None
+    from nerfnav.world.contact import contact_check  # slow to import, and people see the place before
+
+    return contact_check(place.scene, place.robot.body)
+
+
 def _camera(place: Place) -> CameraFunction:
     """Pictures of the ground truth; of the field where there is none."""
     if place.scene is None:
         return lambda pose: render_image(place.field, CAMERA, pose).image
+    from nerfnav.world.raycast import MeshRenderer  # slow to import, as above
+
     renderer = MeshRenderer(place.scene, supersample=2)  # as the photographs that the field learned from
     return lambda pose: renderer.render(CAMERA, pose).image

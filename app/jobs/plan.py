@@ -27,7 +27,6 @@ from nerfnav.planner.safety import Safety, safety_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav.world.contact import judge
 
 Point = tuple[float, float, float]
 PlanSettings = PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig
@@ -187,6 +186,8 @@ def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
     """Largest overlap of body and mesh over the poses between the waypoints [m^3]; None without a mesh."""
     if place.scene is None:
         return None
+    from nerfnav.world.contact import judge  # slow to import, and people see the place before
+
     return judge(place.scene, place.robot.body, motion.states).max_overlap_m3
 
 

@@ -15,13 +15,11 @@ from app.messages import PlaceOpened, SurfaceShaped
 from app.place import Place, open_place
 from app.session import opening_ends
 from app.sources import FIELD, is_source
-from app.surface import unlit_glb, without_specks
 from nerfnav.cached import code_of, kept
 from nerfnav.errors import NerfnavError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.fast import FastFilter
 from nerfnav.field import meshing
-from nerfnav.field.meshing import field_mesh
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
@@ -78,8 +76,10 @@ def surface_of(place: Place) -> bytes:
     """
 
     def shape() -> bytes:
+        from app.surface import unlit_glb, without_specks  # slow to import, and seldom needed
+
         spacing = float(place.field.box.size.max()) / _CELLS
-        mesh = without_specks(field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
+        mesh = without_specks(meshing.field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
         return unlit_glb(mesh) if len(mesh.faces) else b""
 
     if place.file is None or not isinstance(place.field, VoxelField):
@@ -95,7 +95,9 @@ def _voxel(place: Place) -> float:
 
 
 def warm_up(place: Place) -> None:
-    """Do once, small, what plans and flights will do: kernels are compiled and maps are made by then."""
+    """Do once, small, what plans and flights will do: by then all is imported and compiled, and maps are made."""
+    if place.truth is not None:
+        place.truth.load()
     ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None
     request = PlanRequest(ends.start.position, ends.goal.position)

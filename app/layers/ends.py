@@ -7,7 +7,8 @@ import numpy as np
 import viser
 
 from app.ends import End, Which
-from app.layers.nodes import robot_shape, yaw_quaternion
+from app.layers.nodes import yaw_quaternion
+from app.layers.shapes import robot_shape
 from app.messages import Command, MoveEnd, Point
 from app.session import Session
 from app.theme import GOAL, HIT, START
@@ -56,8 +57,8 @@ class _Handle:
         shape = robot_shape(robot.body.extents)
         self._body = server.scene.add_mesh_simple(
             f"{name}/body",
-            np.asarray(shape.vertices),
-            np.asarray(shape.faces),
+            shape.vertices,
+            shape.faces,
             color=_COLORS[which],
             flat_shading=True,
             cast_shadow=False,
@@ -74,7 +75,7 @@ class _Handle:
             return
         self._robot = robot
         shape = robot_shape(robot.body.extents)
-        self._body.vertices, self._body.faces = np.asarray(shape.vertices), np.asarray(shape.faces)
+        self._body.vertices, self._body.faces = shape.vertices, shape.faces
 
     async def _moved(self, event: viser.TransformControlsEvent) -> None:
         """Runs on the server's event loop, so that moves keep their order."""

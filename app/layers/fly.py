@@ -2,11 +2,11 @@
 
 import numpy as np
 import torch
-import trimesh
 import viser
 import viser.transforms as tf
 
-from app.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions, robot_shape
+from app.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
+from app.layers.shapes import ball, robot_shape
 from app.session import Session
 from app.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav.estimator.belief import Belief
@@ -28,11 +28,11 @@ class FlyLayer:
         self._belief = Line(server, "/flight/belief", BELIEF, 0.004)
         self._plan = Line(server, "/flight/plan", PLAN, 0.013)
         self._past = Trail(server, "/flight/plans", PLAN, 0.006)
-        ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
-        self._covariance = Bodies(server, "/flight/covariance", ball, BELIEF, opacity=0.3)
-        self._means = Bodies(server, "/flight/means", ball, BELIEF, opacity=None)
+        unit = ball()
+        self._covariance = Bodies(server, "/flight/covariance", unit, BELIEF, opacity=0.3)
+        self._means = Bodies(server, "/flight/means", unit, BELIEF, opacity=None)
         self._nose = Fan(server, "/flight/attitude", BELIEF, 0.004)
-        self._hits = Bodies(server, "/flight/hits", ball, HIT, opacity=0.9)
+        self._hits = Bodies(server, "/flight/hits", unit, HIT, opacity=0.9)
         shape = robot_shape((0.1, 0.1, 0.04))
         self._robot = Bodies(server, "/flight/robot", shape, TRUTH, opacity=None)
         self._ghost = Bodies(server, "/flight/ghost", shape, BELIEF, opacity=0.5)

@@ -1,10 +1,10 @@
 """Scene nodes that several layers use: lines through states, bodies, and the arrays that they are made of."""
 
 import numpy as np
-import trimesh
 import viser
 import viser.transforms as tf
 
+from app.layers.shapes import Shape
 from app.theme import Rgb, linear
 from nerfnav.robots.state import Motion, RigidState
 
@@ -29,19 +29,6 @@ def yaw_quaternion(yaw: float) -> np.ndarray:
 def segments(points: np.ndarray) -> np.ndarray:
     """Points (n, 3) of a line as its n - 1 segments (n - 1, 2, 3)."""
     return np.stack([points[:-1], points[1:]], axis=1)
-
-
-def robot_shape(extents: tuple[float, float, float]) -> trimesh.Trimesh:
-    """A body of these edge lengths [m], with a nose that shows where forward is."""
-    length, width, height = extents
-    nose = trimesh.creation.cone(radius=0.5 * height, height=0.35 * length, sections=16)
-    nose.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
-    nose.apply_scale((1, 0.7 * width / height, 1))
-    nose.apply_translation((0.5 * length, 0, 0))
-    body = trimesh.creation.box(extents)
-    joined = trimesh.util.concatenate([body, nose])
-    assert isinstance(joined, trimesh.Trimesh)
-    return joined
 
 
 class Line:
@@ -102,12 +89,12 @@ class Bodies:
     """Many bodies of one shape, such as those along a plan."""
 
     def __init__(
-        self, server: viser.ViserServer, name: str, shape: trimesh.Trimesh, color: Rgb, opacity: float | None
+        self, server: viser.ViserServer, name: str, shape: Shape, color: Rgb, opacity: float | None
     ) -> None:
         self._node = server.scene.add_batched_meshes_simple(
             name,
-            np.asarray(shape.vertices, dtype=np.float32),
-            np.asarray(shape.faces, dtype=np.uint32),
+            shape.vertices,
+            shape.faces,
             batched_wxyzs=np.array([[1.0, 0, 0, 0]], dtype=np.float32),
             batched_positions=np.zeros((1, 3), dtype=np.float32),
             batched_scales=np.ones((1, 3), dtype=np.float32),
@@ -119,10 +106,10 @@ class Bodies:
             visible=False,
         )
 
-    def shape(self, shape: trimesh.Trimesh) -> None:
+    def shape(self, shape: Shape) -> None:
         """Draw bodies of another shape from now on."""
-        self._node.vertices = np.asarray(shape.vertices, dtype=np.float32)
-        self._node.faces = np.asarray(shape.faces, dtype=np.uint32)
+        self._node.vertices = shape.vertices
+        self._node.faces = shape.faces
 
     def show(self, centers: np.ndarray, wxyzs: np.ndarray, scales: np.ndarray | None = None) -> None:
         """Draw a body at each of `centers` (n, 3) [m], or none where n is 0; `scales` (n, 3) are along its axes."""

@@ -3,7 +3,8 @@
 import numpy as np
 import viser
 
-from app.layers.nodes import Bodies, Line, Trail, positions, quaternions, robot_shape
+from app.layers.nodes import Bodies, Line, Trail, positions, quaternions
+from app.layers.shapes import robot_shape
 from app.records import PlanRecord, Rival
 from app.session import Session
 from app.theme import PLAN, RIVAL_COLORS, STALE

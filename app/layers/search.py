@@ -4,7 +4,8 @@ import numpy as np
 import torch
 import viser
 
-from app.layers.nodes import Bodies, Fan, robot_shape
+from app.layers.nodes import Bodies, Fan
+from app.layers.shapes import robot_shape
 from app.records import SearchRecord
 from app.session import Session
 from app.theme import CANDIDATE

@@ -1,12 +1,16 @@
 """What helps to judge a field: the ground truth over it, the space that is taken, a slice through the density."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import viser
 
 from app.questions import SliceView, Space, SpaceView
 from app.session import Session
 from app.theme import HIT, STALE, TRUTH
-from nerfnav.world.scene import Scene
+
+if TYPE_CHECKING:
+    from nerfnav.world.scene import Scene  # slow to import
 
 _TRUTH_OPACITY = 0.35
 _COLORS = {Space.OCCUPIED: HIT, Space.UNKNOWN: STALE}
@@ -41,7 +45,7 @@ class _Truth:
         self._node: viser.MeshHandle | None = None
         self._shown: Scene | None = None
 
-    def show(self, scene: Scene | None) -> None:
+    def show(self, scene: "Scene | None") -> None:
         if scene is not None and scene is not self._shown:
             self._shown = scene
             self._node = self._server.scene.add_mesh_simple(

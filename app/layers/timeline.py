@@ -3,7 +3,8 @@
 import numpy as np
 import viser
 
-from app.layers.nodes import Bodies, Line, positions, quaternions, robot_shape
+from app.layers.nodes import Bodies, Line, positions, quaternions
+from app.layers.shapes import robot_shape
 from app.records import FlightRecord
 from app.runs.questions import StoredFlight
 from app.session import Session

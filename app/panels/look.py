@@ -53,7 +53,7 @@ class LookPanel:
         self._opacity.value, self._clip.value = round(100 * look.opacity), round(100 * look.clip)
         self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE
         self._truth.value, self._occupied.value, self._unknown.value = look.truth, look.occupied, look.unknown
-        self._truth.visible = place is not None and place.scene is not None
+        self._truth.visible = place is not None and place.truth is not None
         field = None if place is None else place.field
         self._unknown.visible = isinstance(field, VoxelField) and field.unknown is not None
         self._sliced.value, self._height.visible = look.slice is not None, look.slice is not None

@@ -17,9 +17,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import torch
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
@@ -108,7 +107,7 @@ def fit(times: np.ndarray, values: np.ndarray, slopes: np.ndarray, count: int, s
     right = np.concatenate([rows.T @ values, values[[0, -1]], duration * slopes, zeros])
     hessian = rows.T @ rows + smoothing / duration**7 * _snap(count)
     kkt = np.block([[hessian, held.T], [held, np.zeros((len(held), len(held)))]])
-    solved = splu(csc_matrix(kkt)).solve(right)
+    solved = scipy.sparse.linalg.splu(scipy.sparse.csc_matrix(kkt)).solve(right)
     shares = solved[: count * (ORDER + 1)].reshape(count, ORDER + 1, -1)
     return Pieces(duration, np.swapaxes(shares / duration ** np.arange(ORDER + 1)[:, None], 1, 2))
 

@@ -1,12 +1,15 @@
 """A field as a mesh: the level set of its density, coloured by the field, for viewers and for mesh-based planners."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import torch
-import trimesh
-from skimage.measure import marching_cubes
 
 from nerfnav.field.field import Field
 from nerfnav.geometry.grid import node_positions, shape_for, spacing_of
+
+if TYPE_CHECKING:
+    import trimesh
 
 _POINTS_AT_ONCE = 1 << 18
 
@@ -20,11 +23,15 @@ def sample_density(field: Field, spacing: float) -> np.ndarray:
     return torch.cat(parts).reshape(shape).numpy()
 
 
-def field_mesh(field: Field, spacing: float, level: float = 50.0) -> trimesh.Trimesh:
+def field_mesh(field: Field, spacing: float, level: float = 50.0) -> "trimesh.Trimesh":
     """The surface where the density is `level` [1/m], with vertex colours, closed at the box's border.
 
     Marching cubes on samples `spacing` [m] apart (Lorensen and Cline, 1987). An empty field gives an empty mesh.
     """
+    # imported when meshes are made: both take long, and most fields are never a mesh
+    import trimesh
+    from skimage.measure import marching_cubes
+
     shape = shape_for(field.box, spacing)
     # the logarithm makes the exponential flank of a density linear: smoother surfaces
     density = np.log(np.maximum(sample_density(field, spacing), 1e-6) / level)

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 import torch
 from jaxtyping import Float
-from scipy.optimize import minimize
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
@@ -143,7 +143,7 @@ def best_times(
     if len(points) <= 2 or effort == 0:
         return times
     begin = times.double().diff().log().numpy()
-    found = minimize(snap, begin, jac=True, method="L-BFGS-B", options={"maxiter": effort})
+    found = scipy.optimize.minimize(snap, begin, jac=True, method="L-BFGS-B", options={"maxiter": effort})
     spans = torch.from_numpy(found.x).softmax(0) * total
     return torch.cat([times[:1].double(), times[0] + spans.cumsum(0)])
 

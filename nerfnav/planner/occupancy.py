@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 import torch
 from jaxtyping import Bool, Float
-from scipy import ndimage
 from torch import Tensor
 
 from nerfnav.field.field import Field
@@ -94,7 +94,7 @@ class OccupancyMap:
     def _prices(self, free: np.ndarray, spacing: list[float]) -> np.ndarray:
         if free.all():  # no distance to speak of
             return np.ones(free.shape)
-        distance = np.asarray(ndimage.distance_transform_edt(free, sampling=spacing))
+        distance = np.asarray(scipy.ndimage.distance_transform_edt(free, sampling=spacing))
         near = np.clip(1 - distance / self.config.clearance, 0, None)
         return np.where(free, 1 + self.config.clearance_weight * near**2, np.inf)
 

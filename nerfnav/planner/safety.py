@@ -8,9 +8,9 @@ All of it is what the field believes, and a bound is no guarantee: a field knows
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import torch
 from jaxtyping import Float
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.field.field import Field
@@ -78,7 +78,8 @@ def clearance_of(field: Field, motion: Motion, body: Body, config: SafetyConfig)
     dense = nodes[field.density(nodes) > config.threshold]
     if len(dense) == 0:
         return None
-    distance, index = KDTree(dense.cpu().numpy()).query(points.cpu().numpy(), distance_upper_bound=config.reach)
+    tree = scipy.spatial.KDTree(dense.cpu().numpy())
+    distance, index = tree.query(points.cpu().numpy(), distance_upper_bound=config.reach)
     near = torch.from_numpy(np.flatnonzero(distance <= distance.min() + config.voxel))
     if not np.isfinite(distance.min()):
         return None

@@ -2,14 +2,17 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    import trimesh  # slow to import, and most bodies are boxes
 
 _SMALLEST, _LARGEST = 0.005, 5.0
 """Longest edge of a body [m] below or above which its mesh is surely in other units."""
@@ -25,7 +28,7 @@ class Body:
     """Edge lengths along the body's x, y, z of the solid, or of the box around it [m]."""
     points_body: Float[Tensor, "b 3"]
     """Points of the body at which density is asked for [m]."""
-    solid: trimesh.Trimesh | None = None
+    solid: "trimesh.Trimesh | None" = None
     """Its closed surface in the body's axes [m]; None: the whole box."""
 
     @classmethod
@@ -38,7 +41,7 @@ class Body:
         return cls(extents, torch.cartesian_prod(*axes))
 
     @classmethod
-    def from_mesh(cls, source: trimesh.Trimesh | Path | str, spacing: float = 0.02, *, hull: bool = False) -> "Body":
+    def from_mesh(cls, source: "trimesh.Trimesh | Path | str", spacing: float = 0.02, *, hull: bool = False) -> "Body":
         """A body of any shape: a closed mesh [m], or a file of one, filled with points about `spacing` [m] apart.
 
         The middle of its bounding box becomes the body's origin; x is forward and z up. With `hull` the body is the
@@ -69,14 +72,18 @@ class Body:
         return 0.5 * sum(edge * edge for edge in self.extents) ** 0.5
 
 
-def _read(path: Path | str) -> trimesh.Trimesh:
+def _read(path: Path | str) -> "trimesh.Trimesh":
+    import trimesh
+
     try:
         return trimesh.load_mesh(path)
     except (OSError, ValueError, NotImplementedError) as error:
         raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
 
 
-def _checked(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
+def _checked(mesh: Any, spacing: float) -> "trimesh.Trimesh":
+    import trimesh
+
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InvalidInputError("a body's mesh must have triangles, and this one has none")
     if not np.isfinite(mesh.vertices).all():
@@ -96,8 +103,10 @@ def _checked(mesh: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
     return mesh
 
 
-def _filling(mesh: trimesh.Trimesh, spacing: float) -> np.ndarray:
+def _filling(mesh: "trimesh.Trimesh", spacing: float) -> np.ndarray:
     """Points (b, 3) on the surface and inside of a mesh around the origin, in a fixed order."""
+    import trimesh
+
     corners, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, spacing)[:2]
     # of the surface, the point nearest to each node of a grid; of the inside, the middles of cells, clear of flat faces
     counts = np.ceil(mesh.extents / spacing).astype(int)

@@ -7,7 +7,8 @@ import trimesh
 
 from app.ends import End, Ends
 from app.layers.fly import cone, ellipsoids
-from app.layers.nodes import quaternions, robot_shape, segments
+from app.layers.nodes import quaternions, segments
+from app.layers.shapes import Shape, ball, robot_shape
 from app.panels import ends as ends_panel
 from app.panels import fly as fly_panel
 from app.panels import plan as plan_panel
@@ -75,9 +76,28 @@ def test_segments_join_each_point_with_the_next() -> None:
 
 
 def test_the_robot_is_drawn_as_large_as_its_body_with_a_nose_forward() -> None:
-    lower, upper = robot_shape((0.1, 0.2, 0.04)).bounds
+    corners = robot_shape((0.1, 0.2, 0.04)).vertices
+    lower, upper = corners.min(0), corners.max(0)
     assert upper[0] > 0.05 and lower[0] == pytest.approx(-0.05)
     np.testing.assert_allclose([lower[1:], upper[1:]], [[-0.1, -0.02], [0.1, 0.02]])
+
+
+def test_what_stands_for_a_body_is_closed_and_seen_from_outside() -> None:
+    box = _mesh(Shape(robot_shape((0.1, 0.2, 0.04)).vertices[:8], robot_shape((0.1, 0.2, 0.04)).faces[:12]))
+    assert box.is_watertight and box.volume == pytest.approx(8e-4, rel=1e-5)
+    round_ = _mesh(ball())
+    assert round_.is_watertight and 0.9 < round_.volume / (4 / 3 * np.pi) < 1
+    np.testing.assert_allclose(np.linalg.norm(round_.vertices, axis=-1), 1, atol=1e-6)
+
+
+def test_the_nose_is_seen_from_outside() -> None:
+    nose = _mesh(robot_shape((0.1, 0.2, 0.04))).split(only_watertight=False)[1]
+    assert (nose.face_normals[:, 0] > 0).all(), "it gets thinner towards the front"
+    assert ((nose.triangles_center - nose.centroid)[:, 1:] * nose.face_normals[:, 1:]).sum(-1).min() > 0
+
+
+def _mesh(shape: Shape) -> trimesh.Trimesh:
+    return trimesh.Trimesh(shape.vertices, shape.faces, process=False)
 
 
 def test_the_surface_reads_back_as_the_same_mesh_with_linear_colours_and_no_light() -> None:

@@ -16,12 +16,13 @@ from app.ends import End, Ends, Which
 from app.events import JobFailed, JobFinished, Progress
 from app.flying import GUST
 from app.helm import Helm
+from app.place import Truth
 from app.records import CostHistory, PlanRecord
 from app.reduce import reduce
 from app.session import JobKind, Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
 from tests.app.sessions import after, planned, reports
 
@@ -195,8 +196,8 @@ def test_an_unknown_message_is_a_programming_error(opened: Session) -> None:
 def test_a_task_of_the_scene_sets_both_ends_and_reset_brings_them_back() -> None:
     bare = balls_place()
     tasks = tuple(Task(name, (x, 0.0, 0.4), (-x, 0.0, 0.4)) for name, x in (("wide", 0.8), ("narrow", 0.6)))
-    scene = replace(scenes.load("blocks"), tasks=tasks)
-    session = reports(Session.opening("balls"), m.PlaceOpened(replace(bare, scene=scene)), JobFinished("open"))
+    truth = Truth(tasks, lambda: scenes.load("blocks"))
+    session = reports(Session.opening("balls"), m.PlaceOpened(replace(bare, truth=truth)), JobFinished("open"))
     assert session.task == "wide" and session.ends.start.position == (0.8, 0.0, 0.4)
     session = after(session, m.ChooseTask("narrow"))
     assert session.ends == Ends(End((0.6, 0.0, 0.4)), End((-0.6, 0.0, 0.4)))

@@ -1,6 +1,9 @@
 """What makes the first sight of the page come early, and keeps what runs long small."""
 
 import gc
+import json
+import subprocess
+import sys
 import zipfile
 from collections.abc import Callable
 
@@ -16,6 +19,24 @@ from app.memory import give_back
 from app.session import JobKind
 from tests.app.doubles import ScriptedWork
 from tests.app.test_worker import Loop
+
+_SLOW = "trimesh", "numba", "scipy.spatial", "scipy.sparse", "skimage", "rosbags", "matplotlib", "networkx", "PIL"
+_OPENED = """
+import json, sys
+import app.server
+from app.place import open_place
+from app.jobs.scene import surface_of
+place = open_place("stonehenge")
+assert place.tasks and surface_of(place)
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+def test_a_place_is_opened_and_shown_before_anything_slow_is_imported_but_torch() -> None:
+    for _ in range(2):  # the first time may have to make what is kept
+        told = subprocess.run([sys.executable, "-c", _OPENED], capture_output=True, text=True, check=True, timeout=300)
+    imported = set(json.loads(told.stdout))
+    assert "torch" in imported and not imported & set(_SLOW)
 
 
 def _counted(function: Callable[..., None], calls: list[int]) -> Callable[..., None]:

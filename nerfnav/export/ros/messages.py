@@ -11,17 +11,18 @@ from the start, 0 s.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
 from nerfnav.export.recording import Recording
 from nerfnav.geometry import so3
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots.state import ATTITUDE, POSITION
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 WORLD, BODY = "map", "base_link"
 """Frames."""
@@ -46,8 +47,10 @@ class RosMessage:
 
 
 @cache
-def typestore() -> Typestore:
+def typestore() -> "Typestore":
     """The message types of ROS 2 Humble, which later releases share."""
+    from rosbags.typesys import Stores, get_typestore  # slow to import
+
     return get_typestore(Stores.ROS2_HUMBLE)
 
 

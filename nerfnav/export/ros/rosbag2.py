@@ -5,8 +5,6 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from rosbags.rosbag2 import Writer
-
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.ros.messages import messages, topics, typestore
 
@@ -15,6 +13,8 @@ _NAME = "nerfnav_bag"
 
 def rosbag2(recording: Recording) -> Exported:
     """The messages of `nerfnav.export.ros.messages` as a bag of ROS 2 Humble, zipped."""
+    from rosbags.rosbag2 import Writer  # slow to import
+
     with tempfile.TemporaryDirectory() as parent:
         folder, count = Path(parent) / _NAME, 0
         with Writer(folder, version=8) as writer:

@@ -5,10 +5,9 @@ A cell has two points along each axis, a quarter of it from its ends, which belo
 
 import math
 
-import numba
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, softplus
 
 
@@ -40,7 +39,7 @@ def add_moments(raw, scale, sums):
     """Add to `sums` (nx, ny, nz), for each node, the densities at all points around it times its weights there."""
     nx, ny, nz = raw.shape
     for parity in range(2):  # layers of cells of one parity share no nodes
-        for half in numba.prange(nx // 2):
+        for half in prange(nx // 2):
             i = 2 * half + parity
             if i >= nx - 1:
                 continue

@@ -12,10 +12,9 @@ axes. One march is enough: C leaves the sum, sum_i (P_i - C) grad o_i = sum_i P_
 
 import math
 
-import numba
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, sigmoid, softplus
 from nerfnav.field.kernels.march import CHUNK, STOPPED, grid_ray, locate, next_sample, sample_count, scratch
 
@@ -91,7 +90,7 @@ def colors_and_jacobian(values, occupied, lower, per_meter, origins, directions,
     shape = values.shape
     colors = np.empty((count, 3), np.float32)
     jacobians = np.empty((count, 3, 6), np.float32)
-    for chunk in numba.prange((count + CHUNK - 1) // CHUNK):
+    for chunk in prange((count + CHUNK - 1) // CHUNK):
         start, slope, cell, fraction, _ = scratch()
         mixed, sums = np.empty((4, 4), np.float32), np.empty((4, 7), np.float32)
         for ray in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):

@@ -13,10 +13,9 @@ the number of threads is the same. Gradients and moments exist for those blocks 
 
 import math
 
-import numba
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 from nerfnav.field.kernels.cells import (
     BLOCK_SHIFT,
     NEGLIGIBLE_RAW,
@@ -75,7 +74,7 @@ def loss_and_gradient(grid, rays, scales, background, inner, outer):
     most_inside = 4 * (shape[0] + shape[1] + shape[2])
     longest = most_inside + shells
     errors = np.zeros(count, np.float32)
-    for worker in numba.prange(workers):
+    for worker in prange(workers):
         start, slope, cell, fraction, weights = scratch()
         kept = np.empty(longest, np.int64)
         kept_light = np.empty(longest, np.float32)
@@ -181,7 +180,7 @@ def add_roughness(values, blocks, gradients, touched, weights):
     workers, count = touched.shape
     side = 1 << BLOCK_SHIFT
     one = np.float32(1.0)
-    for slot in numba.prange(count):
+    for slot in prange(count):
         if not touched_by_any(touched, slot):
             continue
         x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
@@ -216,7 +215,7 @@ def adam(values, blocks, gradients, touched, moments, rates, rate_scale, bounds,
     nx, ny, nz, channels = values.shape
     workers, count = touched.shape
     side = 1 << BLOCK_SHIFT
-    for slot in numba.prange(count):
+    for slot in prange(count):
         if not touched_by_any(touched, slot):
             continue
         for worker in range(workers):

@@ -6,10 +6,9 @@ A ray ends once less than `STOPPED` of its light is left.
 
 import math
 
-import numba
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 from nerfnav.field.field import LAST_SAMPLE as _LAST_SAMPLE
 from nerfnav.field.kernels.cells import (
     BLOCK_SHIFT,
@@ -88,7 +87,7 @@ def render(values, occupied, lower, per_meter, origins, directions, scale, step,
     colors = np.empty((count, 3), np.float32)
     opacities = np.empty(count, np.float32)
     depths = np.empty(count, np.float32)
-    for chunk in numba.prange((count + CHUNK - 1) // CHUNK):
+    for chunk in prange((count + CHUNK - 1) // CHUNK):
         start, slope, cell, fraction, weights = scratch()
         seen = np.empty(4, np.float32)
         for ray in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
@@ -136,7 +135,7 @@ def significant_samples(values, occupied, lower, per_meter, origins, directions,
     shape = values.shape
     distances = np.zeros((count, capacity), np.float32)
     counts = np.zeros(count, np.int64)
-    for chunk in numba.prange((count + CHUNK - 1) // CHUNK):
+    for chunk in prange((count + CHUNK - 1) // CHUNK):
         start, slope, cell, fraction, weights = scratch()
         for ray in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             enter, leave = grid_ray(origins[ray], directions[ray], lower, per_meter, shape, start, slope)

@@ -2,10 +2,9 @@
 
 import math
 
-import numba
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 
 
 @kernel(parallel=True)
@@ -17,7 +16,7 @@ def rays_of_pixels(chosen, width, height, focal, center, rotations, positions):
     count = chosen.shape[0]
     origins = np.empty((count, 3), np.float32)
     directions = np.empty((count, 3), np.float32)
-    for n in numba.prange(count):
+    for n in prange(count):
         image, pixel = chosen[n] // (width * height), chosen[n] % (width * height)
         x = (np.float32(pixel % width) + np.float32(0.5) - center[0]) / focal[0]
         y = -(np.float32(pixel // width) + np.float32(0.5) - center[1]) / focal[1]

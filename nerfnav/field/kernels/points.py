@@ -2,9 +2,7 @@
 
 import math
 
-import numba
-
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
 
 CHUNK = 256
@@ -60,6 +58,6 @@ def density_and_gradient(values, occupied, lower, per_meter, scale, points, dens
 def density_and_gradient_parallel(values, occupied, lower, per_meter, scale, points, density, gradient):
     """The same in all threads: pays from some thousand points on."""
     count = points.shape[0]
-    for chunk in numba.prange((count + CHUNK - 1) // CHUNK):
+    for chunk in prange((count + CHUNK - 1) // CHUNK):
         rows = (chunk * CHUNK, min(count, (chunk + 1) * CHUNK))
         density_of_rows(values, occupied, lower, per_meter, scale, points, rows, density, gradient)

@@ -2,10 +2,9 @@
 
 import math
 
-import numba
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW, corner_weights, interpolate, softplus
 from nerfnav.field.kernels.march import grid_ray, locate, sample_count, scratch
 
@@ -22,7 +21,7 @@ def count_sightings(grid, origins, directions, scale, step, least_light, counts)
     values, occupied, lower, per_meter = grid
     count, workers, shape = origins.shape[0], counts.shape[0], values.shape
     half = np.float32(0.5)
-    for worker in numba.prange(workers):
+    for worker in prange(workers):
         start, slope, cell, fraction, weights = scratch()
         for ray in range(worker * count // workers, (worker + 1) * count // workers):
             enter, leave = grid_ray(origins[ray], directions[ray], lower, per_meter, shape, start, slope)

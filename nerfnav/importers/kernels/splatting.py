@@ -5,10 +5,9 @@ Splat k adds a_k exp(-q / 2) to the density at grid coordinates g, q = (g - m_k)
 
 import math
 
-import numba
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.compiled import kernel, prange
 
 REACH = np.float32(3.5)
 """Standard deviations after which a splat ends: 0.2 % of its density."""
@@ -24,7 +23,7 @@ def splat(centers, precisions, reaches, amplitudes, colors, density, color):
     the boxes that hold the splats' ends, amplitudes (n), colors (n, 3).
     """
     nx, ny, nz = density.shape
-    for slab in numba.prange((nx + SLAB - 1) // SLAB):
+    for slab in prange((nx + SLAB - 1) // SLAB):
         first, end = slab * SLAB, min(nx, (slab + 1) * SLAB)
         for k in range(centers.shape[0]):
             x0, x1 = span(centers[k, 0], reaches[k, 0], first, end)

@@ -1,0 +1,59 @@
+"""Shapes that stand for robots and covariances, as triangles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_AROUND = 16  # corners of what is round
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Triangles, seen counter-clockwise from outside."""
+
+    vertices: np.ndarray
+    """(v, 3) [m]."""
+    faces: np.ndarray
+    """Vertices of each triangle (f, 3)."""
+
+    def joined(self, other: "Shape") -> "Shape":
+        """Both shapes as one."""
+        vertices = np.concatenate([self.vertices, other.vertices])
+        return Shape(vertices, np.concatenate([self.faces, other.faces + np.uint32(len(self.vertices))]))
+
+
+def robot_shape(extents: tuple[float, float, float]) -> Shape:
+    """A body of these edge lengths [m], with a nose that shows where forward is."""
+    length, width, height = extents
+    base, tip = 0.5 * length, 0.85 * length
+    nose = _turned(np.array([[base, 0.5 * height], [tip, 0]]))
+    flattened = nose.vertices * np.array([1, 0.7 * width / height, 1], np.float32)
+    return _box(extents).joined(Shape(flattened, nose.faces))
+
+
+def ball() -> Shape:
+    """A ball of radius 1 m."""
+    angle = np.linspace(np.pi, 0, _AROUND // 2 + 1)
+    return _turned(np.stack([np.cos(angle), np.sin(angle)], -1))
+
+
+def _box(extents: tuple[float, float, float]) -> Shape:
+    """A box around the origin."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    return Shape((corners * extents).astype(np.float32), quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.uint32))
+
+
+def _turned(profile: np.ndarray) -> Shape:
+    """What a line (p, 2) through points (x, radius) leaves behind as it turns about the x axis."""
+    angle = np.arange(_AROUND) * (2 * np.pi / _AROUND)
+    circle = np.stack([np.ones(_AROUND), np.cos(angle), np.sin(angle)], -1)
+    rings = profile[:, [0, 1, 1]][:, None] * circle
+    here = np.stack([np.arange(_AROUND), np.roll(np.arange(_AROUND), -1)], -1)
+    lower = here + _AROUND * np.arange(len(profile) - 1)[:, None, None]
+    quads = np.concatenate([lower, lower[..., ::-1] + _AROUND], -1).reshape(-1, 4)
+    # a ring of radius 0 is one point, and of each quad at it a triangle is left
+    vertices, index = np.unique(np.round(rings.reshape(-1, 3), 9), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)]
+    whole = (np.diff(np.sort(faces)) > 0).all(-1)
+    return Shape(vertices.astype(np.float32), faces[whole].astype(np.uint32))
