@@ -11,8 +11,6 @@ import threading
 import time
 from typing import Protocol
 
-import viser
-
 from app.guard import guarded_server
 from app.icons import icons_at_hand
 from app.layers.ends import EndsLayer
@@ -60,15 +58,15 @@ class App:
         port: int = 8080,
         token: str | None = None,
         work: Work | None = None,
-        server: viser.ViserServer | None = None,
+        begun: SceneLayer | None = None,
     ) -> None:
-        """Nothing is listened at before `start`; with `server`, that one is used, which whoever gives it stops."""
+        """Nothing is listened at before `start`; with `begun`, its server is used, which whoever gives it stops."""
         self._host, self._port, self._token = host, port, token
-        self._session = Session.opening(what)
+        self._session = Session.opening(what, surface=None if begun is None else begun.surface)
         self._inbox: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._worker = Worker(work or NavigationWork(), self.post, TORCH_THREADS)
         self._loop = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
-        self._given, self._server = server, server
+        self._begun, self._server = begun, None if begun is None else begun.server
         self._parts: tuple[Shows, ...] = ()
         self._uploads = Uploads()
 
@@ -84,15 +82,16 @@ class App:
 
     def start(self) -> None:
         """Listen, put up the page, and begin to open the place."""
-        if self._given is None:
+        if self._begun is None:
             check_address(self._host, self._port)
-        self._server = server = self._given or guarded_server(self._host, self._port, self._token)
+        scene = self._begun or SceneLayer(guarded_server(self._host, self._port, self._token))
+        self._server = server = scene.server
         self._worker.follow(self._session)  # opens the place while the page is being put up
         self._worker.start()
         server.gui.reset()  # a given one may have said that more is to come
         dress(server)
         layers: tuple[Shows, ...] = (
-            SceneLayer(server),
+            scene,
             SplatsLayer(server),
             SightsLayer(server),
             EyesLayer(server, self.post),
@@ -112,7 +111,7 @@ class App:
         self._inbox.put(None)
         self._loop.join(5)
         self._worker.stop()
-        if self._server is not None and self._given is None:
+        if self._server is not None and self._begun is None:
             self._server.stop()
         self._uploads.close()
 

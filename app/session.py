@@ -141,9 +141,10 @@ class Session:
     """Where to go back to if the place cannot be opened; None for the first place."""
 
     @classmethod
-    def opening(cls, what: str, choice: Choice | None = None) -> "Session":
-        """The session at the start: `what` is to be opened."""
-        return cls(what, choice or Choice(), job=Job(0, JobKind.OPEN, label="Opening the field"), jobs_begun=1)
+    def opening(cls, what: str, choice: Choice | None = None, surface: bytes | None = None) -> "Session":
+        """The session at the start: `what` is to be opened; its `surface` may be known from an earlier time."""
+        job = Job(0, JobKind.OPEN, label="Opening the field")
+        return cls(what, choice or Choice(), job=job, jobs_begun=1, surface=surface)
 
     @property
     def fresh_plan(self) -> PlanRecord | None:

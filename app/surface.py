@@ -1,10 +1,18 @@
-"""A mesh made ready for a browser: cleaned, and as bytes that are shown as they are (binary glTF without light)."""
+"""A mesh made ready for a browser: cleaned, and as bytes that are shown as they are (binary glTF without light).
 
+Imports nothing slow: a surface that was kept is shown while all else is being imported.
+"""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
+import nerfnav
+from nerfnav import cached
 from nerfnav.export.glb import packed, parts
 from nerfnav.geometry.srgb import to_linear
 
@@ -13,7 +21,20 @@ if TYPE_CHECKING:
 
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
+_KIND = "surfaces"  # in the cache
 _CUTS = 100  # heights at which a surface can be cut
+_CODE = Path(__file__).parent, Path(nerfnav.__file__).parent / "field"  # which surfaces depend on
+
+Corner = list[float]
+
+
+def kept_surface(field: Path, shape: Callable[[], bytes] | None = None) -> bytes | None:
+    """The surface of a field's file, shaped once on this machine; without `shape`, None where it never was.
+
+    None where it is empty, too.
+    """
+    key = cached.code_of(*_CODE) + hashlib.sha256(field.read_bytes()).digest()
+    return (cached.found(_KIND, key) if shape is None else cached.kept(_KIND, key, shape)) or None
 
 
 def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimesh":
@@ -31,8 +52,11 @@ def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimes
     return kept
 
 
-def unlit_glb(mesh: "trimesh.Trimesh") -> bytes:
-    """A mesh with vertex colours as binary glTF that viewers show as it is, without light (KHR_materials_unlit)."""
+def unlit_glb(mesh: "trimesh.Trimesh", box: tuple[Corner, Corner] | None = None) -> bytes:
+    """A mesh with vertex colours as binary glTF that viewers show as it is, without light (KHR_materials_unlit).
+
+    `box`, lower and upper corner [m] of the place that it is of, goes along for `box_of`.
+    """
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f4")
     faces, below = _by_height(vertices, np.asarray(mesh.faces))
     # colours of glTF are linear; 16 bits, or dark ones show bands
@@ -56,7 +80,7 @@ def unlit_glb(mesh: "trimesh.Trimesh") -> bytes:
             "asset": {"version": "2.0"},
             "extensionsUsed": ["KHR_materials_unlit"],
             "scene": 0,
-            "scenes": [{"nodes": [0]}],
+            "scenes": [{"nodes": [0], "extras": {"box": box}}],
             "nodes": [{"mesh": 0}],
             "meshes": [{"primitives": [primitive]}],
             "materials": [{"extensions": {"KHR_materials_unlit": {}}}],
@@ -66,6 +90,12 @@ def unlit_glb(mesh: "trimesh.Trimesh") -> bytes:
         },
         b"".join(parts),
     )
+
+
+def box_of(glb: bytes) -> tuple[Corner, Corner] | None:
+    """Lower and upper corner [m] of the place whose surface this is, where it was told."""
+    box = parts(glb)[0]["scenes"][0]["extras"]["box"]
+    return None if box is None else (box[0], box[1])
 
 
 def dressed(glb: bytes, opacity: float, clip: float) -> bytes:

@@ -22,16 +22,23 @@ def kept(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:
     `key` must hold everything that the result depends on, the code that makes it included. A cache that cannot be
     read or written only costs time.
     """
-    path = cache_root() / kind / hashlib.sha256(key).hexdigest()[:32]
+    before = found(kind, key)
+    if before is not None:
+        return before
+    made = make()
     with contextlib.suppress(OSError):
-        content = path.read_bytes()
+        _write(_path(kind, key), hashlib.sha256(made).digest() + made)
+    return made
+
+
+def found(kind: str, key: bytes) -> bytes | None:
+    """What was kept for this `key`; None where there is nothing, or nothing whole."""
+    with contextlib.suppress(OSError):
+        content = _path(kind, key).read_bytes()
         # a digest goes first: a file that was torn or tampered with is made again
         if hashlib.sha256(content[32:]).digest() == content[:32]:
             return content[32:]
-    made = make()
-    with contextlib.suppress(OSError):
-        _write(path, hashlib.sha256(made).digest() + made)
-    return made
+    return None
 
 
 def code_of(*folders: Path) -> bytes:
@@ -40,6 +47,10 @@ def code_of(*folders: Path) -> bytes:
     for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.digest()
+
+
+def _path(kind: str, key: bytes) -> Path:
+    return cache_root() / kind / hashlib.sha256(key).hexdigest()[:32]
 
 
 def _write(path: Path, content: bytes) -> None:

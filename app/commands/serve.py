@@ -13,12 +13,13 @@ import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
 
-import viser
 from tyro.conf import Positional
 
 from app.guard import guarded_server
 from app.importing import importing
+from app.layers.scene import SceneLayer
 from app.net import check_address, page_url
+from app.surface import kept_surface
 from app.theme import dress
 from app.widgets import heading
 
@@ -57,26 +58,27 @@ def run(arguments: Arguments) -> None:
         try:
             dress(server)
             server.gui.add_html(heading("nerfnav", "Starting…"))
+            scene = SceneLayer(server, _shown_before(arguments.place))
             url = page_url(arguments.host, arguments.port, arguments.token)
             told = f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)"
             stdout.write((json.dumps({"url": url, "place": arguments.place}) if arguments.json else told) + "\n")
             stdout.flush()
             if arguments.open:
                 webbrowser.open(url)
-            _run_app(arguments, server)
+            _run_app(arguments, scene)
         except KeyboardInterrupt:
             return  # the way to end a server
         finally:
             server.stop()
 
 
-def _run_app(arguments: Arguments, server: viser.ViserServer) -> None:
-    """Bring the app to the page, and wait for its end."""
+def _run_app(arguments: Arguments, scene: SceneLayer) -> None:
+    """Bring the app to the page, which shows the place already where it was shown before, and wait for its end."""
     with importing(for_good=True):
         from app.server import App
 
     sys.setswitchinterval(_SWITCH_S)
-    app = App(arguments.place, arguments.host, arguments.port, arguments.token, server=server)
+    app = App(arguments.place, arguments.host, arguments.port, arguments.token, begun=scene)
     app.start()
     try:
         app.wait()
@@ -84,11 +86,22 @@ def _run_app(arguments: Arguments, server: viser.ViserServer) -> None:
         app.stop()
 
 
+def _shown_before(place: str) -> bytes | None:
+    """The surface of a field that this machine has shown before."""
+    file = _bundled(place) if _comes_along(place) else Path(place)
+    return kept_surface(file) if file.is_file() else None
+
+
 def _comes_along(place: str) -> bool:
-    """Whether it is a bundled scene with its field, found without importing what builds scenes."""
+    """Whether it is a bundled scene with its field."""
+    return place.isidentifier() and _bundled(place).is_file()
+
+
+def _bundled(scene: str) -> Path:
+    """Where the field of a bundled scene would be, found without importing what knows scenes."""
     spec = importlib.util.find_spec("scenes")
     assert spec is not None and spec.origin is not None, "scenes are a part of nerfnav"
-    return place.isidentifier() and (Path(spec.origin).parent / "trained" / f"{place}.npz").is_file()
+    return Path(spec.origin).parent / "trained" / f"{scene}.npz"
 
 
 def _check(place: str) -> None:

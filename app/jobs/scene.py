@@ -1,6 +1,5 @@
 """Open a place and make it visible: the field, its surface, and kernels that are warm before they are needed."""
 
-import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -15,11 +14,11 @@ from app.messages import PlaceOpened, SurfaceShaped
 from app.place import Place, open_place
 from app.session import opening_ends
 from app.sources import FIELD, is_source
-from nerfnav.cached import code_of, kept
+from app.surface import kept_surface, unlit_glb, without_specks
 from nerfnav.errors import NerfnavError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.fast import FastFilter
-from nerfnav.field import meshing
+from nerfnav.field.meshing import field_mesh
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
@@ -34,8 +33,6 @@ no holes, high enough that fog is not seen."""
 
 _SPECK = 400
 """Parts of the surface with fewer faces than this are not shown."""
-
-_CODE = Path(__file__).parents[1], Path(meshing.__file__).parent  # which the surface depends on
 
 
 def run(
@@ -76,16 +73,14 @@ def surface_of(place: Place) -> bytes:
     """
 
     def shape() -> bytes:
-        from app.surface import unlit_glb, without_specks  # slow to import, and seldom needed
-
-        spacing = float(place.field.box.size.max()) / _CELLS
-        mesh = without_specks(meshing.field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
-        return unlit_glb(mesh) if len(mesh.faces) else b""
+        box = place.field.box
+        spacing = float(box.size.max()) / _CELLS
+        mesh = without_specks(field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
+        return unlit_glb(mesh, (box.lower.tolist(), box.upper.tolist())) if len(mesh.faces) else b""
 
     if place.file is None or not isinstance(place.field, VoxelField):
         return shape()
-    key = code_of(*_CODE) + hashlib.sha256(place.file.read_bytes()).digest()
-    return kept("surfaces", key, shape)
+    return kept_surface(place.file, shape) or b""
 
 
 def _voxel(place: Place) -> float:

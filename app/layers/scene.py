@@ -1,49 +1,73 @@
-"""The field as a surface, and the first view of it."""
+"""The field as a surface, and the first view of it.
+
+Imports nothing slow: a surface that was kept is shown while all else is being imported.
+"""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
 
-from app.look import Backdrop
-from app.session import Session
-from app.surface import dressed
-from nerfnav.geometry.box import Box
+from app.look import Backdrop, Look
+from app.surface import Corner, box_of, dressed
+
+if TYPE_CHECKING:
+    from app.session import Session
 
 
 class SceneLayer:
     """Shows the field's surface, unlit, as its light is in its colours."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
+    def __init__(self, server: viser.ViserServer, surface: bytes | None = None) -> None:
+        """With `surface`, that is there at once, before there is a session."""
+        self.server = server
         self._shown: tuple[bytes | None, float, float] | None = None
         self._node: viser.GlbHandle | None = None
-        self._framed: Box | None = None
+        self._framed: tuple[Corner, Corner] | None = None
+        if surface is not None:
+            self._frame(box_of(surface))
+            self._draw(surface, Look())
 
-    def show(self, session: Session) -> None:
+    @property
+    def surface(self) -> bytes | None:
+        """What is shown."""
+        return None if self._shown is None else self._shown[0]
+
+    def show(self, session: "Session") -> None:
         """Add the surface once it is there, and look at the box once it is known."""
-        if session.place is not None and self._framed is not session.place.field.box:
-            self._framed = session.place.field.box
-            frame(self._server, self._framed)
-        look, surface = session.look, session.surface
-        if self._shown != (surface, look.opacity, look.clip):
-            self._shown = surface, look.opacity, look.clip
-            self._draw(None if surface is None else dressed(surface, look.opacity, look.clip))
+        if session.place is not None:
+            box = session.place.field.box
+            self._frame((box.lower.tolist(), box.upper.tolist()))
+        self._draw(session.surface, session.look)
+
+    def _frame(self, box: tuple[Corner, Corner] | None) -> None:
+        """Look at another box."""
+        if box is not None and box != self._framed:
+            self._framed = box
+            frame(self.server, box)
+
+    def _draw(self, surface: bytes | None, look: Look) -> None:
+        before, self._shown = self._shown, (surface, look.opacity, look.clip)
+        if self._shown != before:
+            self._put(None if surface is None else dressed(surface, look.opacity, look.clip))
         if self._node is not None:
             self._node.visible = look.backdrop is Backdrop.SURFACE
 
-    def _draw(self, glb: bytes | None) -> None:
+    def _put(self, glb: bytes | None) -> None:
         if glb is None:  # another place is being opened
             if self._node is not None:
                 self._node.remove()
             self._node = None
         elif self._node is None:
-            self._node = self._server.scene.add_glb("/field", glb, cast_shadow=False, receive_shadow=False)
+            self._node = self.server.scene.add_glb("/field", glb, cast_shadow=False, receive_shadow=False)
         else:
             self._node.glb_data = glb
 
 
-def frame(server: viser.ViserServer, box: Box) -> None:
-    """Let everyone look at the box from above one corner."""
-    center, size = box.center.numpy().astype(float), box.size.numpy().astype(float)
+def frame(server: viser.ViserServer, box: tuple[Corner, Corner]) -> None:
+    """Let everyone look at the box between two corners [m] from above one side."""
+    lower, upper = np.array(box)
+    center, size = 0.5 * (lower + upper), upper - lower
     reach = float(np.linalg.norm(size))
     eye = center + reach * np.array([-0.31, -0.60, 0.57])
     # low places leave room above them for plans; tall ones stand in the middle
