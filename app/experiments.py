@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from nerfnav.experiments import basin, correlation, estimation, ground_robots, planners, relocalisation, tangent
 from nerfnav.experiments.study import ExperimentStep, Study
 from nerfnav.world.task import Task
-from scenes import stonehenge
+from scenes.tasks import stonehenge
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ def ground_truth(field: StoredField, path: Path) -> Truth | None:
 
 def _truth_of(name: str) -> Truth:
     """The ground truth of a bundled scene."""
-    return Truth(scenes.tasks(name), lambda: scenes.load(name))
+    return Truth(scenes.tasks_of(name), lambda: scenes.load(name))
 
 
 @lru_cache(maxsize=4)

@@ -33,15 +33,16 @@ def load(name: str) -> "Scene":
         # without what trimesh has derived of its mesh, which is ten times as large and seldom needed
         return pickle.dumps(replace(scene, mesh=scene.mesh.copy()))
 
+    here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
+    key = name.encode() + code_of(here, library / "world", library / "geometry")
     # only what this user's own nerfnav has written is unpickled, as with numba's cache of machine code
-    return pickle.loads(kept("scenes", _key(name), build))
+    return pickle.loads(kept("scenes", key, build))
 
 
-@cache
-def tasks(name: str) -> tuple[Task, ...]:
-    """What is asked of robots in that scene, known long before the scene is read. Raises as `load` does."""
+def tasks_of(name: str) -> tuple[Task, ...]:
+    """What is asked of robots in that scene, known without building it. Raises as `load` does."""
     _check(name)
-    return pickle.loads(kept("tasks", _key(name), lambda: pickle.dumps(load(name).tasks)))
+    return importlib.import_module(f"scenes.tasks.{name}").TASKS
 
 
 def trained_path(name: str) -> Path:
@@ -53,9 +54,3 @@ def trained_path(name: str) -> Path:
 def _check(name: str) -> None:
     if name not in _NAMES:
         raise UnknownNameError("scene", name, _NAMES)
-
-
-def _key(name: str) -> bytes:
-    """All that a scene depends on."""
-    here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
-    return name.encode() + code_of(here, library / "world", library / "geometry")

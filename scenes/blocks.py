@@ -4,10 +4,10 @@ import numpy as np
 
 from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene
-from nerfnav.world.task import Task
 from scenes.light import Light, from_srgb, lit
 from scenes.noise import fractal
 from scenes.primitives import Size, box, place
+from scenes.tasks.blocks import TASKS
 
 _EDGE = 0.015
 _SLAB: Size = (1.2, 1.2, 0.06)
@@ -22,7 +22,7 @@ _BLOCKS: list[tuple[Size, tuple[float, float], float, tuple[float, float, float]
 
 
 def build() -> Scene:
-    """Build slab and blocks, light them, and set two tasks."""
+    """Build slab and blocks, and light them."""
     slab = place(box(_SLAB, _EDGE), (0, 0, -_SLAB[2] / 2), 0)
     parts, albedos = [slab], [_mottled(slab.vertices, (0.62, 0.60, 0.52), 1)]
     for seed, (size, (x, y), yaw, color) in enumerate(_BLOCKS, start=2):
@@ -36,10 +36,7 @@ def build() -> Scene:
         solids=tuple(parts),
         box=Box.of((-0.65, -0.65, -0.08), (0.65, 0.65, 0.55)),
         sky=(0.74, 0.84, 0.95),
-        tasks=(
-            Task("Around the red block", (-0.42, 0.0, 0.12), (0.42, 0.0, 0.15)),
-            Task("Down the lane", (-0.2, -0.48, 0.12), (-0.2, 0.48, 0.2)),
-        ),
+        tasks=TASKS,
     )
 
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene
-from scenes.church_tasks import TASKS
 from scenes.finishes import carpet, masonry, paint, painted, stained, striped, tiles, wood
 from scenes.light import Color, Light, from_srgb
 from scenes.noise import mix, noise, smoothstep
 from scenes.parts import Finish, Part, joined, slab
 from scenes.primitives import EDGE, Size, bar, box, turned
+from scenes.tasks.church import TASKS
 from scenes.walls import Opening, Span, Wall, arch, lancet, level, rose
 
 _LONG, _WIDE, _WALL = 1.42, 0.80, 0.07

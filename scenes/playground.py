@@ -10,12 +10,12 @@ import numpy as np
 
 from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene
-from nerfnav.world.task import Task
 from scenes.finishes import paint, striped, wood
 from scenes.lawn import lawn
 from scenes.light import Color, Light
 from scenes.parts import Part, joined, slab
 from scenes.primitives import EDGE, Roughness, Size, bar, panel, ring, stone, turned
+from scenes.tasks.playground import TASKS
 
 _FINE = 0.011
 """Legs of the triangles of bars [m]."""
@@ -43,7 +43,7 @@ def build() -> Scene:
         solids=solids,
         box=Box.of((-1.25, -1.25, -0.08), (1.25, 1.25, 1.12)),
         sky=(0.70, 0.83, 0.96),
-        tasks=_TASKS,
+        tasks=TASKS,
         voxel=0.0145,
     )
 
@@ -202,20 +202,3 @@ def _bushes() -> list[Part]:
         bush = stone((size, size, 0.9 * size), EDGE, 160 + k, Roughness(0.5 * size, 0.1, 0.02, 0.005))
         parts.append(Part.of(bush, paint(_LEAF, 160 + k)).placed((x, y, -0.03)))
     return parts
-
-
-_TASKS = tuple(
-    Task(name, start, goal)
-    for name, start, goal in [
-        ("Through the tube", (-0.5, 0.55, 0.58), (0.36, 0.5, 0.6)),
-        ("Under the monkey bars", (-0.5, -0.85, 0.2), (-0.5, 0.15, 0.3)),
-        ("Through the hoop", (0.08, -0.82, 0.3), (-0.12, -0.28, 0.42)),
-        ("Through the jungle gym", (0.22, -0.75, 0.13), (1.12, -0.61, 0.42)),
-        ("Down the slide", (0.36, 0.5, 0.6), (0.2, -0.62, 0.12)),
-        ("Over the roof", (-1.0, 0.2, 0.15), (-0.05, 0.9, 0.6)),
-        ("Below the tube", (-0.07, 0.93, 0.28), (-0.1, 0.0, 0.35)),
-        ("Up to the top of the jungle gym", (-1.1, 0.05, 0.3), (0.86, -0.6, 0.72)),
-        ("Under the slide", (0.75, 0.1, 0.15), (0.0, 0.1, 0.15)),
-        ("Corner to corner", (-1.1, -0.75, 0.4), (1.05, 0.85, 0.55)),
-    ]
-)

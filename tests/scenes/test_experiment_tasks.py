@@ -6,7 +6,7 @@ import scenes
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
 from nerfnav.world.contact import ground
-from scenes.stonehenge import EXPERIMENT_TASKS
+from scenes.tasks.stonehenge import EXPERIMENT_TASKS
 
 
 def test_there_are_twenty_with_names_of_their_own_and_the_authors_ten_first() -> None:

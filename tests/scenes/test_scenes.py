@@ -17,12 +17,12 @@ def test_an_unknown_scene_is_refused_with_the_known_ones():
     with pytest.raises(UnknownNameError, match="blocks, church, playground, stonehenge"):
         scenes.trained_path("atlantis")
     with pytest.raises(UnknownNameError, match="blocks, church, playground, stonehenge"):
-        scenes.tasks("atlantis")
+        scenes.tasks_of("atlantis")
 
 
 @pytest.mark.parametrize("name", scenes.names())
 def test_the_tasks_of_a_scene_are_known_without_it(name: str):
-    assert scenes.tasks(name) == scenes.load(name).tasks
+    assert scenes.tasks_of(name) == scenes.load(name).tasks
 
 
 def test_scenes_are_built_once_and_know_where_their_field_lies():
