@@ -47,7 +47,7 @@ _DRAWN = """
   requestAnimationFrame(frame);
 }
 """
-_ROUNDS = 3
+_PART_S = 5  # idle and busy in turns of this length: machines are not always as quick
 _READY = "'/field' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__viserMutable?.cameraControl"
 
 
@@ -152,13 +152,12 @@ def measure(cores: set[int], browser_cores: set[int], seconds: float) -> dict[st
         report: dict[str, object] = {"cores": sorted(cores), "browser_cores": sorted(browser_cores)}
         clicks: dict[str, list[float]] = {"idle": [], "busy": []}
         frames: dict[str, list[float]] = {"idle": [], "busy": []}
-        for name in _ROUNDS * ["idle", "busy"]:  # in turns, for machines are not always as quick
+        for name in max(1, round(seconds / _PART_S)) * ["idle", "busy"]:
             page.keyboard.press("f" if name == "busy" else "x")
             page.wait_for_timeout(2000)
-            part = seconds / _ROUNDS
-            clicker = threading.Thread(target=click_often, args=(process, connection, uuid, part, clicks[name]))
+            clicker = threading.Thread(target=click_often, args=(process, connection, uuid, _PART_S, clicks[name]))
             clicker.start()
-            end = time.monotonic() + part
+            end = time.monotonic() + _PART_S
             while time.monotonic() < end:
                 if name == "busy":
                     page.keyboard.press("f")  # the next flight, where the last has ended
