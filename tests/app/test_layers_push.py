@@ -6,15 +6,19 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+import trimesh
 import viser._messages as viser_messages
 
 from app.events import JobFinished
-from app.messages import StartFlight, StartPlan
+from app.guard import guarded_server
+from app.layers.scene import SceneLayer
+from app.messages import PlaceOpened, StartFlight, StartPlan, SurfaceShaped
 from app.server import App
 from app.session import JobKind
+from app.surface import unlit_glb
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
-from tests.app.doubles import ScriptedWork, flight_step, plan_step
+from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
 from tests.app.guard.hostile import free_port
 
 STEPS = 40
@@ -93,3 +97,37 @@ def test_large_nodes_are_not_sent_again_while_a_robot_flies(app: App) -> None:
     for message in sent_while(app, StartFlight()):
         if isinstance(message, viser_messages.SceneNodeUpdateMessage):
             assert "glb_data" not in message.updates and "vertices" not in message.updates, message.name
+
+
+def test_a_surface_that_was_shown_before_is_there_at_once_and_not_sent_again_when_the_place_opens() -> None:
+    place = balls_place()
+    box = place.field.box.lower.tolist(), place.field.box.upper.tolist()
+    surface = unlit_glb(trimesh.creation.icosphere(), box)
+    port = free_port()
+    server = guarded_server("127.0.0.1", port, None)
+    sent: list[viser_messages.Message] = []
+    sockets = server._websock_server
+    send = sockets.queue_message
+    sockets.queue_message = lambda message: (sent.append(message), send(message))[1]  # type: ignore[method-assign]
+    begun = SceneLayer(server, surface)
+    assert _named_field(sent) == 1
+    eye = server.initial_camera.position
+    shaped = SurfaceShaped(bytes(bytearray(surface)))  # the same, read again
+    opening = [PlaceOpened(place), shaped, JobFinished("open")]
+    app = App("balls", port=port, work=ScriptedWork({JobKind.OPEN: opening}), begun=begun)
+    try:
+        app.start()
+        until(lambda: app.session.place is not None and app.session.job is None, "the place was not opened")
+        until(lambda: "/start" in {getattr(message, "name", None) for message in sent}, "no end was shown")
+        assert app.session.surface == surface
+        assert _named_field(sent) == 1, "the surface stays as it is"
+        assert (server.initial_camera.position == eye).all(), "and is seen from where it was"
+    finally:
+        app.stop()
+        server.stop()
+
+
+def _named_field(sent: list[viser_messages.Message]) -> int:
+    """How often the surface was sent or taken away."""
+    changing = (*NODES, viser_messages.SceneNodeUpdateMessage)
+    return sum(getattr(message, "name", None) == "/field" for message in sent if isinstance(message, changing))

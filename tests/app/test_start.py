@@ -6,17 +6,22 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import viser
 from viser import _icons
 
 from app import worker
+from app.commands.serve import _shown_before
 from app.events import JobFinished
 from app.icons import icons_at_hand
 from app.importing import importing
+from app.jobs.scene import surface_of
 from app.memory import give_back
+from app.place import open_place
 from app.session import JobKind
+from app.surface import box_of
 from tests.app.doubles import ScriptedWork
 from tests.app.test_worker import Loop
 
@@ -84,3 +89,16 @@ def test_memory_is_given_back_after_each_job(monkeypatch: pytest.MonkeyPatch) ->
     loop.until(lambda: loop.session.job is None)
     loop.until(lambda: len(given) == 1)
     loop.worker.stop()
+
+
+def test_a_surface_that_was_shaped_is_found_by_the_name_or_the_file_of_its_place(
+    field_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert _shown_before(str(field_file)) is None, "nobody has looked at it on this machine"
+    surface = surface_of(open_place(str(field_file)))
+    assert _shown_before(str(field_file)) == surface and box_of(surface) is not None
+    assert _shown_before("stonehenge") is None
+    surface = surface_of(open_place("stonehenge"))
+    assert _shown_before("stonehenge") == surface
+    assert _shown_before("nowhere") is None
