@@ -2,6 +2,7 @@
 
 import gc
 import json
+import os
 import subprocess
 import sys
 import zipfile
@@ -26,6 +27,7 @@ from tests.app.doubles import ScriptedWork
 from tests.app.test_worker import Loop
 
 _SLOW = "trimesh", "numba", "scipy.spatial", "scipy.sparse", "skimage", "rosbags", "matplotlib", "networkx", "PIL"
+_AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
 import app.server
@@ -67,6 +69,17 @@ def test_nothing_is_collected_while_importing_and_again_afterwards_even_after_a_
     with pytest.raises(ImportError), importing():
         raise ImportError
     assert gc.isenabled()
+
+
+@pytest.mark.parametrize(("asked", "found"), [(None, "0"), ("1", "1")])
+def test_no_package_is_asked_for_devices_while_importing_unless_the_user_has_one_that_brings_some(
+    asked: str | None, found: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(_AUTOLOAD, asked or "")
+    if asked is None:
+        monkeypatch.delenv(_AUTOLOAD)
+    with importing():
+        assert os.environ[_AUTOLOAD] == found
 
 
 def test_what_is_there_after_importing_for_good_is_left_alone_by_collections() -> None:
