@@ -147,7 +147,7 @@ def _settled(session: Session, place: Place) -> Session:
 
 
 def _begin(session: Session, kind: JobKind) -> Session:
-    if session.job is not None:
+    if not session.may_begin:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
     job = replace(job, pace=session.flying.pace)

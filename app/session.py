@@ -169,6 +169,12 @@ class Session:
         return self.plan is not None and self.plan.replayed is not None
 
     @property
+    def may_begin(self) -> bool:
+        """Whether a job may begin: the place is there, and nothing runs but what only makes later jobs quicker."""
+        waits = self.job is None or (self.job.kind is JobKind.OPEN and self.surface is not None)
+        return self.place is not None and waits
+
+    @property
     def in_flight(self) -> bool:
         """Whether a flight is under way, be it held."""
         return self.job is not None and self.job.kind is JobKind.FLY

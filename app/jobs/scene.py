@@ -61,8 +61,7 @@ def run(
     yield Progress("shaping the surface", 0.3)
     if surface := surface_of(place):
         yield SurfaceShaped(surface)
-    yield Progress("compiling kernels, which takes longer the first time", 0.6)
-    warm_up(place)
+    yield from warm_up(place)
     yield JobFinished("open", {"name": place.name})
 
 
@@ -89,18 +88,24 @@ def _voxel(place: Place) -> float:
     return field.spacing.mean().item() if isinstance(field, VoxelField) else field.step
 
 
-def warm_up(place: Place) -> None:
-    """Do once, small, what plans and flights will do: by then all is imported and compiled, and maps are made."""
+def warm_up(place: Place) -> Iterator[Progress]:
+    """Do once, small, what plans and flights will do: by then all is imported and compiled, and maps are made.
+
+    Whoever does not want to wait for it may leave it at any step.
+    """
+    doing = Progress("compiling kernels, which takes longer the first time", 0.6)
+    yield doing
     if place.truth is not None:
         place.truth.load()
+        yield doing
     ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None
     request = PlanRequest(ends.start.position, ends.goal.position)
     with suppress(NerfnavError):  # ends that nobody chose may be occupied
         for _ in plan.run(request, place):
-            pass
+            yield doing
     start, camera = ends.start.state(), Camera.from_fov(64, 64, 90)
     picture = render_image(place.field, camera, start.pose.compose(FORWARD_MOUNT)).image
     belief, draws = Belief(start, NavigateConfig().initial.covariance()), torch.Generator().manual_seed(0)
     for _ in FastFilter(place.field, place.robot, camera).correct(belief, picture, draws):
-        pass
+        yield doing

@@ -68,7 +68,7 @@ class ExperimentsPanel:
         trials, job = session.trials, session.job
         running = job is not None and job.kind is JobKind.EXPERIMENT
         self._run.visible, self._stop.visible = not running, running
-        self._run.disabled = not trials.names or job is not None
+        self._run.disabled = not trials.names or not session.may_begin
         _offer(self._names, trials.names)
         self._purpose.content = self._purpose_of(session)
         _offer(self._earlier, trials.report.earlier if trials.report is not None else ())

@@ -46,7 +46,7 @@ class FlyPanel:
     def show(self, session: Session) -> None:
         """Show the flight as far as it is."""
         job, flying = session.job, session.in_flight
-        self._fly.disabled = session.place is None or job is not None
+        self._fly.disabled = not session.may_begin
         self._fly.visible, self._steer.visible, self._gust.visible = not flying, flying, flying
         self._settings.show(session)
         self._times.show(session)

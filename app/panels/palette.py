@@ -89,8 +89,8 @@ class Palette:
 def entries() -> Iterator[Entry]:
     """All commands, the frequent ones first."""
     icons = viser.Icon
-    yield Entry("Plan", _when_idle(StartPlan()), "P", icon=icons.ROUTE)
-    yield Entry("Fly", _when_idle(StartFlight()), "F", icon=icons.DRONE)
+    yield Entry("Plan", _when_free(StartPlan()), "P", icon=icons.ROUTE)
+    yield Entry("Fly", _when_free(StartFlight()), "F", icon=icons.DRONE)
     yield Entry("Pause or resume", _hold, "space", icon=icons.PLAYER_PAUSE)
     yield Entry("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step of the flight")
     yield Entry("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
@@ -108,8 +108,8 @@ def entries() -> Iterator[Entry]:
         yield Entry(f"Robot: {name}", _choose("robot", name), icon=icons.DRONE)
 
 
-def _when_idle(command: Command) -> Callable[[Session], Command | None]:
-    return lambda session: command if session.place is not None and session.job is None else None
+def _when_free(command: Command) -> Callable[[Session], Command | None]:
+    return lambda session: command if session.may_begin else None
 
 
 def _when_flying(command: Command) -> Callable[[Session], Command | None]:

@@ -58,7 +58,7 @@ class PlanPanel:
         self._planner.show(session)
         self._settings.show(session)
         planning = session.job is not None and session.job.kind in (JobKind.PLAN, JobKind.COMPARE)
-        self._plan.disabled = self._compare.disabled = session.place is None or session.job is not None
+        self._plan.disabled = self._compare.disabled = not session.may_begin
         self._plan.visible, self._cancel.visible = not planning, planning
         plan = session.plan
         self._draw(plan.history if plan is not None else CostHistory())

@@ -242,6 +242,19 @@ def test_a_second_place_forgets_the_first_only_once_it_is_open(opened: Session) 
     assert again.before is not None and again.before.what == "other" and again.before.before is None
 
 
+def test_plans_and_flights_do_not_wait_for_kernels_but_for_the_surface() -> None:
+    opening = reports(Session.opening("balls"), m.PlaceOpened(balls_place()), Progress("shaping", 0.3))
+    assert not opening.may_begin, "whoever leaves now would never see the place"
+    refused = after(opening, m.StartPlan())
+    assert refused.job == opening.job and refused.notices[-1].title == "Still busy"
+    warming = reports(opening, m.SurfaceShaped(b"glTF"), Progress("compiling", 0.6))
+    for command, kind in ((m.StartPlan(), JobKind.PLAN), (m.StartFlight(), JobKind.FLY)):
+        begun = after(warming, command)
+        assert begun.job is not None and begun.job.kind is kind and not begun.may_begin
+        assert not begun.notices and begun.surface == b"glTF"
+        assert warming.job is not None and begun.job.id != warming.job.id
+
+
 def test_unknown_names_are_refused_with_those_that_exist(opened: Session) -> None:
     wrong = {Choice(robot="whale"): "quadrotor", Choice(planner="guess"): "fast", Choice(estimator="eye"): "paper"}
     for choice, known in wrong.items():

@@ -15,7 +15,8 @@ from app.reduce import reduce
 from app.session import JobKind, Session
 from app.worker import Worker
 from nerfnav.errors import NerfnavError
-from tests.app.doubles import ScriptedWork, flight_step, plan_step
+from nerfnav.planner.steps import PlanOutcome
+from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
 
 
 class Loop:
@@ -184,3 +185,21 @@ def test_a_flight_is_no_faster_than_its_pace(loop_for: Callable[[ScriptedWork], 
     loop.until(lambda: loop.session.job is None)
     assert time.monotonic() - began >= 5 * 0.1 / 2.0 - 0.01
     assert loop.session.steps_reported == 6
+
+
+def test_warming_up_is_left_when_somebody_plans() -> None:
+    def compiling(_: object) -> Progress:
+        time.sleep(0.01)
+        return Progress("compiling", 0.6)
+
+    warming = [compiling] * 1000
+    opening = [m.PlaceOpened(balls_place()), m.SurfaceShaped(b"glTF"), *warming, JobFinished("open")]
+    plan = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    loop = Loop(ScriptedWork({JobKind.OPEN: opening, JobKind.PLAN: plan}))
+    try:
+        loop.until(lambda: loop.session.may_begin)
+        loop.take(m.StartPlan())
+        loop.until(lambda: loop.session.fresh_plan is not None and loop.session.job is None)
+        assert JobFinished("open") not in loop.events() and loop.session.surface == b"glTF"
+    finally:
+        loop.worker.stop()
