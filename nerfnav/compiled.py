@@ -73,11 +73,12 @@ class Kernel:
     @cached_property
     def _dispatcher(self) -> Any:
         import numba
+        from numba.core.compiler_lock import global_compiler_lock
 
         names = self._function.__globals__
         if names.get("prange") is prange:
             names["prange"] = numba.prange  # which numba knows by identity
-        with _cache_in(cache_folder()):
+        with global_compiler_lock, _cache_in(cache_folder()):  # the cache's folder is set for the whole process
             return numba.njit(**self._options)(self._function)
 
 
