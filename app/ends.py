@@ -6,6 +6,7 @@ from enum import Enum
 
 from nerfnav.geometry.box import Box
 from nerfnav.robots.state import RigidState
+from nerfnav.world.task import Task
 
 Point = tuple[float, float, float]
 
@@ -50,6 +51,11 @@ class Ends:
 
     start: End = End()
     goal: End = End()
+
+    @classmethod
+    def of_task(cls, task: Task) -> "Ends":
+        """What a task asks for."""
+        return cls(End(task.start, task.start_yaw), End(task.goal, task.goal_yaw))
 
     def of(self, which: Which) -> End:
         """The start or the goal."""

@@ -218,5 +218,5 @@ def opening_ends(place: Place, task: str | None) -> Ends | None:
         )
     for known in place.tasks:
         if known.name == task:
-            return Ends(End(known.start, known.start_yaw), End(known.goal, known.goal_yaw))
+            return Ends.of_task(known)
     return None

@@ -144,12 +144,10 @@ class NavigationWork:
 
     def _route(self, session: Session, ends: Ends, planner: str | None = None) -> PlanRequest:
         """What the session wants to be planned, by its own planner or another one."""
-        start, goal, settings = ends.start, ends.goal, session.planning
+        settings = session.planning
         name = session.choice.planner if planner is None else planner
-        route = PlanRequest(
-            start.position, goal.position, start.yaw, goal.yaw, planner=name,
-            config=settings.config(name, self.plans.get(name)), shortest=settings.shortest,
-        )  # fmt: skip
+        config = settings.config(name, self.plans.get(name))
+        route = PlanRequest(ends, planner=name, config=config, shortest=settings.shortest)
         return route.lasting(settings.duration_s)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from app.commands.numbers import in_words, numbers
-from app.ends import End
+from app.ends import End, Ends
 from app.jobs.plan import PlanRequest, PlanSettings
 from app.place import Place, open_place
 from app.registry import PLAN_CONFIGS, named
@@ -69,13 +69,9 @@ class Route:
 
     def request(self, place: Place, config: PlanSettings) -> PlanRequest:
         """What is asked of the planner."""
-        start, goal = self._ends(place)
         own = named("planner", self.planner, PLAN_CONFIGS)()
         return PlanRequest(
-            start.position,
-            goal.position,
-            start.yaw,
-            goal.yaw,
+            self._ends(place),
             steps=self.steps,
             dt=self.dt,
             planner=self.planner,
@@ -89,11 +85,11 @@ class Route:
         number = 0 if self.task is None else self.task
         return tasks[number].name if self.start is None and 0 <= number < len(tasks) else None
 
-    def _ends(self, place: Place) -> tuple[End, End]:
+    def _ends(self, place: Place) -> Ends:
         """Start and goal. Raises InvalidInputError where they cannot be told from what was said."""
         tasks = place.tasks
         if self.start is not None and self.goal is not None and self.task is None:
-            return _end(self.start), _end(self.goal)
+            return Ends(_end(self.start), _end(self.goal))
         if self.start is not None or self.goal is not None:
             raise InvalidInputError("give either --task, or both --start and --goal")
         if not tasks:
@@ -101,8 +97,7 @@ class Route:
         number = 0 if self.task is None else self.task
         if not 0 <= number < len(tasks):
             raise InvalidInputError(f"{place.name} has tasks 0 to {len(tasks) - 1}, not {number}")
-        task = tasks[number]
-        return End(task.start, task.start_yaw), End(task.goal, task.goal_yaw)
+        return Ends.of_task(tasks[number])
 
 
 def _end(numbers: tuple[float, ...]) -> End:

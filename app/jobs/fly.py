@@ -7,7 +7,6 @@ from typing import Any
 
 import torch
 
-from app.ends import End, Ends
 from app.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.export import TRAJECTORY
 from app.jobs.outputs import prepare_folder, write_text
@@ -118,7 +117,7 @@ def _about(request: FlyRequest, place: Place) -> About:
         estimator=request.estimator,
         seed=request.seed,
         dt=route.dt,
-        ends=Ends(End(route.start, route.start_yaw), End(route.goal, route.goal_yaw)),
+        ends=route.ends,
         task=request.task,
         open_loop=request.open_loop or request.config.open_loop,
     )
@@ -139,9 +138,9 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
         searcher_of(place, CAMERA, config.filter.color_noise),
     )
     simulator = Simulator(
-        place.robot, route.start_state, _camera(place), generator, noise=config.noise, contact=_contact(place)
+        place.robot, route.ends.start.state(), _camera(place), generator, noise=config.noise, contact=_contact(place)
     )
-    mission = Mission(route.goal_state, route.steps, route.dt, request.plan, request.orders)
+    mission = Mission(route.ends.goal.state(), route.steps, route.dt, request.plan, request.orders)
     return navigate(mission, simulator, pilot, config, generator)
 
 

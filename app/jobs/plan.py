@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from app.ends import Ends
 from app.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.checks import require_positive, require_probability
 from app.jobs.clock import Stopwatch
@@ -26,9 +27,8 @@ from nerfnav.planner.rrt import RRTConfig
 from nerfnav.planner.safety import Safety, safety_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.limits import limit_uses
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots.state import Motion
 
-Point = tuple[float, float, float]
 PlanSettings = PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig
 
 
@@ -36,14 +36,8 @@ PlanSettings = PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig
 class PlanRequest:
     """What to plan."""
 
-    start: Point
-    """Where the robot is, at rest [m]."""
-    goal: Point
-    """Where it shall come to rest [m]."""
-    start_yaw: float = 0.0
-    """Heading at the start [rad]."""
-    goal_yaw: float = 0.0
-    """Heading at the goal [rad]."""
+    ends: Ends
+    """Where the robot is, and where it shall come to rest."""
     steps: int = 20
     """Number of time steps."""
     dt: float = 0.1
@@ -80,16 +74,6 @@ class PlanRequest:
         steps = max(1, round(seconds / self.dt))
         return replace(self, steps=steps, dt=seconds / steps)
 
-    @property
-    def start_state(self) -> RigidState:
-        """The state at rest at the start."""
-        return RigidState.at_rest(self.start, self.start_yaw)
-
-    @property
-    def goal_state(self) -> RigidState:
-        """The state at rest at the goal."""
-        return RigidState.at_rest(self.goal, self.goal_yaw)
-
 
 def run(request: PlanRequest, place: Place) -> JobEvents:
     """Yield every iteration of the planner, then the numbers of the last one and what was written.
@@ -118,7 +102,7 @@ def _steps(
     request: PlanRequest, place: Place, finder: Planner, occupancy: OccupancyMap
 ) -> Iterator[PlanStep]:
     """Plan as often as the request asks for: for the duration, then for the bound on collisions."""
-    start, goal, dt, last = request.start_state, request.goal_state, request.dt, None
+    start, goal, dt, last = request.ends.start.state(), request.ends.goal.state(), request.dt, None
     if request.shortest:
         steps = shortest_plan(lambda count: finder.plan(start, goal, count, dt), place.robot)
     else:

@@ -100,7 +100,7 @@ def warm_up(place: Place) -> Iterator[Progress]:
         yield doing
     ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None
-    request = PlanRequest(ends.start.position, ends.goal.position)
+    request = PlanRequest(ends)
     with suppress(NerfnavError):  # ends that nobody chose may be occupied
         for _ in plan.run(request, place):
             yield doing

@@ -8,6 +8,7 @@ import pytest
 
 from app import messages as m
 from app.asking import questions_of
+from app.ends import End, Ends
 from app.events import JobFinished
 from app.jobs import compare
 from app.jobs.plan import PlanRequest
@@ -75,8 +76,8 @@ def test_the_session_plans_for_the_duration_that_was_asked_for(opened: Session) 
 
 
 def test_a_comparison_runs_each_planner_and_says_why_one_refuses() -> None:
-    routes = [PlanRequest(FROM, TO, planner=name) for name in ("fast", "minsnap")]
-    refused = PlanRequest((0.0, 0.0, 0.3), TO, planner="fast")
+    routes = [PlanRequest(Ends(End(FROM), End(TO)), planner=name) for name in ("fast", "minsnap")]
+    refused = PlanRequest(Ends(End((0.0, 0.0, 0.3)), End(TO)), planner="fast")
     events = list(compare.run([*routes, refused], PLACE))
     rivals = [event.rival for event in events if isinstance(event, m.Compared)]
     assert [rival.planner for rival in rivals] == ["fast", "minsnap", "fast"]
@@ -104,7 +105,7 @@ def test_the_page_asks_once_how_near_a_finished_plan_comes(opened: Session) -> N
 
 
 def test_a_profile_has_clearance_and_bound_of_each_step() -> None:
-    events = compare.run([PlanRequest(FROM, TO, steps=10)], PLACE)
+    events = compare.run([PlanRequest(Ends(End(FROM), End(TO)), steps=10)], PLACE)
     (rival,) = [event.rival for event in events if isinstance(event, m.Compared)]
     assert rival.motion is not None
     time, clearance, bound = profile(PLACE, ProfileQuestion(1, rival.motion)).rows

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from app.ends import End, Ends
 from app.events import JobEvent, JobFinished, JobStarted
 from app.jobs.fly import FlyRequest, run
 from app.jobs.plan import PlanRequest
@@ -21,7 +22,8 @@ from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
 
-ROUTE = PlanRequest((-0.6, -0.6, 0.5), (0.6, -0.6, 0.5), planner="paper", config=PlanConfig(iterations=5))
+ENDS = Ends(End((-0.6, -0.6, 0.5)), End((0.6, -0.6, 0.5)))
+ROUTE = PlanRequest(ENDS, planner="paper", config=PlanConfig(iterations=5))
 BLIND = FlyRequest(ROUTE, open_loop=True, config=NavigateConfig(replan=PlanConfig(iterations=2)))
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from app.ends import End, Ends
 from app.events import JobFinished, JobStarted, Progress
 from app.jobs.plan import PlanRequest, run
 from app.place import Place, open_place
@@ -20,8 +21,9 @@ def place(field_file: Path) -> Place:
 
 
 def request(**changes: object) -> PlanRequest:
-    ends = {"start": (-0.6, 0.0, 0.5), "goal": (0.6, 0.0, 0.5)}
-    return PlanRequest(**ends | {"planner": "paper", "config": QUICK} | changes)
+    goal = changes.pop("goal", (0.6, 0.0, 0.5))
+    ends = Ends(End((-0.6, 0.0, 0.5)), End(goal))  # type: ignore[arg-type]
+    return PlanRequest(ends, **{"planner": "paper", "config": QUICK} | changes)
 
 
 def test_every_iteration_is_told_and_the_last_event_has_the_numbers(place: Place) -> None:
