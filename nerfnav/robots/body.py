@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -81,7 +81,7 @@ def _read(path: Path | str) -> "trimesh.Trimesh":
         raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
 
 
-def _checked(mesh: Any, spacing: float) -> "trimesh.Trimesh":
+def _checked(mesh: "trimesh.Trimesh", spacing: float) -> "trimesh.Trimesh":
     import trimesh
 
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
