@@ -11,28 +11,28 @@ import threading
 import time
 from typing import Protocol
 
-from app.guard import guarded_server
-from app.icons import icons_at_hand
-from app.layers.ends import EndsLayer
-from app.layers.eyes import EyesLayer
-from app.layers.fly import FlyLayer
-from app.layers.notices import NoticesLayer
-from app.layers.plan import PlanLayer
-from app.layers.scene import SceneLayer
-from app.layers.search import SearchLayer
-from app.layers.sights import SightsLayer
-from app.layers.splats import SplatsLayer
-from app.layers.timeline import ComparisonLayer
-from app.messages import Message, Reported, Tick
-from app.net import check_address, page_url
-from app.panels.tabs import panels
-from app.reduce import reduce
-from app.session import Session
-from app.theme import dress
-from app.threads import TORCH_THREADS
-from app.uploads import Uploads
-from app.work import NavigationWork
-from app.worker import Work, Worker
+from app.page.icon_archive import icons_at_hand
+from app.page.layers.comparison import ComparisonLayer
+from app.page.layers.ends import EndsLayer
+from app.page.layers.field_backdrop import EyesLayer
+from app.page.layers.field_surface import SceneLayer
+from app.page.layers.flight import FlyLayer
+from app.page.layers.notices import NoticesLayer
+from app.page.layers.overlays import SightsLayer
+from app.page.layers.plan import PlanLayer
+from app.page.layers.search import SearchLayer
+from app.page.layers.splats import SplatsLayer
+from app.page.panels.tabs import panels
+from app.page.theme import dress
+from app.places.uploads import Uploads
+from app.reducers.root import reduce
+from app.security.address import check_address, page_url
+from app.security.guarded_server import guarded_server
+from app.state.actions import Message, Reported, Tick
+from app.state.session import Session
+from app.system.threads import TORCH_THREADS
+from app.worker.backend import NavigationWork
+from app.worker.worker import Work, Worker
 from nerfnav.errors import NerfnavError
 
 _log = logging.getLogger(__name__)

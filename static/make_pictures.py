@@ -13,8 +13,8 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from app.messages import Adjust, ChooseTask, Pause, Resume, Settings, StartComparison, StartFlight, StartPlan
 from app.server import App
+from app.state.actions import Adjust, ChooseTask, Pause, Resume, Settings, StartComparison, StartFlight, StartPlan
 from nerfnav.errors import NerfnavError
 
 CHROMIUM = "/usr/bin/chromium"

@@ -9,9 +9,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from app.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.experiment import open_arena, save_figure, table_text
-from app.jobs.outputs import json_line, prepare_folder, write_text
+from app.storage.output_files import json_line, prepare_folder, write_text
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.bench.comparison import Comparison
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from app.events import JobEvents, JobFinished, JobStarted, Progress
-from app.experiments import EXPERIMENTS, Experiment
-from app.jobs.outputs import json_line, prepare_folder, write_bytes, write_text
-from app.place import open_place
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
+from app.places.place import open_place
 from app.registry import named
+from app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import Results, Row, Study, TrialDone

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.events import JobEvents, JobFinished, JobStarted, Progress
-from app.jobs.outputs import prepare_file, write_bytes
-from app.jobs.scene import surface_of
-from app.place import open_place
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.open_place import surface_of
+from app.places.place import open_place
 from app.registry import named
-from app.runs import log
-from app.runs.about import About
-from app.runs.shelf import Shelf
+from app.storage import step_log as log
+from app.storage.output_files import prepare_file, write_bytes
+from app.storage.run_metadata import About
+from app.storage.run_store import Shelf
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, NerfnavError
 from nerfnav.export.formats import FORMATS

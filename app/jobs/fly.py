@@ -7,14 +7,14 @@ from typing import Any
 
 import torch
 
-from app.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.export import TRAJECTORY
-from app.jobs.outputs import prepare_folder, write_text
 from app.jobs.plan import PlanRequest
-from app.place import Place, occupancy_of, planning_place, searcher_of
+from app.places.place import Place, occupancy_of, planning_place, searcher_of
 from app.registry import ESTIMATORS, PLANNERS, named
-from app.runs.about import About
-from app.runs.log import logged
+from app.storage.output_files import prepare_folder, write_text
+from app.storage.run_metadata import About
+from app.storage.step_log import logged
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseStep

@@ -10,9 +10,9 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from app.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.fly import CAMERA
-from app.place import Place, field_file, searcher_of
+from app.places.place import Place, field_file, searcher_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseStep, Searcher

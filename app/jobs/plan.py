@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from app.ends import Ends
-from app.events import JobEvents, JobFinished, JobStarted, Progress
-from app.jobs.checks import require_positive, require_probability
-from app.jobs.clock import Stopwatch
-from app.jobs.outputs import json_line, prepare_folder, write_text
-from app.place import Place, occupancy_of, planning_place
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.stopwatch import Stopwatch
+from app.jobs.validation import require_positive, require_probability
+from app.places.ends import Ends
+from app.places.place import Place, occupancy_of, planning_place
 from app.registry import PLAN_CONFIGS, PLANNERS, named
+from app.storage.output_files import json_line, prepare_folder, write_text
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.tables import csv_text, json_text, motion_table
 from nerfnav.field.unknown import Unknown

@@ -8,10 +8,10 @@ from pathlib import Path
 import torch
 
 import scenes
-from app.events import JobEvent, JobEvents, JobFinished, JobStarted, Progress
-from app.jobs.outputs import prepare_file
+from app.jobs.events import JobEvent, JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.train_neural import learn_networks
-from app.materials import Material, StoppedError, TrainRequest, gather
+from app.jobs.training_data.gather import Material, StoppedError, TrainRequest, gather
+from app.storage.output_files import prepare_file
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import StoredField, save_field
 from nerfnav.field.train import TrainConfig, train

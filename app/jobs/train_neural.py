@@ -4,9 +4,9 @@ from collections.abc import Generator
 
 import torch
 
-from app.events import JobEvent, Progress
-from app.materials import Material
-from app.materials.request import NeuralOptions, TrainRequest
+from app.jobs.events import JobEvent, Progress
+from app.jobs.training_data.gather import Material
+from app.jobs.training_data.request import NeuralOptions, TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.mlp import MlpConfig
 from nerfnav.field.neural import NeuralField

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from app import messages as m
-from app import questions as q
-from app.events import JobFinished
-from app.runs.changes import runs_questions
-from app.session import Session
+from app.jobs.events import JobFinished
+from app.reducers.runs import runs_questions
+from app.state import actions as m
+from app.state import queries as q
+from app.state.session import Session
 from nerfnav.field.checkpoint import save_field
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField

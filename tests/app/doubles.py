@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import torch
 
-from app.events import JobFinished, Progress
-from app.messages import PlaceOpened
-from app.place import Place
-from app.questions import Answer, EndQuestion, EndReport, Question, View
-from app.runs.questions import RunsQuestion, RunsReport, report
-from app.runs.shelf import Shelf
-from app.session import Job, JobKind, Session
-from app.trials.state import TrialsQuestion, TrialsReport
+from app.jobs.events import JobFinished, Progress
+from app.places.place import Place
+from app.state.actions import PlaceOpened
+from app.state.experiments import TrialsQuestion, TrialsReport
+from app.state.queries import Answer, EndQuestion, EndReport, Question, View
+from app.state.run_queries import RunsQuestion, RunsReport, report
+from app.state.session import Job, JobKind, Session
+from app.storage.run_store import Shelf
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.field.analytic import BallsField

@@ -1,9 +1,9 @@
 """Sessions that have come some way."""
 
-from app import messages as m
-from app.events import JobFinished
-from app.reduce import reduce
-from app.session import Session
+from app.jobs.events import JobFinished
+from app.reducers.root import reduce
+from app.state import actions as m
+from app.state.session import Session
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import plan_step
 

@@ -13,26 +13,26 @@ import pytest
 import viser
 from viser import _icons
 
-from app import worker
-from app.commands.serve import _shown_before
-from app.events import JobFinished
-from app.icons import icons_at_hand
-from app.importing import importing
-from app.jobs.scene import surface_of
-from app.memory import give_back
-from app.place import open_place
-from app.session import JobKind
-from app.surface import box_of
+from app.cli.serve import _shown_before
+from app.jobs.events import JobFinished
+from app.jobs.open_place import surface_of
+from app.page.icon_archive import icons_at_hand
+from app.places.place import open_place
+from app.places.surface_glb import box_of
+from app.state.session import JobKind
+from app.system.fast_imports import importing
+from app.system.memory import give_back
+from app.worker import worker
 from tests.app.doubles import ScriptedWork
-from tests.app.test_worker import Loop
+from tests.app.worker.test_worker import Loop
 
 _SLOW = "trimesh", "numba", "scipy.spatial", "scipy.sparse", "skimage", "rosbags", "matplotlib", "networkx", "PIL"
 _AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
 import app.server
-from app.place import open_place
-from app.jobs.scene import surface_of
+from app.places.place import open_place
+from app.jobs.open_place import surface_of
 place = open_place("stonehenge")
 assert place.tasks and surface_of(place)
 print(json.dumps(sorted(sys.modules)))

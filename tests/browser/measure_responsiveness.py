@@ -26,7 +26,7 @@ from playwright.sync_api import sync_playwright
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from tests.app.guard.hostile import CAMERA, free_port
+from tests.app.security.guarded_server.hostile import CAMERA, free_port
 from tests.browser.conftest import launch
 
 _FRAMES = """
@@ -53,7 +53,7 @@ _READY = "'/field' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__
 
 def serve(port: int) -> None:
     """The app with one more button, which tells on stdout when it was pressed."""
-    from app.commands.serve import _SWITCH_S
+    from app.cli.serve import _SWITCH_S
     from app.server import App
 
     sys.setswitchinterval(_SWITCH_S)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.app.guard.hostile import free_port
+from tests.app.security.guarded_server.hostile import free_port
 
 _ROOT = Path(__file__).parents[2]
 
@@ -46,7 +46,7 @@ def served(*arguments: str, cores: set[int] | None = None) -> Iterator[Served]:
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
         words = ["serve", *arguments, "--port", str(free_port()), "--json"]
-        command = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main())", *words]
+        command = [sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())", *words]
         with log.open("w") as stream:
             process = subprocess.Popen(
                 command,

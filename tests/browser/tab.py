@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Page
 
-from app.ends import Which
+from app.places.ends import Which
 from app.server import App
 
 # where a world point is on the screen [pixels], by the page's own camera

@@ -9,13 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from app.events import JobFinished, Progress
-from app.messages import Answer
-from app.questions import Question
+from app.jobs.events import JobFinished, Progress
 from app.server import App
-from app.session import JobKind, Session
-from app.trials.drawer import Drawer, report
-from app.trials.state import TrialsQuestion
+from app.state.actions import Answer
+from app.state.experiments import TrialsQuestion
+from app.state.queries import Question
+from app.state.session import JobKind, Session
+from app.storage.experiment_store import Drawer, report
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.messages import Adjust, Settings
 from app.server import App
+from app.state.actions import Adjust, Settings
 from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.navigation.recovery import Recovery
 from tests.browser.tab import Tab

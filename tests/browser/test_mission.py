@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.ends import Which
-from app.layers.ends import GIZMO
-from app.messages import Adjust, Settings
+from app.page.layers.ends import GIZMO
+from app.places.ends import Which
 from app.server import App
+from app.state.actions import Adjust, Settings
 from nerfnav.navigation.steps import EpisodeOutcome
 from tests.browser.tab import Tab
 from tests.browser.works import small_work

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext
 
-from app.ends import Which
-from app.events import JobFinished, Progress
-from app.layers.ends import GIZMO
+from app.jobs.events import JobFinished, Progress
+from app.page.layers.ends import GIZMO
+from app.places.ends import Which
 from app.server import App
-from app.session import JobKind
+from app.state.session import JobKind
 from nerfnav.errors import NerfnavError
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import ScriptedWork, flight_step, plan_step

@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from app.events import JobFinished
-from app.messages import Adjust, PlaceOpened, Settings, StartFlight
-from app.runs.shelf import Shelf
+from app.jobs.events import JobFinished
 from app.server import App
-from app.work import NavigationWork
+from app.state.actions import Adjust, PlaceOpened, Settings, StartFlight
+from app.storage.run_store import Shelf
+from app.worker.backend import NavigationWork
 from nerfnav.export.tum import poses_of_tum
 from tests.app.doubles import ScriptedWork, balls_place
-from tests.app.runs.shelves import put
+from tests.app.storage.stored_runs import put
 from tests.browser.tab import Tab
 from tests.export.flights import flown
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from playwright.sync_api import Browser, BrowserContext, Error, sync_playwright
 
-from app.ends import Which
-from app.layers.ends import GIZMO
+from app.page.layers.ends import GIZMO
+from app.places.ends import Which
 from tests.browser.complaints import complaints_of
 from tests.browser.conftest import launch
 from tests.browser.process import Served, served

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.look import Backdrop
 from app.server import App
+from app.state.view_settings import Backdrop
 from nerfnav.importers.splats.splats import splats_beside
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work

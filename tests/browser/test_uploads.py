@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from app.jobs import scene
-from app.place import Place, open_place
+from app.jobs import open_place as scene
+from app.places.place import Place, open_place
 from app.server import App
-from app.work import NavigationWork
+from app.worker.backend import NavigationWork
 from nerfnav.field.checkpoint import save_field
 from tests.app.doubles import balls_place
 from tests.browser.tab import Tab

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.ends import Which
-from app.events import JobFinished
-from app.flying import FlightSettings
-from app.look import Backdrop
-from app.messages import MoveEnd
+from app.jobs.events import JobFinished
+from app.places.ends import Which
 from app.server import App
-from app.session import JobKind
+from app.state.actions import MoveEnd
+from app.state.flight_settings import FlightSettings
+from app.state.session import JobKind
+from app.state.view_settings import Backdrop
 from tests.app.doubles import ScriptedWork, flight_step
 from tests.browser.tab import Tab
 from tests.browser.works import small_work

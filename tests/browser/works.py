@@ -2,8 +2,8 @@
 
 from functools import partial
 
-from app.jobs import scene
-from app.work import NavigationWork
+from app.jobs import open_place as scene
+from app.worker.backend import NavigationWork
 from nerfnav.estimator.descent import DescentConfig
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise

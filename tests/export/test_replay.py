@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from app.surface import unlit_glb
+from app.places.surface_glb import unlit_glb
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.formats import FORMATS
 from nerfnav.export.recording import Recording

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from app.events import JobEvents, JobFinished, Progress
-from app.experiments import EXPERIMENTS, Experiment
 from app.jobs import bench, experiment
 from app.jobs.bench import BenchRequest
+from app.jobs.events import JobEvents, JobFinished, Progress
 from app.jobs.experiment import ExperimentRequest, open_arena
-from app.jobs.outputs import OutputError
+from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
+from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.bench.comparison import Comparison

@@ -6,18 +6,18 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.cli import main
-from app.events import JobFinished
+from app.cli.main import main
+from app.jobs.events import JobFinished
 from app.jobs.export import ExportRequest, read_run, run
-from app.runs.log import FILE
-from app.runs.shelf import VARIABLE, Shelf
+from app.storage.run_store import VARIABLE, Shelf
+from app.storage.step_log import FILE
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.formats import FORMATS
 from nerfnav.export.tables import json_text, motion_table
 from nerfnav.export.tum import poses_of_tum
 from nerfnav.robots.state import Motion
-from tests.app.runs.shelves import put
+from tests.app.storage.stored_runs import put
 from tests.export.flights import flown
 
 

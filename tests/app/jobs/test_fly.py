@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.ends import End, Ends
-from app.events import JobEvent, JobFinished, JobStarted
+from app.jobs.events import JobEvent, JobFinished, JobStarted
 from app.jobs.fly import FlyRequest, run
 from app.jobs.plan import PlanRequest
 from app.jobs.plan import run as plan_job
-from app.place import Place, open_place
-from app.runs.about import About
-from app.runs.log import read_steps
+from app.places.ends import End, Ends
+from app.places.place import Place, open_place
+from app.storage.run_metadata import About
+from app.storage.step_log import read_steps
 from nerfnav.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.replan import NavigateConfig

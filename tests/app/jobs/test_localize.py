@@ -8,10 +8,10 @@ import cv2
 import pytest
 import torch
 
-from app.events import JobFinished, JobStarted, Progress
+from app.jobs.events import JobFinished, JobStarted, Progress
 from app.jobs.fly import CAMERA as ROBOTS_CAMERA
 from app.jobs.localize import LocalizeRequest, camera_of, find, read_image, run
-from app.place import searcher_of
+from app.places.place import searcher_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.field.checkpoint import save_field

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from app.ends import End, Ends
-from app.events import JobFinished, JobStarted, Progress
+from app.jobs.events import JobFinished, JobStarted, Progress
 from app.jobs.plan import PlanRequest, run
-from app.place import Place, open_place
+from app.places.ends import End, Ends
+from app.places.place import Place, open_place
 from nerfnav.errors import InvalidInputError, OccupiedError, UnknownNameError
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep

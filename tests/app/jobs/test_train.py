@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.events import JobFinished, JobStarted, Progress
-from app.jobs.outputs import OutputError
+from app.jobs.events import JobFinished, JobStarted, Progress
 from app.jobs.train import run
-from app.materials import Photographs, StoppedError, TrainRequest
-from app.materials.bundled import images_for, iterations_for
-from app.place import NoTrainedFieldError, field_file, open_place
+from app.jobs.training_data.bundled import images_for, iterations_for
+from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
+from app.places.place import NoTrainedFieldError, field_file, open_place
+from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train import TrainConfig, TrainStep

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from app import cli
-from app.materials.request import NeuralOptions
+from app.cli import main as cli
+from app.jobs.training_data.request import NeuralOptions
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.neural import NeuralField

@@ -1,0 +1,52 @@
+"""nerfnav experiment: what the paper shows, shown again."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from app.cli.terminal import follow, note, show
+from app.jobs.experiment import ExperimentRequest
+from app.jobs.experiment import run as run_job
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Run an experiment: many trials, judged on the ground truth, summed up in a table and figures.
+
+    Known are: planners, collision-correlation, ground-robots, estimation, relocalisation, basin, tangent-plane.
+    """
+
+    name: Positional[str]
+    """Which experiment."""
+    trials: int | None = None
+    """How many trials; by default as many as the experiment needs."""
+    jobs: int | None = None
+    """Trials at the same time; 1 by default."""
+    ray: str | None = None
+    """Address of a Ray cluster that does the trials (auto, local, ray://HOST:PORT)."""
+    seed: int = 0
+    """Seed of everything random."""
+    place: str | None = None
+    """Scene or field file to do it in; by default the experiment's own scene."""
+    out: Path | None = None
+    """Folder for results.json, the table as CSV and the figures as PNG."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Run it, and print its numbers."""
+    request = ExperimentRequest(
+        arguments.name,
+        place=arguments.place,
+        trials=arguments.trials,
+        seed=arguments.seed,
+        jobs=arguments.jobs,
+        ray=arguments.ray,
+        out=arguments.out,
+    )
+    finished = follow(run_job(request))
+    show(f"experiment {arguments.name}", finished.summary, arguments.json)
+    for path in finished.files:
+        note(f"wrote {path}")

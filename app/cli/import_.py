@@ -1,0 +1,41 @@
+"""nerfnav import: from a trained NeRF or Gaussian splats to a field."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tyro.conf import OmitArgPrefixes, Positional
+
+from app.cli.terminal import follow, show
+from app.cli.train import PlacementArguments
+from app.jobs.import_field import ImportRequest
+from app.jobs.import_field import run as run_job
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Make a field of a trained NeRF (nerf-pytorch) or of Gaussian splats (.ply, .splat)."""
+
+    source: Positional[Path]
+    """A checkpoint, a folder with one, or a file of splats."""
+    out: Path
+    """File for the field; splats themselves are kept beside it."""
+    bake: bool = False
+    """Turn a NeRF into a voxel field, which is far quicker to plan and fly in, and tell how alike the two look."""
+    voxel: float | None = None
+    """Size of the field's voxels [m]; by default what suits the size of the place."""
+    placement: OmitArgPrefixes[PlacementArguments] = field(default_factory=PlacementArguments)
+    """How the source lies in the world."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Import, store the field, and print what was found and what was guessed."""
+    request = ImportRequest(
+        arguments.source,
+        arguments.out,
+        voxel=arguments.voxel,
+        bake=arguments.bake,
+        placement=arguments.placement.placement(),
+    )
+    show(f"field {arguments.out}", follow(run_job(request)).summary, arguments.json)

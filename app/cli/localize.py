@@ -1,0 +1,32 @@
+"""nerfnav localize: where in a field a picture was taken."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from app.cli.terminal import follow, show
+from app.jobs.localize import LocalizeRequest
+from app.jobs.localize import run as run_job
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Find the place that a picture was taken from, knowing nothing but the field and the camera."""
+
+    field: Positional[str]
+    """Path of a field file, or name of a bundled scene."""
+    image: Positional[Path]
+    """The picture, PNG or JPEG."""
+    fov: float = 90.0
+    """Horizontal field of view of the camera [degrees]."""
+    intrinsics: tuple[float, float, float, float] | None = None
+    """fx fy cx cy [pixels], in place of --fov."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Search, and print the likeliest poses."""
+    request = LocalizeRequest(arguments.field, arguments.image, arguments.fov, arguments.intrinsics)
+    show(f"picture in {arguments.field}", follow(run_job(request)).summary, arguments.json)

@@ -1,0 +1,104 @@
+"""Arguments that several subcommands share."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from tyro.conf import Positional
+
+from app.cli.number_arguments import in_words, numbers
+from app.jobs.plan import PlanRequest, PlanSettings
+from app.places.ends import End, Ends
+from app.places.place import Place, open_place
+from app.registry import PLAN_CONFIGS, named
+from nerfnav import robots
+from nerfnav.errors import InvalidInputError
+from nerfnav.field.unknown import Unknown
+from nerfnav.planner.optimize import PlanConfig
+
+
+def _end_numbers(words: list[str]) -> tuple[float, ...]:
+    read = numbers(words, "an end")
+    if len(read) not in (3, 4):
+        raise ValueError(f"an end is X Y Z or X Y Z YAW, not {len(read)} numbers")
+    return read
+
+
+EndNumbers = Annotated[tuple[float, ...] | None, in_words("X Y Z [YAW]", _end_numbers)]
+"""Where a flight starts or ends, as words of a command line [m, rad]."""
+
+
+PLANNER = "fast"
+"""Which planner is used where none is named."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """Where to fly: in which place, from where to where."""
+
+    place: Positional[str]
+    """Name of a bundled scene, or path of a field file."""
+    task: int | None = None
+    """Number of one of the scene's tasks, as `nerfnav scenes` lists them; 0 where nothing else is said."""
+    start: EndNumbers = None
+    """Where to start: x y z [m] and perhaps the heading [rad]."""
+    goal: EndNumbers = None
+    """Where to arrive: x y z [m] and perhaps the heading [rad]."""
+    robot: str | None = None
+    """What moves; by default what the task is for."""
+    planner: str = PLANNER
+    """Which planner."""
+    steps: int = 20
+    """Number of time steps."""
+    dt: float = 0.1
+    """Length of a step [s]."""
+    unknown: Literal["occupied", "free"] = "occupied"
+    """What planners take space for that no camera ever saw into, such as the insides of walls."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+    def open(self) -> Place:
+        """The place, with the robot that was asked for or that the task is for."""
+        if self.robot is not None:
+            return open_place(self.place, self.robot)
+        place = open_place(self.place)
+        tasks = place.tasks
+        number = 0 if self.task is None else self.task
+        if self.start is not None or not 0 <= number < len(tasks):
+            return place
+        return replace(place, robot=robots.load(tasks[number].robot))
+
+    def request(self, place: Place, config: PlanSettings) -> PlanRequest:
+        """What is asked of the planner."""
+        own = named("planner", self.planner, PLAN_CONFIGS)()
+        return PlanRequest(
+            self._ends(place),
+            steps=self.steps,
+            dt=self.dt,
+            planner=self.planner,
+            unknown=Unknown(self.unknown),
+            config=None if config in (own, PlanConfig.paper()) else config,
+        )
+
+    def task_name(self, place: Place) -> str | None:
+        """Name of the scene's task that is asked for; None where the ends are given."""
+        tasks = place.tasks
+        number = 0 if self.task is None else self.task
+        return tasks[number].name if self.start is None and 0 <= number < len(tasks) else None
+
+    def _ends(self, place: Place) -> Ends:
+        """Start and goal. Raises InvalidInputError where they cannot be told from what was said."""
+        tasks = place.tasks
+        if self.start is not None and self.goal is not None and self.task is None:
+            return Ends(_end(self.start), _end(self.goal))
+        if self.start is not None or self.goal is not None:
+            raise InvalidInputError("give either --task, or both --start and --goal")
+        if not tasks:
+            raise InvalidInputError(f"{place.name} has no tasks: give --start and --goal")
+        number = 0 if self.task is None else self.task
+        if not 0 <= number < len(tasks):
+            raise InvalidInputError(f"{place.name} has tasks 0 to {len(tasks) - 1}, not {number}")
+        return Ends.of_task(tasks[number])
+
+
+def _end(numbers: tuple[float, ...]) -> End:
+    return End((numbers[0], numbers[1], numbers[2]), numbers[3] if len(numbers) == 4 else 0.0)

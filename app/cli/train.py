@@ -1,0 +1,125 @@
+"""nerfnav train: from a scene, a mesh or a capture to a field."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import OmitArgPrefixes, Positional, arg
+
+from app.cli.number_arguments import in_words, numbers
+from app.cli.terminal import follow, show
+from app.jobs.train import run as run_job
+from app.jobs.training_data.gather import Photographs, TrainRequest
+from app.jobs.training_data.request import NeuralOptions
+from nerfnav.importers.meshes.importer import MeshOptions
+from nerfnav.importers.placement import AXES, Placement
+
+
+def _numbers(what: str, count: int, words: list[str]) -> tuple[float, ...]:
+    read = numbers(words, what)
+    if len(read) != count:
+        raise ValueError(f"{what} takes {count} numbers, not {len(read)}")
+    return read
+
+
+def _up(words: list[str]) -> tuple[float, ...]:
+    """A direction of three numbers, or an axis by its name."""
+    return AXES[words[0]] if len(words) == 1 and words[0] in AXES else _numbers("up", 3, words)
+
+
+Up = Annotated[tuple[float, ...] | None, in_words("X Y Z|AXIS", _up)]
+Picked = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(_numbers, "picked", 7))]
+Corners = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z", partial(_numbers, "box", 6))]
+
+
+@dataclass(frozen=True)
+class PlacementArguments:
+    """How a mesh or a capture lies in the world; what is not given is guessed, and the guess is printed."""
+
+    up: Up = None
+    """The direction that is up in the source's own axes: X Y Z, or the name of an axis (y, z)."""
+    scale: float | None = None
+    """Metres in one unit of the source."""
+    picked: Picked = None
+    """Another way to give the scale: two points in the source's own units, and their true distance [m]."""
+    box: Corners = None
+    """Lowest and highest corner of the field, after scale and up [m]."""
+
+    def placement(self) -> Placement:
+        """The same as jobs take it."""
+        up, picked, box = (None if self.up is None else _vector(self.up)), self.picked, self.box
+        return Placement(
+            up,
+            self.scale,
+            None if picked is None else (_vector(picked[:3]), _vector(picked[3:6]), picked[6]),
+            None if box is None else (_vector(box[:3]), _vector(box[3:])),
+        )
+
+
+@dataclass(frozen=True)
+class PhotographArguments:
+    """Which photographs are learned from."""
+
+    images: int | None = None
+    """Photographs that are taken of a scene or mesh, every tenth held out; by default as its size asks for."""
+    downscale: int | None = None
+    """A capture's photographs are made so many times smaller; by default until none is slow to learn."""
+    held_out_every: int = 8
+    """One of so many of a capture's photographs is held out to judge the field."""
+
+    def photographs(self) -> Photographs:
+        """The same as jobs take it."""
+        return Photographs(self.images, self.downscale, self.held_out_every)
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Train a field of a scene, a mesh or a capture; Ctrl-C stops early and keeps what was learned."""
+
+    source: Positional[str]
+    """A bundled scene's name, a mesh file, or a capture: its folder, its transforms.json, or a .zip of it."""
+    out: Path
+    """File for the field."""
+    budget: float | None = None
+    """Time to train [s], in place of a number of iterations; the result then depends on the machine."""
+    iterations: int | None = None
+    """Training steps; by default as many as the source asks for."""
+    seed: int = 0
+    """Seed of the camera's poses and of the training."""
+    voxel: float | None = None
+    """Size of the field's voxels [m]; by default what suits the source."""
+    photographs: OmitArgPrefixes[PhotographArguments] = field(default_factory=PhotographArguments)
+    """Which photographs are learned from."""
+    placement: OmitArgPrefixes[PlacementArguments] = field(default_factory=PlacementArguments)
+    """How a mesh or a capture lies in the world."""
+    mesh: OmitArgPrefixes[MeshOptions] = field(default_factory=MeshOptions)
+    """What only meshes leave open."""
+    kind: Annotated[Literal["voxel", "neural"], arg(name="field")] = "voxel"
+    """What is trained: voxels, or networks as the paper has them, which want a GPU."""
+    neural: OmitArgPrefixes[NeuralOptions] = field(default_factory=NeuralOptions)
+    """What only networks leave open."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Train, store the field, and print how good it is and what was guessed."""
+    request = TrainRequest(
+        arguments.source,
+        arguments.out,
+        seed=arguments.seed,
+        iterations=arguments.iterations,
+        budget=arguments.budget,
+        voxel=arguments.voxel,
+        photographs=arguments.photographs.photographs(),
+        placement=arguments.placement.placement(),
+        mesh=arguments.mesh,
+        neural=arguments.neural if arguments.kind == "neural" else None,
+    )
+    show(f"field {arguments.out}", follow(run_job(request), can_stop_early=True).summary, arguments.json)
+
+
+def _vector(numbers: tuple[float, ...]) -> tuple[float, float, float]:
+    x, y, z = numbers
+    return x, y, z

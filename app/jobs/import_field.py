@@ -1,0 +1,132 @@
+"""Import: make a field of what somebody else has trained, a NeRF's checkpoint or Gaussian splats."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.jobs.events import JobEvent, JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.validation import require_positive
+from app.storage.output_files import prepare_file
+from nerfnav.errors import InvalidInputError
+from nerfnav.field.bake import BakeConfig, BakeStep, bake
+from nerfnav.field.checkpoint import StoredField, save_field
+from nerfnav.field.field import Field
+from nerfnav.field.neural import NeuralField
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry.box import Box
+from nerfnav.importers.nerf_pytorch import NerfPytorchConfig, is_checkpoint, load_nerf_pytorch
+from nerfnav.importers.placement import Placement, Vector, rotation_to_z
+from nerfnav.importers.splats.layouts import holds_splats, load_splats
+from nerfnav.importers.splats.splats import save_splats, splats_beside
+from nerfnav.importers.splats.voxels import VoxelizeConfig, voxelize
+
+SPLATS_UP: Vector = (0.0, -1.0, 0.0)
+"""Up in nearly all files of splats: their cameras come from COLMAP, whose y points down."""
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """What to import."""
+
+    source: Path
+    """A checkpoint, a folder with one, or a file of splats."""
+    out: Path
+    """The file for the field."""
+    voxel: float | None = None
+    """Distance of the nodes of a voxel field [m]; None: by the size of the place."""
+    bake: bool = False
+    """Whether a NeRF becomes a voxel field, which is far quicker to plan and fly in."""
+    placement: Placement = field(default_factory=Placement)
+    """How the source lies in the world."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for numbers that no field can have."""
+        require_positive(voxel=self.voxel)
+
+
+def imports(source: Path) -> bool:
+    """Whether a file or folder is of a kind that is imported, not trained from."""
+    return holds_splats(source) or is_checkpoint(source)
+
+
+def run(request: ImportRequest) -> JobEvents:
+    """Yield progress, then the numbers of the stored field.
+
+    Raises InvalidInputError where the source is nothing of these kinds, or the file cannot be written.
+    """
+    if not request.source.exists():
+        raise InvalidInputError(f"there is no file or folder {request.source}")
+    out = prepare_file(request.out)
+    if is_checkpoint(request.source) or request.source.is_dir():
+        return _import_nerf(request, out)
+    return _import_splats(request, out)
+
+
+def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:
+    """Bake a field and store the result: yield progress, then the numbers."""
+    require_positive(voxel=voxel)
+    prepare_file(out)
+    yield JobStarted("bake")
+    baked = yield from baking(source, voxel)
+    yield JobFinished("bake", {**_numbers(baked), "file_bytes": save_field(baked, out)}, (out,))
+
+
+def baking(source: Field, voxel: float | None) -> Generator[JobEvent, bool | None, VoxelField]:
+    """Bake a field, yield progress, and return the result."""
+    step: BakeStep | None = None
+    for step in bake(source, BakeConfig(voxel=voxel)):
+        yield Progress(step.label, step.fraction)
+    assert step is not None and step.field is not None, "baking ends with its field"
+    return step.field
+
+
+def _import_nerf(request: ImportRequest, out: Path) -> JobEvents:
+    yield JobStarted("import")
+    yield Progress("reading the networks", 0.0)
+    found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
+    shape, told = found.fine.config, {"kind": "nerf-pytorch", **_guesses(request.placement, (0.0, 0.0, 1.0))}
+    told |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
+    made: StoredField = found
+    if request.bake:
+        made = yield from baking(found, request.voxel)
+    summary = {**_numbers(made), "file_bytes": save_field(made, out), "source": told}
+    yield JobFinished("import", summary, (out,))
+
+
+def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
+    yield JobStarted("import")
+    yield Progress("reading the splats", 0.0)
+    place, read = request.placement, load_splats(request.source)
+    splats = read.placed(rotation_to_z(np.array(place.up or SPLATS_UP)), place.meters_per_unit or 1.0)
+    yield Progress("filling the voxels", 0.2)
+    box = None if place.box is None else Box.of(*place.box)
+    made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)
+    yield Progress("storing the field", 0.8)
+    bytes_, beside = save_field(made, out), save_splats(splats, splats_beside(out))
+    told = {
+        "kind": "splats",
+        "declared": read.declared,
+        "splats": len(read),
+        "dropped": read.dropped,
+        **_guesses(place, SPLATS_UP),
+    }
+    yield JobFinished("import", {**_numbers(made), "file_bytes": bytes_, "source": told}, (out, beside))
+
+
+def _numbers(made: StoredField) -> dict[str, Any]:
+    nodes = {} if isinstance(made, NeuralField) else {"voxels": int(np.prod(made.shape))}
+    corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
+    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db}
+
+
+def _guesses(placement: Placement, up: Vector) -> dict[str, Any]:
+    """Up and scale as they were taken, and which of them nobody gave."""
+    given = {"up": placement.up, "scale": placement.meters_per_unit, "box": placement.box}
+    return {
+        "up": list(placement.up or up),
+        "meters_per_unit": placement.meters_per_unit or 1.0,
+        "guessed": [name for name, value in given.items() if value is None],
+    }

@@ -1,0 +1,71 @@
+"""Material from a bundled scene: it is photographed here and now, and is its own ground truth."""
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import torch
+
+import scenes
+from app.jobs.events import JobEvent, Progress
+from app.jobs.training_data.record import Gathering, Material, StoppedError
+from app.jobs.training_data.request import TrainRequest
+from nerfnav.geometry.images import PosedImages
+from nerfnav.world.capture import CaptureConfig, capture, split
+from nerfnav.world.scene import Scene
+
+LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
+"""Training steps that a field needs: a larger place has more surface to learn."""
+LEAST_IMAGES, IMAGES_PER_CUBIC_METER, MOST_IMAGES = 150, 60, 420
+"""Photographs that show a place from everywhere."""
+
+
+def takes(source: str) -> bool:
+    """Whether a source is one of the bundled scenes."""
+    return source in scenes.names()
+
+
+def gather(request: TrainRequest) -> Gathering:
+    """Photograph the scene. Raises InvalidInputError for options that only meshes and captures have."""
+    placement = request.placement
+    request.require_unset(
+        "a bundled scene",
+        up=placement.up,
+        scale=placement.scale,
+        picked=placement.picked,
+        box=placement.box,
+        downscale=request.photographs.downscale,
+        units=request.mesh.units,
+        seen_from=request.mesh.seen_from,
+    )
+    scene = scenes.load(request.source)
+    volume = scene.box.size.prod().item()
+    config = replace(request.capture, images=request.photographs.count or images_for(volume))
+    photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
+    learned, held_out = split(photographs)
+    report: dict[str, object] = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}
+    return Material(
+        learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
+    )
+
+
+def images_for(volume: float) -> int:
+    """How many photographs show a box of `volume` [m^3]."""
+    return min(MOST_IMAGES, max(LEAST_IMAGES, round(IMAGES_PER_CUBIC_METER * volume)))
+
+
+def iterations_for(volume: float) -> int:
+    """How many training steps a box of `volume` [m^3] asks for."""
+    return max(LEAST_ITERATIONS, round(ITERATIONS_PER_CUBIC_METER * volume))
+
+
+def photograph(
+    scene: Scene, config: CaptureConfig, generator: torch.Generator
+) -> Generator[JobEvent, bool | None, PosedImages]:
+    """Take pictures of a scene's mesh and return them. Raises StoppedError where it is told to stop."""
+    for step in capture(scene, config, generator):
+        stop = yield Progress("photographing", (step.index + 1) / step.total)
+        if stop:
+            raise StoppedError("stopped while photographing: nothing was learned yet, so nothing is saved")
+        if step.captured is not None:
+            return step.captured
+    raise AssertionError("a capture ends with its photographs")

@@ -1,0 +1,101 @@
+"""Material from a mesh file: it becomes a scene, is photographed from where it is free, and is its own ground truth."""
+
+import os
+import tempfile
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+import torch
+
+from app.jobs.events import JobEvent, Progress
+from app.jobs.training_data.bundled import images_for, iterations_for, photograph
+from app.jobs.training_data.record import Gathering, Material, StoppedError
+from app.jobs.training_data.request import TrainRequest
+from nerfnav.errors import InvalidInputError
+from nerfnav.field.train import TrainConfig
+from nerfnav.importers.captures.archive import extract, names_in
+from nerfnav.importers.captures.views import CaptureError
+from nerfnav.importers.meshes.files import SUFFIXES
+from nerfnav.importers.meshes.importer import Imported, SceneConfig, import_mesh
+from nerfnav.importers.meshes.refusal import MeshFileError
+from nerfnav.world.capture import split
+
+_BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".tif", ".tiff")
+"""Endings of the files that meshes in an archive may need."""
+LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
+"""Nodes of a field for which there is little time: at least, and for each second of it."""
+_OF_CAPTURES = ("transforms", "cameras.", "images.")
+"""How files begin that only captures have; theirs may hold a mesh too."""
+
+
+def takes(source: str) -> bool:
+    """Whether a source is a file that is called as meshes are, or a .zip of one."""
+    path = Path(source)
+    return path.is_file() and (path.suffix.lower() in SUFFIXES or bool(_meshes_in(path)))
+
+
+def gather(request: TrainRequest) -> Gathering:
+    """Read the mesh and photograph it. Raises MeshFileError for files that no scene can be made of."""
+    request.require_unset("a mesh", downscale=request.photographs.downscale)
+    with _unzipped(Path(request.source)) as path:
+        config = SceneConfig(request.placement, request.mesh, request.voxel, _nodes(request.budget))
+        imported = yield from _imported(path, config)
+    scene = imported.scene
+    assert scene.voxel is not None  # an imported scene says what suits it
+    # places of all sizes take as much work, in voxels
+    volume = scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
+    capture = replace(request.capture.clear_of(scene.voxel), images=request.photographs.count or images_for(volume))
+    photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
+    learned, held_out = split(photographs)
+    report = {**imported.report, "images_used": len(photographs), "images_skipped": 0}
+    return Material(
+        learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
+    )
+
+
+def _nodes(budget: float | None) -> float:
+    """How many nodes can be trained in a time [s]: a grid that no ray has reached yet is worse than a coarse one."""
+    return SceneConfig.nodes if budget is None else min(SceneConfig.nodes, max(LEAST_NODES, NODES_PER_SECOND * budget))
+
+
+def _imported(path: Path, config: SceneConfig) -> Generator[JobEvent, bool | None, Imported]:
+    for step in import_mesh(path, config):
+        stop = yield Progress(step.doing, step.fraction)
+        if stop:
+            raise StoppedError("stopped while reading the mesh: nothing was learned yet, so nothing is saved")
+        if step.imported is not None:
+            return step.imported
+    raise AssertionError("an import ends with its scene")
+
+
+def _meshes_in(archive: Path) -> list[str]:
+    """Names of the meshes in a .zip that is no capture."""
+    if archive.suffix.lower() != ".zip":
+        return []
+    try:
+        names = [name for name in names_in(archive) if not name.startswith("__MACOSX/")]
+    except CaptureError:
+        return []  # the captures, which take every archive, tell what is wrong with it
+    if any(PurePosixPath(name).name.startswith(_OF_CAPTURES) for name in names):
+        return []
+    return [name for name in names if PurePosixPath(name).suffix.lower() in SUFFIXES]
+
+
+@contextmanager
+def _unzipped(source: Path) -> Iterator[Path]:
+    """The mesh file, unpacked where it came in an archive."""
+    if source.suffix.lower() in SUFFIXES:
+        yield source
+        return
+    names = _meshes_in(source)
+    if len(names) != 1:
+        raise InvalidInputError(f"{source} holds {len(names)} meshes ({', '.join(names[:5])}): pack one alone")
+    with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:
+        extract(source, Path(folder), (*SUFFIXES, *_BESIDE))
+        try:
+            yield Path(folder) / names[0]
+        except MeshFileError as error:
+            # people know the archive, not the folder that it was unpacked into
+            raise MeshFileError(str(error).replace(folder + os.sep, "")) from error

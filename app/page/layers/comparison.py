@@ -1,0 +1,54 @@
+"""A second flight beside the shown one: its path, its robot and its plan at the same time after take-off."""
+
+import numpy as np
+import viser
+
+from app.page.layers.nodes import Bodies, Line, positions, quaternions
+from app.page.layers.shapes import robot_shape
+from app.page.theme import OTHER_PLAN, OTHER_TRUTH
+from app.state.records import FlightRecord
+from app.state.run_queries import StoredFlight
+from app.state.session import Session
+from nerfnav.navigation.steps import NavigationStep
+from nerfnav.robots.state import RigidState
+
+_NOBODY = np.zeros((0, 3)), np.zeros((0, 4))
+
+
+class ComparisonLayer:
+    """Shows the flight that the session compares with, in another shade."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._truth = Line(server, "/compared/truth", OTHER_TRUTH, 0.012)
+        self._plan = Line(server, "/compared/plan", OTHER_PLAN, 0.009)
+        self._robot = Bodies(server, "/compared/robot", robot_shape((0.1, 0.1, 0.04)), OTHER_TRUTH, opacity=0.8)
+        self._shown: tuple[StoredFlight | None, int] | None = None
+
+    def show(self, session: Session) -> None:
+        """Draw the second flight as far as the first one is shown."""
+        compared = session.runs.compared
+        steps = steps_until(compared, session.shown_flight)
+        shown = compared, len(steps)
+        if shown == self._shown or session.place is None:
+            return
+        self._shown = shown
+        with self._server.atomic():
+            self._robot.shape(robot_shape(session.place.robot.body.extents))
+            path = positions(RigidState.stack([step.truth for step in steps])) if len(steps) > 1 else None
+            self._truth.show(path)
+            under_way = compared is not None and 0 < len(steps) < len(compared.record.steps)
+            self._plan.show(positions(steps[-1].plan.states) if steps and under_way else None)
+            last = RigidState.stack([step.truth for step in steps[-1:]]) if steps else None
+            self._robot.show(*((positions(last), quaternions(last)) if last is not None else _NOBODY))
+
+
+def steps_until(compared: StoredFlight | None, shown: FlightRecord | None) -> tuple[NavigationStep, ...]:
+    """The steps of the second flight up to the time that the first one shows; all where there is no first one."""
+    if compared is None:
+        return ()
+    steps = compared.record.steps
+    if shown is None or not shown.steps:
+        return steps
+    until = shown.steps[-1].time + 1e-6
+    return tuple(step for step in steps if step.time <= until)

@@ -1,0 +1,100 @@
+"""Start and goal: a body to drag about, with its name."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.page.layers.nodes import yaw_quaternion
+from app.page.layers.shapes import robot_shape
+from app.page.theme import GOAL, HIT, START
+from app.places.ends import End, Which
+from app.state.actions import Command, MoveEnd, Point
+from app.state.session import Session
+from nerfnav.robots.robot import Robot
+
+GIZMO = 0.24
+"""Size of the arrows [m]."""
+_COLORS = {Which.START: START, Which.GOAL: GOAL}
+
+
+class EndsLayer:
+    """Shows start and goal once the place is open."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user drags, and where the user clicks."""
+        self._server, self._post = server, post
+        self._handles: dict[Which, _Handle] = {}
+
+        @server.scene.on_click()
+        def _(event: viser.SceneClickEvent) -> None:
+            post(Point(_vector(event.ray_origin), _vector(event.ray_direction)))
+
+    def show(self, session: Session) -> None:
+        """Put the handles where start and goal are."""
+        if session.place is None:
+            return
+        if not self._handles:
+            robot = session.place.robot
+            self._handles = {which: _Handle(self._server, which, robot, self._post) for which in Which}
+        for which, handle in self._handles.items():
+            handle.shape(session.place.robot)
+            handle.show(session.ends.of(which), session.problems.get(which) is not None)
+
+
+class _Handle:
+    """One end: a gizmo with the robot's body and a label."""
+
+    def __init__(self, server: viser.ViserServer, which: Which, robot: Robot, post: Callable[[Command], None]) -> None:
+        self._which, self._post, self._end = which, post, End()
+        self._robot = robot
+        self._dragged = False
+        name = f"/{which.value}"
+        self._gizmo = server.scene.add_transform_controls(
+            name, scale=GIZMO, line_width=3.0, disable_rotations=True, depth_test=False, opacity=0.9
+        )
+        shape = robot_shape(robot.body.extents)
+        self._body = server.scene.add_mesh_simple(
+            f"{name}/body",
+            shape.vertices,
+            shape.faces,
+            color=_COLORS[which],
+            flat_shading=True,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._label = server.scene.add_label(
+            f"{name}/label", which.value, position=(0, 0, 1.1 * GIZMO), anchor="bottom-center"
+        )
+        self._gizmo.on_update(self._moved)
+
+    def shape(self, robot: Robot) -> None:
+        """Take the shape of another robot's body."""
+        if robot is self._robot:
+            return
+        self._robot = robot
+        shape = robot_shape(robot.body.extents)
+        self._body.vertices, self._body.faces = shape.vertices, shape.faces
+
+    async def _moved(self, event: viser.TransformControlsEvent) -> None:
+        """Runs on the server's event loop, so that moves keep their order."""
+        self._dragged = event.phase != "end"
+        self._post(MoveEnd(self._which, End(_vector(event.target.position), self._end.yaw)))
+
+    def show(self, end: End, blocked: bool) -> None:
+        """Put the handle at `end`; while a user drags it, that user's hand is ahead of the session."""
+        self._end = end
+        at = np.asarray(self._gizmo.position)
+        if not self._dragged and (at.shape != (3,) or not np.allclose(at, end.position, atol=1e-6)):
+            self._gizmo.position = end.position
+        self._body.wxyz = yaw_quaternion(end.yaw)
+        self._body.color = HIT if blocked else _COLORS[self._which]
+        self._label.text = f"{self._which.value}: no room" if blocked else self._which.value
+
+
+def _vector(numbers: Any) -> tuple[float, float, float]:
+    """Three numbers, not a number where the page has sent something else."""
+    values = np.asarray(numbers, dtype=np.float64)
+    x, y, z = values.tolist() if values.shape == (3,) else 3 * [np.nan]
+    return x, y, z

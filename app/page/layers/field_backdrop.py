@@ -1,0 +1,63 @@
+"""The field itself as the backdrop of each tab, rendered from that tab's own camera."""
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from app.page.theme import night
+from app.state.actions import Command, Left, Looked
+from app.state.queries import EyeView
+from app.state.session import Session
+from app.state.view_settings import Backdrop, Eye
+
+
+class EyesLayer:
+    """Tells the session from where each tab looks while that matters, and puts up what comes back."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes where somebody looks from."""
+        self._server, self._post = server, post
+        self._watching = False
+        self._shown: dict[int, EyeView] = {}
+        server.on_client_connect(self._watch)
+        server.on_client_disconnect(self._forget)
+
+    def _watch(self, client: viser.ClientHandle) -> None:
+        @client.camera.on_update
+        async def _(camera: viser.CameraHandle) -> None:
+            if self._watching:
+                self._post(Looked(client.client_id, eye_of(camera)))
+
+    def _forget(self, client: viser.ClientHandle) -> None:
+        self._post(Left(client.client_id))
+
+    def show(self, session: Session) -> None:
+        """Put up the last rendering of each tab, or the common backdrop again."""
+        wanted = session.look.backdrop is Backdrop.RENDER
+        clients = self._server.get_clients()
+        if wanted and not self._watching:
+            for number, client in clients.items():
+                self._post(Looked(number, eye_of(client.camera)))
+        if self._watching and not wanted:
+            for client in clients.values():
+                client.scene.set_background_image(night(), format="png")
+            self._shown.clear()
+        self._watching = wanted
+        if not wanted:
+            return
+        for number, view in session.sights.views.items():
+            client = clients.get(number)
+            if client is not None and self._shown.get(number) is not view:
+                self._shown[number] = view
+                client.scene.set_background_image(view.image, format="jpeg", jpeg_quality=85, depth=view.depth)
+
+
+def eye_of(camera: viser.CameraHandle) -> Eye:
+    """From where a tab looks; not a number where the page has sent something else."""
+    position, wxyz = np.asarray(camera.position, np.float64), np.asarray(camera.wxyz, np.float64)
+    if position.shape != (3,) or wxyz.shape != (4,):
+        position, wxyz = np.full(3, np.nan), np.full(4, np.nan)
+    x, y, z = position.tolist()
+    qw, qx, qy, qz = wxyz.tolist()
+    return Eye((x, y, z), (qw, qx, qy, qz), float(camera.fov), float(camera.aspect))

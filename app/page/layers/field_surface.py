@@ -1,0 +1,80 @@
+"""The field as a surface, and the first view of it.
+
+Imports nothing slow: a surface that was kept is shown while all else is being imported.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import viser
+
+from app.places.surface_glb import Corner, box_of, dressed
+from app.state.view_settings import Backdrop, Look
+
+if TYPE_CHECKING:
+    from app.state.session import Session
+
+
+class SceneLayer:
+    """Shows the field's surface, unlit, as its light is in its colours."""
+
+    def __init__(self, server: viser.ViserServer, surface: bytes | None = None) -> None:
+        """With `surface`, that is there at once, before there is a session."""
+        self.server = server
+        self._shown: tuple[bytes | None, float, float] | None = None
+        self._node: viser.GlbHandle | None = None
+        self._framed: tuple[Corner, Corner] | None = None
+        if surface is not None:
+            self._frame(box_of(surface))
+            self._draw(surface, Look())
+
+    @property
+    def surface(self) -> bytes | None:
+        """What is shown."""
+        return None if self._shown is None else self._shown[0]
+
+    def show(self, session: "Session") -> None:
+        """Add the surface once it is there, and look at the box once it is known."""
+        if session.place is not None:
+            box = session.place.field.box
+            self._frame((box.lower.tolist(), box.upper.tolist()))
+        self._draw(session.surface, session.look)
+
+    def _frame(self, box: tuple[Corner, Corner] | None) -> None:
+        """Look at another box."""
+        if box is not None and box != self._framed:
+            self._framed = box
+            frame(self.server, box)
+
+    def _draw(self, surface: bytes | None, look: Look) -> None:
+        before, self._shown = self._shown, (surface, look.opacity, look.clip)
+        if self._shown != before:
+            self._put(None if surface is None else dressed(surface, look.opacity, look.clip))
+        if self._node is not None:
+            self._node.visible = look.backdrop is Backdrop.SURFACE
+
+    def _put(self, glb: bytes | None) -> None:
+        if glb is None:  # another place is being opened
+            if self._node is not None:
+                self._node.remove()
+            self._node = None
+        elif self._node is None:
+            self._node = self.server.scene.add_glb("/field", glb, cast_shadow=False, receive_shadow=False)
+        else:
+            self._node.glb_data = glb
+
+
+def frame(server: viser.ViserServer, box: tuple[Corner, Corner]) -> None:
+    """Let everyone look at the box between two corners [m] from above one side."""
+    lower, upper = np.array(box)
+    center, size = 0.5 * (lower + upper), upper - lower
+    reach = float(np.linalg.norm(size))
+    eye = center + reach * np.array([-0.31, -0.60, 0.57])
+    # low places leave room above them for plans; tall ones stand in the middle
+    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, min(0.6 * size[2], 0.13 * reach)])
+    server.initial_camera.position = eye
+    server.initial_camera.look_at = target
+    server.initial_camera.fov = float(np.deg2rad(45))
+    for client in server.get_clients().values():
+        client.camera.position, client.camera.look_at = eye, target
+        client.camera.fov = float(np.deg2rad(45))

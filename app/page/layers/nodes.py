@@ -1,0 +1,120 @@
+"""Scene nodes that several layers use: lines through states, bodies, and the arrays that they are made of."""
+
+import numpy as np
+import viser
+import viser.transforms as tf
+
+from app.page.layers.shapes import Shape
+from app.page.theme import Rgb, linear
+from nerfnav.robots.state import Motion, RigidState
+
+_SOMEWHERE = np.zeros((1, 2, 3), dtype=np.float32)
+
+
+def positions(states: RigidState) -> np.ndarray:
+    """Positions of a sequence of states (n, 3) [m]."""
+    return states.position.detach().numpy().astype(np.float32)
+
+
+def quaternions(states: RigidState) -> np.ndarray:
+    """Attitudes of a sequence of states as (w, x, y, z), (n, 4)."""
+    return tf.SO3.from_matrix(states.rotation.detach().double().numpy()).wxyz.astype(np.float32)
+
+
+def yaw_quaternion(yaw: float) -> np.ndarray:
+    """A heading [rad] as (w, x, y, z)."""
+    return tf.SO3.from_z_radians(yaw).wxyz
+
+
+def segments(points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) of a line as its n - 1 segments (n - 1, 2, 3)."""
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+class Line:
+    """A line through points, in one colour; hidden while there are fewer than two points."""
+
+    def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
+        """`thickness` is in metres."""
+        self._fan = Fan(server, name, color, thickness)
+
+    def show(self, points: np.ndarray | None, color: Rgb | None = None) -> None:
+        """Draw the line through `points` (n, 3) [m], or nothing."""
+        self._fan.show(segments(points) if points is not None and len(points) > 1 else None, color)
+
+
+class Fan:
+    """Lines that begin where they like, in one colour."""
+
+    def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
+        """`thickness` is in metres."""
+        self._node = server.scene.add_line_segments(
+            name, _SOMEWHERE, np.array(color, dtype=np.uint8), thickness=thickness, visible=False
+        )
+
+    def show(self, lines: np.ndarray | None, color: Rgb | None = None) -> None:
+        """Draw segments (n, 2, 3) [m], or nothing."""
+        if lines is not None and len(lines):
+            self._node.points = lines.astype(np.float32)
+            if color is not None:
+                self._node.colors = np.array(color, dtype=np.uint8)
+        self._node.visible = lines is not None and len(lines) > 0
+
+
+class Trail:
+    """Earlier lines, the older the fainter."""
+
+    def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
+        """`thickness` is in metres."""
+        self._color = color
+        self._node = server.scene.add_line_segments(
+            name, _SOMEWHERE, np.zeros((1, 2, 3), np.uint8), thickness=thickness, visible=False
+        )
+
+    def show(self, motions: tuple[Motion, ...]) -> None:
+        """Draw the lines of `motions`, oldest first."""
+        if motions:
+            lines = [segments(positions(motion.states)) for motion in motions]
+            shares = [0.15 + 0.45 * (index + 1) / len(lines) for index in range(len(lines))]
+            colors = [
+                np.broadcast_to(linear(share * np.array(self._color)), line.shape)
+                for share, line in zip(shares, lines, strict=True)
+            ]
+            self._node.points = np.concatenate(lines)
+            self._node.colors = np.concatenate(colors)
+        self._node.visible = bool(motions)
+
+
+class Bodies:
+    """Many bodies of one shape, such as those along a plan."""
+
+    def __init__(
+        self, server: viser.ViserServer, name: str, shape: Shape, color: Rgb, opacity: float | None
+    ) -> None:
+        self._node = server.scene.add_batched_meshes_simple(
+            name,
+            shape.vertices,
+            shape.faces,
+            batched_wxyzs=np.array([[1.0, 0, 0, 0]], dtype=np.float32),
+            batched_positions=np.zeros((1, 3), dtype=np.float32),
+            batched_scales=np.ones((1, 3), dtype=np.float32),
+            batched_colors=color,
+            opacity=opacity,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    def shape(self, shape: Shape) -> None:
+        """Draw bodies of another shape from now on."""
+        self._node.vertices = shape.vertices
+        self._node.faces = shape.faces
+
+    def show(self, centers: np.ndarray, wxyzs: np.ndarray, scales: np.ndarray | None = None) -> None:
+        """Draw a body at each of `centers` (n, 3) [m], or none where n is 0; `scales` (n, 3) are along its axes."""
+        if len(centers):
+            self._node.batched_positions = centers
+            self._node.batched_wxyzs = wxyzs
+            self._node.batched_scales = np.ones_like(centers) if scales is None else scales
+        self._node.visible = len(centers) > 0

@@ -1,0 +1,30 @@
+"""Notices that pop up once in every tab."""
+
+import viser
+
+from app.page.theme import HIT, START
+from app.state.session import Session
+
+_SECONDS = 8.0
+
+
+class NoticesLayer:
+    """Pops up what is new; a tab that opens later is not told again."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown = -1
+
+    def show(self, session: Session) -> None:
+        """Pop up the notices since the last time."""
+        for notice in session.notices:
+            if notice.id <= self._shown:
+                continue
+            self._shown = notice.id
+            for client in self._server.get_clients().values():
+                client.add_notification(
+                    notice.title,
+                    notice.body,
+                    color=HIT if notice.bad else START,
+                    auto_close_seconds=None if notice.bad else _SECONDS,
+                )

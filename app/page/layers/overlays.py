@@ -1,0 +1,104 @@
+"""What helps to judge a field: the ground truth over it, the space that is taken, a slice through the density."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import viser
+
+from app.page.theme import HIT, STALE, TRUTH
+from app.state.queries import SliceView, Space, SpaceView
+from app.state.session import Session
+
+if TYPE_CHECKING:
+    from nerfnav.world.scene import Scene  # slow to import
+
+_TRUTH_OPACITY = 0.35
+_COLORS = {Space.OCCUPIED: HIT, Space.UNKNOWN: STALE}
+_NOWHERE = np.zeros((1, 3), np.float32)
+_DOT = 0.3  # edge of a square, as a share of its voxel's: one sees what is behind
+_FLAT = (1.0, 0.0, 0.0, 0.0)
+
+
+class SightsLayer:
+    """Shows what the look asks for, as soon as it is there."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._truth = _Truth(server)
+        self._spaces = {space: _Voxels(server, space) for space in Space}
+        self._slice = _Slice(server)
+
+    def show(self, session: Session) -> None:
+        """Draw and hide."""
+        place, look, sights = session.place, session.look, session.sights
+        self._truth.show(place.scene if place is not None and look.truth else None)
+        wanted = {Space.OCCUPIED: look.occupied, Space.UNKNOWN: look.unknown}
+        for space, voxels in self._spaces.items():
+            voxels.show(sights.spaces.get(space) if wanted[space] else None)
+        self._slice.show(session, sights.slice if look.slice is not None else None)
+
+
+class _Truth:
+    """The ground-truth mesh, see-through."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._node: viser.MeshHandle | None = None
+        self._shown: Scene | None = None
+
+    def show(self, scene: "Scene | None") -> None:
+        if scene is not None and scene is not self._shown:
+            self._shown = scene
+            self._node = self._server.scene.add_mesh_simple(
+                "/truth",
+                np.asarray(scene.mesh.vertices, np.float32),
+                np.asarray(scene.mesh.faces, np.uint32),
+                color=TRUTH,
+                opacity=_TRUTH_OPACITY,
+                flat_shading=True,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+        if self._node is not None:
+            self._node.visible = scene is not None
+
+
+class _Voxels:
+    """A part of space as a cloud of squares."""
+
+    def __init__(self, server: viser.ViserServer, space: Space) -> None:
+        self._node = server.scene.add_point_cloud(
+            f"/space/{space.name.lower()}", _NOWHERE, _COLORS[space], precision="float32", visible=False
+        )
+        self._shown: SpaceView | None = None
+
+    def show(self, view: SpaceView | None) -> None:
+        drawn = view is not None and len(view.centers) > 0
+        if view is not None and drawn and view is not self._shown:
+            self._shown = view
+            self._node.points, self._node.point_size = view.centers.astype(np.float32), _DOT * view.spacing
+        self._node.visible = drawn
+
+
+class _Slice:
+    """The slice as a picture that lies in the scene."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._node = server.scene.add_image(
+            "/slice", np.zeros((2, 2, 4), np.uint8), 1.0, 1.0, format="png", visible=False,
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+        self._shown: SliceView | None = None
+
+    def show(self, session: Session, view: SliceView | None) -> None:
+        if view is not None and session.place is not None and view is not self._shown:
+            self._shown = view
+            box = session.place.field.box
+            width, depth, height = box.size.tolist()
+            # pictures have rows downwards: y falls along them, x grows along columns
+            self._node.image = np.ascontiguousarray(view.image.transpose(1, 0, 2)[::-1])
+            self._node.render_width, self._node.render_height = width, depth
+            x, y, _ = box.center.tolist()
+            self._node.position = (x, y, box.lower[2].item() + view.question.share * height)
+            self._node.wxyz = _FLAT
+        self._node.visible = view is not None

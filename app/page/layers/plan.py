@@ -1,0 +1,66 @@
+"""The plan: its line as it is now, a few earlier iterations, and the body along it."""
+
+import numpy as np
+import viser
+
+from app.page.layers.nodes import Bodies, Line, Trail, positions, quaternions
+from app.page.layers.shapes import robot_shape
+from app.page.theme import PLAN, RIVAL_COLORS, STALE
+from app.state.records import PlanRecord, Rival
+from app.state.session import Session
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion
+
+_THICKNESS = 0.017  # [m]
+
+
+class PlanLayer:
+    """Shows the iterations of a plan as they are computed."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
+        self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
+        self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
+        self._rivals = {name: Line(server, f"/plan/{name}", color, 0.008) for name, color in RIVAL_COLORS.items()}
+        self._compared: tuple[Rival, ...] = ()
+        self._robot: Robot | None = None
+        self._shown: tuple[int, bool, bool] | None = None
+
+    def show(self, session: Session) -> None:
+        """Draw the plan; greyed where the ends have moved since, hidden where a flight shows its own."""
+        self._compare(session.rivals)
+        flying = session.flight is not None and bool(session.flight.steps)
+        plan = None if flying else session.plan
+        stale, busy = session.plan_is_stale, session.job is not None
+        if session.place is None or self._shown == (id(plan), stale, busy):
+            return
+        self._shown = id(plan), stale, busy
+        if self._robot is not session.place.robot:
+            self._robot = session.place.robot
+            self._bodies.shape(robot_shape(self._robot.body.extents))
+        step, replaying = (None, False) if plan is None else (plan.shown, plan.replayed is not None)
+        motion = None if step is None else step.motion
+        with self._server.atomic():
+            self._line.show(None if motion is None else positions(motion.states), STALE if stale else PLAN)
+            self._trail.show(_beside(plan, moving=busy or replaying) if plan is not None and not stale else ())
+            bodies = motion if motion is not None and not (busy or replaying or stale) else None
+            if bodies is None:
+                self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
+            else:
+                self._bodies.show(positions(bodies.states), quaternions(bodies.states))
+
+    def _compare(self, rivals: tuple[Rival, ...]) -> None:
+        """Draw the plans of a comparison."""
+        if rivals is self._compared:
+            return
+        self._compared = rivals
+        motions = {rival.planner: rival.motion for rival in rivals}
+        for name, line in self._rivals.items():
+            motion = motions.get(name)
+            line.show(None if motion is None else positions(motion.states))
+
+
+def _beside(plan: PlanRecord, moving: bool) -> tuple[Motion, ...]:
+    """What is drawn faintly: earlier iterations while the plan moves, then where other first guesses have led."""
+    return plan.shown_trail if moving else plan.others

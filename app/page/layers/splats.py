@@ -1,0 +1,35 @@
+"""The splats that a field was made of, as their own renderers show them."""
+
+import numpy as np
+import viser
+
+from app.state.session import Session
+from app.state.view_settings import Backdrop
+from nerfnav.importers.splats.splats import Splats
+
+
+class SplatsLayer:
+    """Shows the splats of a place, where it has any, in place of the field's surface."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: Splats | None = None
+        self._node: viser.GaussianSplatHandle | None = None
+
+    def show(self, session: Session) -> None:
+        """Send the splats once they are to be seen, for they are many, and hide them when they are not."""
+        splats = session.place.splats if session.place is not None else None
+        wanted = splats is not None and session.look.backdrop is Backdrop.SPLATS
+        if self._node is not None and self._shown is not splats:  # another place was opened
+            self._node.remove()
+            self._node = self._shown = None
+        if splats is not None and wanted and self._node is None:
+            self._shown = splats
+            self._node = self._server.scene.add_gaussian_splats("/splats", *arrays(splats))
+        if self._node is not None:
+            self._node.visible = wanted
+
+
+def arrays(splats: Splats) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (n, 3), covariances (n, 3, 3), colours (n, 3) and opacities (n, 1), as a browser takes them."""
+    return splats.centers, splats.covariances, splats.rgbs, splats.opacities[:, None]

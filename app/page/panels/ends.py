@@ -1,0 +1,122 @@
+"""Start and goal in numbers, and the scene's tasks."""
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from app.page.html import fine, note, warning
+from app.places.ends import End, Which
+from app.state.actions import Aim, ChooseTask, Command, MoveEnd
+from app.state.session import Session
+from app.text import capital, sentence
+from nerfnav.geometry.box import Box
+
+_BY_HAND = "put by hand"
+
+
+class EndsPanel:
+    """The task, and for each end its position and heading."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._post = post
+        self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+            "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
+        )
+        self._task.on_update(self._choose)
+        self._numbers = {which: _EndNumbers(server, which, post) for which in Which}
+        self._aim = server.gui.add_button_group(
+            "Click to place", tuple(which.value for which in Which), hint="Then click into the scene"
+        )
+        self._said = server.gui.add_html(note("Opening…"))
+        self._offers = {which: _Offer(server, which, post) for which in Which}
+        self._aim.on_click(self._take_aim)
+
+    async def _choose(self, event: viser.GuiEvent) -> None:
+        if event.client is not None and self._task.value != _BY_HAND:
+            self._post(ChooseTask(self._task.value))
+
+    async def _take_aim(self, event: viser.GuiEvent) -> None:
+        known = {which.value: which for which in Which}
+        if event.client is not None and event.target.value in known:
+            self._post(Aim(known[event.target.value]))
+
+    def show(self, session: Session) -> None:
+        """Put the session's numbers into the widgets."""
+        place = session.place
+        if place is None:
+            return
+        names = tuple(task.name for task in place.tasks)
+        if self._task.options != (_BY_HAND, *names):
+            self._task.options = (_BY_HAND, *names)
+        self._task.value = session.task or _BY_HAND
+        for which, numbers in self._numbers.items():
+            numbers.show(session.ends.of(which), place.field.box)
+        self._said.content = describe(session)
+        for which, offer in self._offers.items():
+            offer.show(session.offers.get(which))
+
+
+def describe(session: Session) -> str:
+    """What is known of the ends, as HTML."""
+    if session.aiming is not None:
+        return note(f"Click into the scene where the {session.aiming.value} shall be.")
+    problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
+    if problems:
+        return warning(" ".join(map(sentence, problems)))
+    if len(session.problems) < len(Which):
+        return note("Checking whether the robot fits…")
+    start, goal = (np.array(session.ends.of(which).position) for which in Which)
+    return fine(f"The robot fits at both ends, {np.linalg.norm(goal - start):.2f} m apart.")
+
+
+class _Offer:
+    """A button that moves an end to where the robot fits; hidden while it fits."""
+
+    def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
+        self._end: End | None = None
+        self._button = server.gui.add_button(
+            f"Move the {which.value} to the nearest free point", color="gray", icon=viser.Icon.MAGNET, visible=False
+        )
+
+        @self._button.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            if self._end is not None:
+                post(MoveEnd(which, self._end))
+
+    def show(self, end: End | None) -> None:
+        self._end = end
+        self._button.visible = end is not None
+
+
+class _EndNumbers:
+    """Position and heading of one end."""
+
+    def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
+        self._which, self._post = which, post
+        name = capital(which.value)
+        self._position = server.gui.add_vector3(
+            f"{name} [m]", (0.0, 0.0, 0.0), step=0.01, hint=f"x, y, z of the {which.value} in the world"
+        )
+        self._yaw = server.gui.add_number(f"{name} yaw [°]", 0.0, step=1.0, hint="Heading; 0 looks along x")
+        self._position.on_update(self._changed)
+        self._yaw.on_update(self._changed)
+
+    async def _changed(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return  # the session wrote it
+        position = self._position.value if len(self._position.value) == 3 else (np.nan,) * 3
+        x, y, z = (float(value) for value in position)  # a page can send anything
+        self._post(MoveEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value)))))
+
+    def show(self, end: End, box: Box) -> None:
+        self._position.min = _rounded(box.lower.tolist())
+        self._position.max = _rounded(box.upper.tolist())
+        self._position.value = end.position
+        self._yaw.value = round(float(np.rad2deg(end.yaw)), 2)
+
+
+def _rounded(values: list[float]) -> tuple[float, float, float]:
+    x, y, z = values
+    return round(x, 3), round(y, 3), round(z, 3)

@@ -1,0 +1,138 @@
+"""Take the trajectory or a picture of the scene away, and begin again."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.page.html import note
+from app.page.theme import night
+from app.state.actions import Command, Reset, Tell
+from app.state.session import Session
+from app.text import sentence
+from nerfnav.errors import NerfnavError
+from nerfnav.export.formats import FORMATS, Format
+from nerfnav.export.recording import Recording
+from nerfnav.geometry.images import picture_file
+
+SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}
+"""Of screenshots: width and height [pixels]."""
+_RENDER_TIMEOUT_S = 30.0
+
+
+class ExportPanel:
+    """Downloads of the last flight, or of the plan where nothing was flown; screenshots; and the reset button."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._post = post
+        self._session: Session | None = None
+        self._said = server.gui.add_html(note("Nothing to take away yet: plan or fly first."))
+        self._format: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Format", list(FORMATS), visible=False)
+        self._purpose = server.gui.add_html("", visible=False)
+        self._download = server.gui.add_button("Download", icon=viser.Icon.DOWNLOAD, visible=False)
+        self._size: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Picture size", list(SIZES))
+        self._shot = server.gui.add_button("Screenshot", icon=viser.Icon.CAMERA, hint="The scene as you see it now")
+        self._reset = server.gui.add_button("Reset", color="gray", icon=viser.Icon.REFRESH)
+        self._format.on_update(self._explain)
+        self._download.on_click(self._send)
+        self._shot.on_click(self._shoot)
+
+        @self._reset.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(Reset())
+
+    def show(self, session: Session) -> None:
+        """Say what there is to take away."""
+        self._session = session
+        name = subject(session)
+        for handle in (self._format, self._purpose, self._download):
+            handle.visible = name is not None
+        self._said.content = note(f"The {name}, as" if name else "Nothing to take away yet: plan or fly first.")
+        names = tuple(formats_for(name))
+        if self._format.options != names:
+            before = self._format.value
+            self._format.options = names
+            self._format.value = before if before in names else names[0]
+        self._describe()
+
+    async def _explain(self, event: viser.GuiEvent[Any]) -> None:
+        self._describe()
+
+    def _describe(self) -> None:
+        form = FORMATS.get(str(self._format.value))  # a page can send anything
+        if form is not None:
+            self._purpose.content = note(sentence(f"{form.purpose} (.{form.ending})"))
+
+    def _send(self, event: viser.GuiEvent[Any]) -> None:
+        """Send the file to the tab that asked; runs on a thread of the server's pool."""
+        session, name = self._session, str(self._format.value)
+        if event.client is None or session is None or name not in FORMATS:
+            return
+        made = recording_of(session)
+        if made is None:
+            self._post(Tell("Nothing to take away", "Plan or fly first.", bad=True))
+            return
+        try:
+            content = FORMATS[name].make(made).content
+        except NerfnavError as error:
+            self._post(Tell("Not exported", sentence(str(error)), bad=True))
+            return
+        event.client.send_file_download(file_name(session, name), content, save_immediately=True)
+
+    def _shoot(self, event: viser.GuiEvent[Any]) -> None:
+        """Let the tab that asked draw its scene at the chosen size; runs on a thread of the server's pool."""
+        client, size = event.client, SIZES.get(str(self._size.value))
+        if client is None or size is None:
+            return
+        width, height = size
+        try:
+            picture = client.get_render(height, width, transport_format="png", timeout=_RENDER_TIMEOUT_S)
+        except TimeoutError:
+            self._post(Tell("No screenshot", f"The page did not draw it within {_RENDER_TIMEOUT_S:g} s.", bad=True))
+            return
+        name = self._session.place.name if self._session is not None and self._session.place is not None else "nerfnav"
+        client.send_file_download(f"{name}-{width}x{height}.png", png(picture), save_immediately=True)
+
+
+def subject(session: Session) -> str | None:
+    """What would be exported: the flight, else the plan, else nothing."""
+    if session.flight is not None and len(session.flight.steps) > 1:
+        return "flight"
+    return "plan" if session.plan is not None and session.plan.latest is not None else None
+
+
+def formats_for(subject: str | None) -> dict[str, Format]:
+    """The formats of a flight, or of a plan."""
+    return {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
+
+
+def recording_of(session: Session) -> Recording | None:
+    """The flight or the plan, as formats take it."""
+    place = session.place
+    if place is None:
+        return None
+    title = f"{place.name}, {session.task}" if session.task else place.name
+    if session.flight is not None and len(session.flight.steps) > 1:
+        return Recording.of_flight(session.flight.steps, place.robot, title, session.surface)
+    if session.plan is not None and session.plan.latest is not None:
+        return Recording.of_plan(session.plan.latest.motion, place.robot, title)
+    return None
+
+
+def file_name(session: Session, format: str) -> str:
+    """What a download is called."""
+    place = session.place.name if session.place is not None else "nerfnav"
+    ending = FORMATS[format].ending
+    told = "" if format == ending else f"-{format}"
+    return f"{place}-{subject(session)}{told}.{ending}"
+
+
+def png(picture: np.ndarray) -> bytes:
+    """sRGB bytes (h, w, 3), or (h, w, 4) with opacity over the page's backdrop, as a PNG file."""
+    colors = picture[..., :3]
+    if picture.shape[-1] == 4:
+        share = picture[..., 3:] / 255
+        colors = np.round(share * colors + (1 - share) * night(len(picture))[:, :1]).astype(np.uint8)
+    return picture_file(colors)

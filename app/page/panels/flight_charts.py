@@ -1,0 +1,67 @@
+"""Charts over the time of a flight."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from app.page.panels.chart import Chart
+from app.page.theme import BELIEF, HIT, PLAN, TRUTH, Rgb
+from app.state.records import FlightRecord
+from app.state.session import Session
+from nerfnav.navigation.steps import NavigationStep
+from nerfnav.robots.state import POSITION
+
+_SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What a chart tells of a flight."""
+
+    lines: tuple[tuple[Rgb, str], ...]
+    """Colour and name with unit of each line."""
+    of: Callable[[tuple[NavigationStep, ...]], np.ndarray]
+    """The flight's steps to rows: time [s], then each line."""
+
+
+class FlightChart:
+    """Curves of the flight that is shown, as far as it has gone."""
+
+    def __init__(self, server: viser.ViserServer, curves: Curves) -> None:
+        self._chart = Chart(server, "time [s]", curves.lines)
+        self._curves = curves
+        self._shown: FlightRecord | None = None
+
+    def show(self, session: Session) -> None:
+        """Draw the flight, where it is not drawn already."""
+        flight = session.shown_flight
+        if flight is not self._shown:
+            self._shown = flight
+            self._chart.show(self._curves.of(() if flight is None else flight.steps))
+
+
+def error_curves(steps: tuple[NavigationStep, ...]) -> np.ndarray:
+    """Rows: time [s], position error [cm], three standard deviations of the believed position [cm]."""
+    rows = [
+        (
+            step.time,
+            100 * (step.truth.position - step.belief.mean.position).norm().item(),
+            100 * _SIGMAS * step.belief.covariance.diagonal()[POSITION].sum().clamp_min(0).sqrt().item(),
+        )
+        for step in steps
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3).T
+
+
+def time_curves(steps: tuple[NavigationStep, ...]) -> np.ndarray:
+    """Rows: time [s], the filter's and the planner's time [ms], the time that a step may take [ms]."""
+    rows = [(step.time, step.filter_ms, step.replan_ms, 1e3 * step.plan.dt) for step in steps]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4).T
+
+
+ERRORS = Curves(((TRUTH, "position error [cm]"), (BELIEF, "three standard deviations [cm]")), error_curves)
+"""How wrong the estimate is, and how wrong it says it may be."""
+TIMES = Curves(((BELIEF, "filter [ms]"), (PLAN, "replanning [ms]"), (HIT, "time of a step [ms]")), time_curves)
+"""What each time step took, and what it may take."""

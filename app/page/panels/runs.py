@@ -1,0 +1,153 @@
+"""The shelf: flights that were flown here, to open, compare, rename and delete."""
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from app.page.html import columns, legend, note, number, table
+from app.page.theme import OTHER_PLAN, OTHER_TRUTH
+from app.state.actions import Command
+from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
+from app.state.session import Session
+from app.storage.run_metadata import Entry
+
+_NONE = "(no flights yet)"
+
+
+class RunsPanel:
+    """A list, what is known of the chosen flight, and what can be done with it."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._post = post
+        self._session: Session | None = None
+        self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+            "Flight", [_NONE], hint="Every flight is kept, step by step as it is flown"
+        )
+        self._about = server.gui.add_html(note("Flights are kept here: fly one."))
+        self._actions = server.gui.add_button_group("Show", ("Open", "Compare"), visible=False)
+        self._name = server.gui.add_text("New name", "", visible=False)
+        self._change = server.gui.add_button_group("Change", ("Rename", "Delete"), visible=False)
+        self._comparison = server.gui.add_html("", visible=False)
+        self._alone = server.gui.add_button("End comparison", color="gray", icon=viser.Icon.X, visible=False)
+        self._list.on_update(self._choose)
+        self._actions.on_click(self._act)
+        self._change.on_click(self._alter)
+
+        @self._alone.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(CompareRun(None))
+
+    @property
+    def _chosen(self) -> Entry | None:
+        """The flight that is chosen; a page can send any name."""
+        return None if self._session is None else self._session.runs.entry(str(self._list.value))
+
+    async def _choose(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None and self._session is not None:
+            self._post(ListRuns())
+            self.show(self._session)
+
+    async def _act(self, event: viser.GuiEvent[Any]) -> None:
+        entry, word = self._chosen, event.target.value
+        if entry is not None and word in ("Open", "Compare"):
+            self._post(OpenRun(entry.name) if word == "Open" else CompareRun(entry.name))
+
+    async def _alter(self, event: viser.GuiEvent[Any]) -> None:
+        entry, word = self._chosen, event.target.value
+        if entry is None or event.client is None:
+            return
+        if word == "Rename":
+            self._post(RenameRun(entry.name, str(self._name.value).strip()))
+        elif word == "Delete":
+            ask_to_delete(event.client, entry.name, self._post)
+
+    def show(self, session: Session) -> None:
+        """Show what is on the shelf."""
+        self._session = session
+        runs = session.runs
+        names = tuple(entry.name for entry in runs.entries) or (_NONE,)
+        before = str(self._list.value)
+        if self._list.options != names:
+            self._list.options = names
+            self._list.value = before if before in names else names[0]
+        entry = self._chosen
+        self._about.content = describe(entry) if entry is not None else note("Flights are kept here: fly one.")
+        busy = session.in_flight
+        for handle in (self._actions, self._change, self._name):
+            handle.visible = entry is not None and not busy
+        self._compare(session)
+
+    def _compare(self, session: Session) -> None:
+        compared = session.runs.compared
+        self._comparison.visible = self._alone.visible = compared is not None
+        if compared is not None:
+            first = session.runs.opened
+            shown = first is not None and first.record is session.flight
+            numbers = session.flight.summary if session.flight is not None else {}
+            self._comparison.content = comparison(
+                first.entry.name if first is not None and shown else "this flight",
+                numbers,
+                compared.entry.name,
+                compared.entry.about.metrics,
+            )
+
+
+def ask_to_delete(client: viser.ClientHandle, name: str, post: Callable[[Command], None]) -> None:
+    """Ask the one who wants it whether a flight is to be deleted for good."""
+    modal = client.gui.add_modal("Delete this flight?")
+    with modal:
+        client.gui.add_html(note(f"{name} and its pictures are deleted for good."))
+        really = client.gui.add_button("Delete for good", color="red", icon=viser.Icon.TRASH)
+        keep = client.gui.add_button("Keep it", color="gray")
+
+    @really.on_click
+    async def _(_: viser.GuiEvent) -> None:
+        post(DeleteRun(name))
+        modal.close()
+
+    @keep.on_click
+    async def _(_: viser.GuiEvent) -> None:
+        modal.close()
+
+
+def describe(entry: Entry) -> str:
+    """What is known of a flight, as HTML."""
+    about = entry.about
+    rows = [
+        ("Place", about.place),
+        ("Task", about.task or "ends put down by hand"),
+        ("Robot", about.robot),
+        ("Planner, estimator", f"{about.planner}, {'none (open loop)' if about.open_loop else about.estimator}"),
+        ("Seed", str(about.seed)),
+        ("Took off (UTC)", about.date[:19].replace("T", " ")),
+        ("Outcome", entry.outcome),
+        ("Time steps", f"{entry.steps}, each {about.dt:g} s"),
+    ]
+    return table([*rows, *numbers_of(about.metrics)])
+
+
+def numbers_of(metrics: dict[str, Any]) -> list[tuple[str, str]]:
+    """What people compare of a flight's metrics, with units; what is not known is left out."""
+    estimation, timing = metrics.get("estimation") or {}, metrics.get("timing_ms") or {}
+    known = (
+        ("Missed the goal by", metrics.get("final_position_error_m"), 100, "cm"),
+        ("Steps that touched the mesh", metrics.get("mesh_collision_steps"), 1, ""),
+        ("Position RMSE", estimation.get("position_rmse_m"), 100, "cm"),
+        ("Attitude RMSE", estimation.get("rotation_rmse_rad"), 57.2958, "°"),
+        ("NEES (12 is honest)", estimation.get("nees_mean"), 1, ""),
+        ("Filter, median", timing.get("filter_p50"), 1, "ms"),
+        ("Replanning, median", timing.get("replan_p50"), 1, "ms"),
+    )
+    return [(name, number(scale * value, unit)) for name, value, scale, unit in known if value is not None]
+
+
+def comparison(first: str, metrics: dict[str, Any], second: str, others: dict[str, Any]) -> str:
+    """The numbers of two flights side by side, as HTML."""
+    left, right = dict(numbers_of(metrics)), dict(numbers_of(others))
+    names = [name for name, _ in numbers_of(metrics | others)]
+    rows = [(name, left.get(name, "–"), right.get(name, "–")) for name in names]
+    entries = ((OTHER_TRUTH, "path of the second"), (OTHER_PLAN, "plan of the second"))
+    titles = note(f"First: {first}. Second: {second}.")
+    return titles + legend(entries) + columns(("", "first", "second"), rows)

@@ -1,0 +1,46 @@
+"""Changes of the session that several messages bring about."""
+
+from dataclasses import replace
+from typing import TypeVar
+
+from app.places.ends import End, Ends, Which
+from app.places.place import Place
+from app.places.sources import without_paths
+from app.state.records import FlightRecord
+from app.state.session import Notice, Session
+
+Value = TypeVar("Value")
+_NOTICES_KEPT = 5
+
+
+def noticed(session: Session, title: str, body: str, bad: bool = False) -> Session:
+    """The session with one more notice."""
+    number = session.notices[-1].id + 1 if session.notices else 0
+    notice = Notice(number, title, without_paths(body), bad, session.jobs_begun)
+    return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])
+
+
+def moved(session: Session, place: Place, which: Which, end: End) -> Session:
+    """The session with one end somewhere else, kept inside the box; or with a notice where that is nowhere."""
+    if not end.is_finite:
+        return noticed(session, "Not a number", f"The {which.value} needs finite numbers.", bad=True)
+    end = end.kept_inside(place.field.box, margin=place.robot.body.radius)
+    if end == session.ends.of(which):
+        return session
+    ends = session.ends.moved(which, end)
+    return replace(
+        session, ends=ends, task=None, problems=_without(session.problems, which),
+        offers=_without(session.offers, which), flight=_followed(session, ends),
+    )  # fmt: skip
+
+
+def _followed(session: Session, ends: Ends) -> FlightRecord | None:
+    """The flight after an end was moved: while it is under way, it goes where the goal is now."""
+    flight = session.flight
+    if flight is None or not session.in_flight:
+        return flight
+    return replace(flight, ends=Ends(flight.ends.start, ends.goal))
+
+
+def _without(known: dict[Which, Value], which: Which) -> dict[Which, Value]:
+    return {key: value for key, value in known.items() if key is not which}

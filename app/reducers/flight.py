@@ -1,0 +1,37 @@
+"""What a person may do to a flight that is under way."""
+
+from dataclasses import replace
+
+from app.state import actions as m
+from app.state.session import Job, Session
+
+Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.CarryAway | m.FindRobot
+
+
+def may_find(session: Session) -> bool:
+    """Whether the robot can be looked for: there is a picture, and nothing but a flight in the way."""
+    return session.last_picture is not None and (session.job is None or session.in_flight)
+
+
+def steered(session: Session, command: Steering) -> Session:
+    """The session after such a command; unchanged where nothing flies."""
+    job = session.job
+    if job is None or not session.in_flight:
+        return session
+    return replace(session, job=_asked(job, command, session.steps_reported))
+
+
+def _asked(job: Job, command: Steering, steps: int) -> Job:
+    match command:
+        case m.Pause():
+            return replace(job, paused=True, steps_granted=steps)
+        case m.Resume():
+            return replace(job, paused=False)
+        case m.StepOnce():
+            return replace(job, paused=True, steps_granted=steps + 1)
+        case m.Gust():
+            return replace(job, gusts=job.gusts + 1)
+        case m.CarryAway():
+            return replace(job, kidnaps=job.kidnaps + 1)
+        case m.FindRobot():
+            return replace(job, searches=job.searches + 1)

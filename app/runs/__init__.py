@@ -1,1 +1,0 @@
-"""The shelf of flights: written step by step as they are flown, listed, opened, compared, renamed, deleted."""

@@ -1,0 +1,229 @@
+"""What the session reacts to: commands of the user, reports of jobs, answers to its questions, the time."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from app.choice import Choice
+from app.jobs.events import JobEvent
+from app.places.ends import End, Which
+from app.places.place import Place
+from app.state.experiments import TrialsCommand
+from app.state.queries import Answer, Vector
+from app.state.records import Rival
+from app.state.run_actions import RunCommand
+from app.state.view_settings import Eye
+
+
+@dataclass(frozen=True)
+class MoveEnd:
+    """Put the start or the goal somewhere else."""
+
+    which: Which
+    end: End
+
+
+@dataclass(frozen=True)
+class ChooseTask:
+    """Take start and goal of a task of the scene."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class OpenPlace:
+    """Open another scene or field."""
+
+    what: str
+    """Name of a bundled scene, or path of a field file."""
+
+
+@dataclass(frozen=True)
+class Choose:
+    """Take another robot, planner or estimator."""
+
+    choice: Choice
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Let the next click into the scene put an end there; None: let clicks be clicks."""
+
+    which: Which | None
+
+
+@dataclass(frozen=True)
+class Point:
+    """A click into the scene."""
+
+    origin: Vector
+    """Where the ray of the click begins [m]."""
+    direction: Vector
+    """Where it goes, of any length."""
+
+
+class Settings(Enum):
+    """Records whose numbers a person may change."""
+
+    LOOK = "look"
+    PLANNING = "planning"
+    WEIGHTS = "weights"
+    FLYING = "flying"
+
+
+@dataclass(frozen=True)
+class Adjust:
+    """Change one number of the settings; the others may be changed elsewhere at the same time."""
+
+    settings: Settings
+    name: str
+    """Name of the record's field."""
+    value: Any
+
+
+@dataclass(frozen=True)
+class Looked:
+    """Somebody looks from somewhere else."""
+
+    client: int
+    """Which tab."""
+    eye: Eye
+
+
+@dataclass(frozen=True)
+class Left:
+    """A tab was closed."""
+
+    client: int
+
+
+@dataclass(frozen=True)
+class StartComparison:
+    """Let every planner find its way between the ends."""
+
+
+@dataclass(frozen=True)
+class Gust:
+    """Push the flying robot, once."""
+
+
+@dataclass(frozen=True)
+class CarryAway:
+    """Put the flying robot down somewhere else, once."""
+
+
+@dataclass(frozen=True)
+class FindRobot:
+    """Look for the robot everywhere, by its last picture alone; a flight goes on from where it is found."""
+
+
+@dataclass(frozen=True)
+class StartPlan:
+    """Optimise a trajectory between the ends."""
+
+
+@dataclass(frozen=True)
+class StartFlight:
+    """Fly from start to goal with the camera alone, replanning at every step."""
+
+
+@dataclass(frozen=True)
+class Cancel:
+    """Stop the running job and keep what it has shown."""
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Hold the running job after the time step in progress."""
+
+
+@dataclass(frozen=True)
+class Resume:
+    """Let a held job go on."""
+
+
+@dataclass(frozen=True)
+class StepOnce:
+    """Let a held job take one time step."""
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Stop, forget plan and flight, and put the ends back where the task has them."""
+
+
+@dataclass(frozen=True)
+class Tell:
+    """Notify the user."""
+
+    title: str
+    body: str
+    bad: bool = False
+
+
+Command = (
+    MoveEnd
+    | ChooseTask
+    | OpenPlace
+    | Choose
+    | Aim
+    | Point
+    | Adjust
+    | Looked
+    | Left
+    | StartComparison
+    | Gust
+    | CarryAway
+    | FindRobot
+    | StartPlan
+    | StartFlight
+    | Cancel
+    | Pause
+    | Resume
+    | StepOnce
+    | Reset
+    | RunCommand
+    | TrialsCommand
+    | Tell
+)
+
+
+@dataclass(frozen=True)
+class PlaceOpened:
+    """The field is loaded: the ends can be moved and plans be made."""
+
+    place: Place
+
+
+@dataclass(frozen=True)
+class SurfaceShaped:
+    """The field can be seen."""
+
+    glb: bytes
+    """Binary glTF, unlit, world axes."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One planner of a comparison has ended."""
+
+    rival: Rival
+
+
+@dataclass(frozen=True)
+class Reported:
+    """A job has yielded something."""
+
+    job: int
+    """Which job, `Job.id`."""
+    event: JobEvent | PlaceOpened | SurfaceShaped | Compared
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Some time has passed."""
+
+    seconds: float
+
+
+Message = Command | Reported | Answer | Tick

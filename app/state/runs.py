@@ -1,0 +1,85 @@
+"""The session's part that concerns stored flights, and the time at which the shown one is looked at."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+from app.state.records import FlightRecord
+from app.state.run_queries import Errand, RunsQuestion, StoredFlight
+from app.storage.run_metadata import Entry
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Which time step of a flight is shown."""
+
+    flight: FlightRecord | None = None
+    """The flight that it belongs to; for any other it says nothing."""
+    part: FlightRecord | None = None
+    """The flight up to the time that is shown."""
+    elapsed_s: float = 0.0
+    """Where it is while it runs [s]."""
+    playing: bool = False
+
+    @property
+    def at(self) -> int:
+        """The time step that is shown."""
+        return len(self.part.steps) - 1 if self.part is not None else 0
+
+    def moved(self, flight: FlightRecord, at: float) -> "Timeline":
+        """At the time step nearest to `at`, held."""
+        step = min(max(round(at), 0), len(flight.steps) - 1) if math.isfinite(at) else 0
+        return Timeline(flight, _cut(flight, step), step * flight.steps[0].plan.dt)
+
+    def started(self, flight: FlightRecord) -> "Timeline":
+        """Running; from the start where it was at the end, or showed another flight."""
+        here = self if self.flight is flight and self.at < len(flight.steps) - 1 else self.moved(flight, 0)
+        return replace(here, playing=True)
+
+    def rolled(self, seconds: float) -> "Timeline":
+        """After some time."""
+        if not self.playing or self.flight is None:
+            return self
+        steps, elapsed = self.flight.steps, self.elapsed_s + seconds
+        at = min(int(elapsed / steps[0].plan.dt + 1e-6), len(steps) - 1)
+        part = self.part if at == self.at else _cut(self.flight, at)
+        return replace(self, elapsed_s=elapsed, part=part, playing=at < len(steps) - 1)
+
+
+def _cut(flight: FlightRecord, at: int) -> FlightRecord:
+    return replace(flight, steps=flight.steps[: at + 1], plan=flight.steps[at].plan, guess=None, doing="")
+
+
+@dataclass(frozen=True)
+class Runs:
+    """What is on the shelf, and what of it is shown."""
+
+    entries: tuple[Entry, ...] = ()
+    """The newest first."""
+    listed: tuple[int, ...] | None = None
+    """As of when."""
+    wanted: tuple[RunsQuestion, ...] = ()
+    """Errands that are not done yet."""
+    asked: int = 0
+    """How many errands there were."""
+    opened: StoredFlight | None = None
+    """The flight that was opened last; it is shown while the session's flight is its record."""
+    compared: StoredFlight | None = None
+    """A second flight, shown beside the first."""
+    timeline: Timeline = field(default_factory=Timeline)
+
+    def wanting(self, errand: Errand, name: str = "", to: str = "") -> "Runs":
+        """With one more errand."""
+        question = RunsQuestion((self.asked,), errand, name, to)
+        return replace(self, wanted=(*self.wanted, question), asked=self.asked + 1)
+
+    def elsewhere(self) -> "Runs":
+        """In another place."""
+        return replace(self, opened=None, compared=None, timeline=Timeline())
+
+    def entry(self, name: str) -> Entry | None:
+        """The flight of that name, if there is one."""
+        return next((entry for entry in self.entries if entry.name == name), None)
+
+    def shown(self, flight: FlightRecord | None) -> FlightRecord | None:
+        """As much of a flight as the timeline shows."""
+        return self.timeline.part if flight is not None and self.timeline.flight is flight else flight

@@ -1,0 +1,222 @@
+"""The app's whole state as one frozen value.
+
+The session says what is wanted of the worker (`job`, and `app.state.pending_queries`) and all that the page shows.
+No other place holds state: a reloaded page and a second tab show the same, and the logic is tested without a browser.
+`app.reducers.root` moves it from one message to the next.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from torch import Tensor
+
+from app.choice import Choice
+from app.places.ends import End, Ends, Which
+from app.places.place import Place
+from app.state.experiments import Trials
+from app.state.flight_settings import FlightSettings
+from app.state.plan_settings import PlanningSettings
+from app.state.queries import PointQuestion, Profile, View
+from app.state.records import FlightRecord, PlanRecord, Rival, SearchRecord
+from app.state.renderings import Sights
+from app.state.runs import Runs
+from app.state.view_settings import Look
+from nerfnav.planner.steps import PlanOutcome
+
+_FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
+
+
+class JobKind(Enum):
+    """What the worker can be asked for; the value is a verb for the user."""
+
+    OPEN = "open"
+    PLAN = "plan"
+    FLY = "fly"
+    COMPARE = "compare"
+    EXPERIMENT = "do the experiment"
+    FIND = "find the robot"
+
+
+@dataclass(frozen=True)
+class Job:
+    """Work that is wanted of the worker, until the session wants other work or none."""
+
+    id: int
+    """Unique in a session: tells late reports of a cancelled job from those of the next."""
+    kind: JobKind
+    """What to do."""
+    ends: Ends = field(default_factory=Ends)
+    """Between which start and goal."""
+    first_plan: PlanRecord | None = None
+    """For a flight: a finished plan between these ends, to begin with."""
+    label: str = ""
+    """What is being done, for the user."""
+    fraction: float | None = None
+    """0 to 1; None while unknown."""
+    paused: bool = False
+    """Whether to hold once the flight has reported `steps_granted` time steps."""
+    steps_granted: int = 0
+    """How far a paused flight may go; it holds at once where it has gone that far."""
+    pace: float = 0.0
+    """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
+    gusts: int = 0
+    """How many gusts a flight was asked to endure so far."""
+    kidnaps: int = 0
+    """How many times its robot was to be carried away."""
+    searches: int = 0
+    """How many times it was asked to look for the robot everywhere."""
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something that the user should know now."""
+
+    id: int
+    """Rises by one from notice to notice."""
+    title: str
+    body: str
+    bad: bool = False
+    """Whether something failed."""
+    jobs_begun: int = 0
+    """How many jobs had begun by then: the next one makes it old news."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """Everything the app knows."""
+
+    what: str
+    """Scene name or field file that is opened."""
+    choice: Choice = field(default_factory=Choice)
+    """Which robot, planner and estimator."""
+    planning: PlanningSettings = field(default_factory=PlanningSettings)
+    """How plans are made."""
+    flying: FlightSettings = field(default_factory=FlightSettings)
+    """How flights are flown."""
+    place: Place | None = None
+    """None while it is being opened."""
+    surface: bytes | None = None
+    """The field's surface as binary glTF; None while it is being shaped."""
+    task: str | None = None
+    """The task whose ends these are; None when they were moved by hand."""
+    home: str | None = None
+    """The task that was chosen last, to which a reset returns."""
+    ends: Ends = field(default_factory=Ends)
+    """Start and goal."""
+    problems: dict[Which, str | None] = field(default_factory=dict)
+    """What keeps the robot from an end, None where nothing does; absent while it is being looked at."""
+    offers: dict[Which, End] = field(default_factory=dict)
+    """Where the robot would fit near an end at which it does not."""
+    aiming: Which | None = None
+    """Which end the next click into the scene puts down."""
+    clicked: PointQuestion | None = None
+    """A click whose landing is being looked for."""
+    look: Look = field(default_factory=Look)
+    """What the page draws of the place."""
+    sights: Sights = field(default_factory=Sights)
+    """What was computed for that."""
+    job: Job | None = None
+    """What the worker is to do."""
+    jobs_begun: int = 0
+    """How many jobs there were."""
+    plan: PlanRecord | None = None
+    """The last plan."""
+    rivals: tuple[Rival, ...] = ()
+    """What the planners of the last comparison have found, as far as it has come."""
+    profile: Profile | None = None
+    """How near the last plan comes to what is dense."""
+    flight: FlightRecord | None = None
+    """The last flight."""
+    search: SearchRecord | None = None
+    """What the last search for the robot has found, as far as it has come."""
+    view: View | None = None
+    """The field's rendering of the last view that was asked for."""
+    runs: Runs = field(default_factory=Runs)
+    """Stored flights, and the timeline."""
+    trials: Trials = field(default_factory=Trials)
+    """Experiments and their results."""
+    notices: tuple[Notice, ...] = ()
+    """The last few, newest last."""
+    before: "Session | None" = None
+    """Where to go back to if the place cannot be opened; None for the first place."""
+
+    @classmethod
+    def opening(cls, what: str, choice: Choice | None = None, surface: bytes | None = None) -> "Session":
+        """The session at the start: `what` is to be opened; its `surface` may be known from an earlier time."""
+        job = Job(0, JobKind.OPEN, label="Opening the field")
+        return cls(what, choice or Choice(), job=job, jobs_begun=1, surface=surface)
+
+    @property
+    def fresh_plan(self) -> PlanRecord | None:
+        """The plan, if it is finished and joins the ends as they are now."""
+        plan = self.plan
+        return plan if plan is not None and plan.outcome in _FLYABLE and plan.ends == self.ends else None
+
+    @property
+    def trouble(self) -> Notice | None:
+        """What failed last, until the next job begins."""
+        last = self.notices[-1] if self.notices else None
+        return last if last is not None and last.bad and last.jobs_begun == self.jobs_begun else None
+
+    @property
+    def plan_is_stale(self) -> bool:
+        """Whether start or goal have moved since the plan was asked for."""
+        return self.plan is not None and self.plan.ends != self.ends
+
+    @property
+    def replaying(self) -> bool:
+        """Whether a plan is being shown again, at a pace that a person can follow."""
+        return self.plan is not None and self.plan.replayed is not None
+
+    @property
+    def may_begin(self) -> bool:
+        """Whether a job may begin: the place is there, and nothing runs but what only makes later jobs quicker."""
+        waits = self.job is None or (self.job.kind is JobKind.OPEN and self.surface is not None)
+        return self.place is not None and waits
+
+    @property
+    def in_flight(self) -> bool:
+        """Whether a flight is under way, be it held."""
+        return self.job is not None and self.job.kind is JobKind.FLY
+
+    @property
+    def moves(self) -> bool:
+        """Whether something changes with time alone."""
+        return self.replaying or self.runs.timeline.playing
+
+    @property
+    def flight_is_stale(self) -> bool:
+        """Whether start or goal have moved since the flight began."""
+        return self.flight is not None and self.flight.ends != self.ends
+
+    @property
+    def shown_flight(self) -> FlightRecord | None:
+        """The flight, as much of it as the timeline shows."""
+        return self.runs.shown(self.flight)
+
+    @property
+    def last_picture(self) -> Tensor | None:
+        """What the robot's camera saw last in the flight, as much of it as the timeline shows; None without a picture.
+        """
+        flight = self.shown_flight
+        seen = (step.image for step in reversed(flight.steps) if step.image is not None) if flight is not None else ()
+        return next(iter(seen), None)
+
+    @property
+    def steps_reported(self) -> int:
+        """Time steps of the flight so far, the start included."""
+        return len(self.flight.steps) if self.flight is not None else 0
+
+
+def opening_ends(place: Place, task: str | None) -> Ends | None:
+    """The ends of a task of the place; without a task, two ends beside the middle of the box; None if unknown."""
+    if task is None:
+        x, y, z = place.field.box.center.tolist()
+        reach = 0.35 * float(place.field.box.size[0])
+        return Ends(
+            End((round(x - reach, 3), round(y, 3), round(z, 3))), End((round(x + reach, 3), round(y, 3), round(z, 3)))
+        )
+    for known in place.tasks:
+        if known.name == task:
+            return Ends.of_task(known)
+    return None

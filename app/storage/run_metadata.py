@@ -1,0 +1,81 @@
+"""What is known of a flight besides its steps: run.json in its folder, written at take-off and again at the end."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from app.places.ends import End, Ends
+from app.storage.output_files import json_line, write_text
+from nerfnav.errors import InvalidInputError
+
+FILE = "run.json"
+FORMAT, VERSION = "nerfnav run", 1
+_INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class About:
+    """Where, what and how was flown, and how it ended."""
+
+    place: str
+    """Name of the place."""
+    source: str
+    """What was opened: scene name or field file."""
+    robot: str
+    planner: str
+    estimator: str
+    seed: int
+    dt: float
+    """Length of a time step [s]."""
+    ends: Ends
+    """Start and goal."""
+    task: str | None = None
+    """The scene's task; None where the ends were chosen freely."""
+    open_loop: bool = False
+    date: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+    """When it took off, UTC."""
+    outcome: str | None = None
+    """How it ended; None while it flies, and for ever where the program was killed."""
+    metrics: dict[str, Any] = field(default_factory=dict)
+    """The numbers of the flight, as `nerfnav fly --json` prints them."""
+
+    def save(self, folder: Path) -> Path:
+        """Write run.json."""
+        return write_text(folder / FILE, json_line({"format": FORMAT, "version": VERSION, **asdict(self)}) + "\n")
+
+    @classmethod
+    def load(cls, folder: Path) -> "About":
+        """Read run.json. Raises InvalidInputError where it is missing or holds something else."""
+        try:
+            content = json.loads((folder / FILE).read_text())
+            if (content.pop("format"), content.pop("version")) != (FORMAT, VERSION):
+                raise ValueError("it is of another format")
+            ends = Ends(_end(content["ends"]["start"]), _end(content["ends"]["goal"]))
+            return cls(**content | {"ends": ends})
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InvalidInputError(f"{folder.name} holds no readable {FORMAT} of version {VERSION}") from error
+
+
+def _end(content: dict[str, Any]) -> End:
+    x, y, z = map(float, content["position"])
+    return End((x, y, z), float(content["yaw"]))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A flight on the shelf."""
+
+    name: str
+    """Of its folder."""
+    about: About
+    steps: int
+    """Time steps flown, the start not counted."""
+    flying: bool = False
+    """Whether somebody is writing it now."""
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, in one word."""
+        return "flying" if self.flying else self.about.outcome or _INTERRUPTED

@@ -1,0 +1,61 @@
+"""Between the session and a flight that is under way: where it shall go now, and what it has yet to endure."""
+
+from dataclasses import replace
+
+import torch
+
+from app.places.ends import Ends, Which
+from app.places.place import Place, planning_place
+from app.state.flight_settings import GUST
+from app.state.session import Job, Session
+from nerfnav.field.unknown import Unknown
+from nerfnav.geometry.camera import Pose
+from nerfnav.navigation.carrying import carried_away
+from nerfnav.navigation.orders import Orders
+from nerfnav.planner.ends import fits
+from nerfnav.robots.state import RigidState
+
+_ROOM = 0.03
+"""Around a robot that is put down somewhere else [m]."""
+
+
+class Helm:
+    """Follows the session on behalf of one flight. Used by the worker's thread alone."""
+
+    def __init__(self, job: Job, place: Place) -> None:
+        self._job, self._place, self._ends = job.id, place, job.ends
+        self._asked = self._felt = job
+        self._truth = job.ends.start.state()
+        self._generator = torch.Generator().manual_seed(job.id)
+
+    def follow(self, session: Session) -> None:
+        """Take what the session wants of the flight; a goal counts once the robot is known to fit there."""
+        job = session.job
+        if job is None or job.id != self._job:
+            return
+        self._asked = job
+        if session.flight is not None and session.flight.steps:
+            self._truth = session.flight.steps[-1].truth
+        if session.problems.get(Which.GOAL, "not known yet") is None:
+            self._ends = Ends(self._ends.start, session.ends.goal)
+
+    def orders(self) -> Orders:
+        """What is asked of the next time step; a gust blows once for each time it was asked for."""
+        asked, felt = self._asked, self._felt
+        blows = felt.gusts < asked.gusts
+        self._felt = replace(asked, gusts=felt.gusts + blows)
+        return Orders(
+            goal=self._ends.goal.state(),
+            gust=GUST if blows else None,
+            carried=self._elsewhere() if asked.kidnaps > felt.kidnaps else None,
+            search=asked.searches > felt.searches,
+        )
+
+    def _elsewhere(self) -> Pose | None:
+        seen = planning_place(self._place, Unknown.OCCUPIED)  # as plans see it
+        body = seen.robot.body_with_room(_ROOM)
+
+        def fits_there(state: RigidState) -> bool:
+            return fits(seen.field, body, seen.robot.settled(state, self._truth))
+
+        return carried_away(self._truth, seen.field.box, fits_there, self._generator)

@@ -1,0 +1,51 @@
+"""`nerfnav serve` as a process: it tells its address, answers there, and ends with Ctrl-C or when it is terminated."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+PATIENCE_S = 60.0
+
+
+def answer(url: str) -> int:
+    """The status with which a server answers, as soon as it does."""
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            with urllib.request.urlopen(url, timeout=5) as response:
+                return response.status
+        except OSError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.2)
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_it_tells_its_address_answers_there_and_ends_when_it_is_asked_to(
+    field_file: Path, ending: signal.Signals
+) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    # whoever runs the tests in the background has interrupts ignored, and children inherit that
+    heeds = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    command = [sys.executable, "-c", f"{heeds}; from app.cli.main import main; sys.exit(main())"]
+    command += ["serve", str(field_file), "--port", str(port), "--json"]
+    root = Path(__file__).parents[3]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=root) as process:
+        assert process.stdout is not None
+        told = json.loads(process.stdout.readline())
+        assert told == {"url": f"http://127.0.0.1:{port}/", "place": str(field_file)}
+        assert answer(told["url"]) == 200
+        process.send_signal(ending)
+        rest, complaint = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, complaint
+    assert rest == "", "the address is the last line of stdout"
+    assert "Traceback" not in complaint

@@ -1,0 +1,94 @@
+"""What a terminal shows of a job, and what Ctrl-C does to it."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from app.cli.terminal import follow, show
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+
+
+def counting(total: int, interrupt_at: int | None = None) -> JobEvents:
+    """A job of `total` steps that the user interrupts at one of them; says how far it came."""
+    yield JobStarted("count")
+    done = 0
+    for index in range(total):
+        if index == interrupt_at:
+            signal.raise_signal(signal.SIGINT)
+        done += 1
+        if (yield Progress("counting", done / total)):
+            break
+    yield JobFinished("count", {"done": done})
+
+
+def test_a_job_is_followed_to_its_end() -> None:
+    assert follow(counting(3)).summary == {"done": 3}
+
+
+def test_an_interrupt_asks_a_job_that_can_stop_early_to_do_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert follow(counting(9, interrupt_at=2), can_stop_early=True).summary == {"done": 3}
+    assert "keeping what was done so far" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_interrupt_ends_a_job_that_cannot_stop_early() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        follow(counting(9, interrupt_at=2))
+
+
+def test_a_second_interrupt_ends_every_job() -> None:
+    def stubborn() -> JobEvents:
+        yield JobStarted("stubborn")
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        yield JobFinished("stubborn")
+
+    with pytest.raises(KeyboardInterrupt):
+        follow(stubborn(), can_stop_early=True)
+
+
+def test_what_is_no_number_becomes_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    show("x", {"a": float("nan"), "b": [1.5, float("inf")], "c": {"d": None, "e": True}}, as_json=True)
+    assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.5, None], "c": {"d": None, "e": True}}
+
+
+def test_words_have_units(capsys: pytest.CaptureFixture[str]) -> None:
+    show("x", {"timing_ms": {"p50": 1.0}, "wall_s": 2.5, "outcome": "reached", "count": 1, "good": True}, as_json=False)
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert ["wall", "2.5", "s"] in lines
+    assert ["outcome", "reached"] in lines
+    assert ["count", "1"] in lines
+    assert ["good", "yes"] in lines
+
+
+def until(stream: int, word: str) -> Generator[str, None, None]:
+    """What a process writes, piece by piece, until it has written `word`."""
+    seen = ""
+    while word not in seen:
+        piece = os.read(stream, 4096).decode(errors="replace")
+        seen += piece
+        yield piece
+
+
+def test_a_training_that_is_interrupted_keeps_what_it_learned(tmp_path: Path) -> None:
+    out = tmp_path / "field.npz"
+    words = ["train", "blocks", "--out", str(out), "--iterations", "1000000", "--images", "10", "--voxel", "0.05"]
+    command = [sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())", *words, "--json"]
+    terminal, stderr = pty.openpty()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, cwd=Path(__file__).parents[3]) as process:
+        os.close(stderr)
+        shown = "".join(until(terminal, "k rays/s"))
+        process.send_signal(signal.SIGINT)
+        shown += "".join(until(terminal, "keeping what was done so far"))
+        summary, _ = process.communicate(timeout=60)
+    os.close(terminal)
+    assert process.returncode == 0
+    assert "PSNR" in shown
+    assert json.loads(summary)["file_bytes"] == out.stat().st_size

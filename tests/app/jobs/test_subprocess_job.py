@@ -1,0 +1,65 @@
+"""Jobs in processes of their own."""
+
+import os
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from app.jobs.events import JobEvents, JobFailed, JobFinished, JobStarted, Progress
+from app.jobs.subprocess_job import apart
+from nerfnav.errors import InvalidInputError, NerfnavError
+
+
+def told(folder: Path) -> JobEvents:
+    yield JobStarted("told")
+    yield Progress("half", 0.5)
+    yield JobFinished("told", {"process": os.getpid()}, (folder / "result",))
+
+
+def refused(reason: str) -> JobEvents:
+    yield JobStarted("refused")
+    raise InvalidInputError(reason)
+
+
+def endless(folder: Path) -> JobEvents:
+    yield Progress("begun", 0.1)
+    (folder / "process").write_text(str(os.getpid()))
+    while True:
+        time.sleep(60)
+
+
+def broken() -> JobEvents:
+    yield Progress("begun", 0.1)
+    os._exit(3)
+
+
+def test_the_events_come_from_another_process_in_their_order(tmp_path: Path) -> None:
+    *events, finished = apart(partial(told, tmp_path))
+    assert isinstance(finished, JobFinished)
+    assert finished.summary["process"] != os.getpid() and finished.files == (tmp_path / "result",)
+    told_here = [event for event in events if not isinstance(event, Progress) or event.label == "half"]
+    assert told_here[0] == JobStarted("told") and set(told_here[1:]) == {Progress("half", 0.5)}
+
+
+def test_what_the_job_refuses_is_told_in_its_words() -> None:
+    *_, failed = apart(partial(refused, "there are no such trials"))
+    assert isinstance(failed, JobFailed) and failed.message == "there are no such trials"
+
+
+def test_a_job_in_the_middle_of_a_long_step_goes_on_telling_and_ends_when_it_is_closed(tmp_path: Path) -> None:
+    job = apart(partial(endless, tmp_path))
+    end = time.monotonic() + 60
+    while next(job) != Progress("begun", 0.1) or not (tmp_path / "process").exists():
+        assert time.monotonic() < end, "the job did not begin"
+    assert next(job) == Progress("begun", 0.1), "how far it is is told again"
+    process = int((tmp_path / "process").read_text())
+    job.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
+
+
+def test_a_process_that_ends_too_early_is_told() -> None:
+    with pytest.raises(NerfnavError, match="ended before it was done"):
+        list(apart(broken))

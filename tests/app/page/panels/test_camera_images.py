@@ -1,0 +1,59 @@
+"""What the camera panel shows."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from app.page.panels.camera import compose
+from app.page.panels.camera_images import beside, difference, with_pixels
+from app.page.panels.flight_charts import error_curves, time_curves
+from app.page.theme import BELIEF, HIT
+from app.state.queries import View, ViewQuestion
+from app.state.records import FlightRecord
+from tests.app.doubles import filter_step, flight_step
+from tests.app.page.test_panels_and_layers import ENDS
+
+GREY = np.full((20, 30, 3), 90, np.uint8)
+
+
+def test_pictures_stand_side_by_side_with_a_gap() -> None:
+    assert beside(GREY, GREY[:10]).shape == (20, 66, 3)
+
+
+def test_the_difference_is_black_where_pictures_agree_and_amplified_elsewhere() -> None:
+    other = GREY.copy()
+    other[3, 4, 1] += 20
+    apart = difference(GREY, other)
+    assert apart[3, 4].tolist() == [60, 60, 60]
+    apart[3, 4] = 0
+    assert not apart.any()
+
+
+def test_compared_pixels_are_marked_and_rejected_ones_are_red() -> None:
+    pixels = torch.tensor([[5, 2], [29, 19], [300, 2]])
+    believed = torch.tensor([True, False, True])
+    step = replace(filter_step(ENDS, 0), pixels=pixels, residual=torch.zeros(3), believed=believed)
+    marked = with_pixels(GREY, step)
+    assert tuple(marked[2, 5]) == BELIEF
+    assert tuple(marked[19, 29]) == HIT
+    assert (marked != GREY).any(-1).sum() == 2, "a pixel outside the picture marks nothing"
+
+
+def test_a_flight_shows_picture_field_and_difference_and_ends_show_the_field_alone() -> None:
+    flight = FlightRecord(ENDS).with_step(flight_step(ENDS, 0)).with_step(flight_step(ENDS, 1))
+    seen = View(ViewQuestion(("flight", 1, 2), ()), (GREY,))
+    caption, picture = compose(seen, flight)
+    assert "difference" in caption and picture.shape == (20, 3 * 30 + 12, 3)
+    ends = View(ViewQuestion(("ends", ENDS), ()), (GREY, GREY))
+    assert compose(ends, flight)[1].shape == (20, 66, 3)
+
+
+def test_curves_tell_error_expectation_and_times() -> None:
+    steps = tuple(flight_step(ENDS, k) for k in range(3))
+    time, error, expected = error_curves(steps)
+    assert np.allclose(time, [0, 0.1, 0.2])
+    assert np.allclose(error, 1.0, atol=1e-3), "the double's belief is a centimetre off"
+    assert np.allclose(expected, 100 * 3 * np.sqrt(6e-4), rtol=1e-4)
+    assert np.allclose(time_curves(steps)[1:, 0], [1.0, 2.0, 100.0])
+    assert error_curves(()).shape == (3, 0)

@@ -1,0 +1,206 @@
+"""What the layers and panels make of numbers, without a page."""
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from app.page.html import number, table
+from app.page.layers.flight import cone, ellipsoids
+from app.page.layers.nodes import quaternions, segments
+from app.page.layers.shapes import Shape, ball, robot_shape
+from app.page.panels import ends as ends_panel
+from app.page.panels import flight as fly_panel
+from app.page.panels import plan as plan_panel
+from app.page.panels.export import recording_of, subject
+from app.page.panels.status import activity
+from app.page.theme import branded, linear
+from app.places.ends import End, Ends
+from app.places.surface_glb import dressed, unlit_glb, without_specks
+from app.state.records import CostHistory, FlightRecord, PlanRecord
+from app.state.session import Session
+from nerfnav.estimator.belief import Belief
+from nerfnav.geometry import so3
+from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.planner.steps import PlanCost
+from nerfnav.robots.state import RigidState
+from tests.app.doubles import balls_place, flight_step, plan_step
+
+ENDS = Ends(End((-0.7, 0.0, 0.4)), End((0.7, 0.1, 0.4)))
+
+
+def belief_with(covariance: torch.Tensor) -> Belief:
+    """A belief at rest whose position has this covariance (3, 3)."""
+    full = 1e-4 * torch.eye(12)
+    full[:3, :3] = covariance
+    return Belief(RigidState.at_rest((0.1, 0.2, 0.3)), full)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_ellipsoids_hold_the_95_percent_they_claim(seed: int) -> None:
+    generator = torch.Generator().manual_seed(seed)
+    factor = 0.05 * torch.randn(3, 3, generator=generator)
+    covariance = factor @ factor.T
+    centers, wxyzs, half = ellipsoids([belief_with(covariance)])
+    draws = (factor @ torch.randn(3, 20_000, generator=generator)).T.double().numpy()
+    rotation = so3.matrix_from_quaternion(torch.from_numpy(wxyzs[0])).numpy()
+    inside = (((draws @ rotation) / half[0]) ** 2).sum(-1) <= 1
+    assert inside.mean() == pytest.approx(0.95, abs=0.01)
+    np.testing.assert_allclose(centers[0], [0.1, 0.2, 0.3], atol=1e-6)
+
+
+def test_an_ellipsoid_of_a_certain_belief_is_tiny_but_has_a_rotation() -> None:
+    _, wxyzs, half = ellipsoids([belief_with(torch.zeros(3, 3))])
+    assert np.isfinite(wxyzs).all() and np.linalg.norm(wxyzs[0]) == pytest.approx(1)
+    assert (half > 0).all() and (half < 1e-3).all()
+
+
+def test_no_beliefs_make_no_ellipsoids() -> None:
+    assert [len(array) for array in ellipsoids([])] == [0, 0, 0]
+
+
+def test_quaternions_turn_vectors_as_the_rotations_do() -> None:
+    rotation = so3.exp(torch.randn(7, 3, generator=torch.Generator().manual_seed(0)))
+    zero = torch.zeros(7, 3)
+    wxyzs = quaternions(RigidState(zero, zero, rotation, zero))
+    back = so3.matrix_from_quaternion(torch.from_numpy(wxyzs))
+    torch.testing.assert_close(back, rotation, atol=1e-5, rtol=0)
+
+
+def test_segments_join_each_point_with_the_next() -> None:
+    points = np.arange(12.0).reshape(4, 3)
+    joined = segments(points)
+    assert joined.shape == (3, 2, 3)
+    np.testing.assert_array_equal(joined[:, 0], points[:-1])
+    np.testing.assert_array_equal(joined[:, 1], points[1:])
+
+
+def test_the_robot_is_drawn_as_large_as_its_body_with_a_nose_forward() -> None:
+    corners = robot_shape((0.1, 0.2, 0.04)).vertices
+    lower, upper = corners.min(0), corners.max(0)
+    assert upper[0] > 0.05 and lower[0] == pytest.approx(-0.05)
+    np.testing.assert_allclose([lower[1:], upper[1:]], [[-0.1, -0.02], [0.1, 0.02]])
+
+
+def test_what_stands_for_a_body_is_closed_and_seen_from_outside() -> None:
+    box = _mesh(Shape(robot_shape((0.1, 0.2, 0.04)).vertices[:8], robot_shape((0.1, 0.2, 0.04)).faces[:12]))
+    assert box.is_watertight and box.volume == pytest.approx(8e-4, rel=1e-5)
+    round_ = _mesh(ball())
+    assert round_.is_watertight and 0.9 < round_.volume / (4 / 3 * np.pi) < 1
+    np.testing.assert_allclose(np.linalg.norm(round_.vertices, axis=-1), 1, atol=1e-6)
+
+
+def test_the_nose_is_seen_from_outside() -> None:
+    nose = _mesh(robot_shape((0.1, 0.2, 0.04))).split(only_watertight=False)[1]
+    assert (nose.face_normals[:, 0] > 0).all(), "it gets thinner towards the front"
+    assert ((nose.triangles_center - nose.centroid)[:, 1:] * nose.face_normals[:, 1:]).sum(-1).min() > 0
+
+
+def _mesh(shape: Shape) -> trimesh.Trimesh:
+    return trimesh.Trimesh(shape.vertices, shape.faces, process=False)
+
+
+def test_the_surface_reads_back_as_the_same_mesh_with_linear_colours_and_no_light() -> None:
+    mesh = trimesh.creation.box((1, 2, 3))
+    colors = np.random.default_rng(0).integers(0, 256, (8, 3), dtype=np.uint8)
+    mesh.visual.vertex_colors = colors
+    glb = unlit_glb(mesh)
+    back = trimesh.load(trimesh.util.wrap_as_stream(glb), file_type="glb", force="mesh", process=False)
+    np.testing.assert_allclose(back.vertices, mesh.vertices, atol=1e-6)
+    assert sorted(back.faces.tolist()) == sorted(mesh.faces.tolist())
+    start = len(glb) - 4 * mesh.faces.size - 8 * len(mesh.vertices)
+    stored = np.frombuffer(glb[start : start + 8 * len(mesh.vertices)], "<u2").reshape(-1, 4)
+    np.testing.assert_allclose(stored[:, :3] / 257, linear(colors), atol=0.51)
+    assert (stored[:, 3] == 65535).all()
+    assert b"KHR_materials_unlit" in glb and len(glb) % 4 == 0
+
+
+def test_a_surface_can_be_cut_at_a_height_and_made_transparent() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    ball.visual.vertex_colors = np.full((len(ball.vertices), 4), 200, np.uint8)
+    half = trimesh.load(trimesh.util.wrap_as_stream(dressed(unlit_glb(ball), 0.5, 0.5)), file_type="glb", force="mesh")
+    assert half.vertices[half.faces, 2].max() <= 1e-6
+    assert len(half.faces) == (ball.vertices[ball.faces, 2].max(1) <= 1e-6).sum()
+    whole = trimesh.load(trimesh.util.wrap_as_stream(dressed(unlit_glb(ball), 1.0, 1.0)), file_type="glb", force="mesh")
+    assert len(whole.faces) == len(ball.faces)
+    assert b'"alphaMode": "BLEND"' in dressed(unlit_glb(ball), 0.5, 1.0)
+
+
+def test_specks_are_left_out_of_the_surface_and_large_parts_stay_as_they_are() -> None:
+    large, speck = trimesh.creation.icosphere(subdivisions=3), trimesh.creation.box((0.1, 0.1, 0.1))
+    speck.apply_translation((3, 0, 0))
+    both = trimesh.util.concatenate([speck, large])
+    both.visual.vertex_colors = np.random.default_rng(0).integers(0, 256, (len(both.vertices), 3), dtype=np.uint8)
+    kept = without_specks(both, least_faces=50)
+    np.testing.assert_allclose(kept.vertices, large.vertices)
+    np.testing.assert_array_equal(kept.visual.vertex_colors, both.visual.vertex_colors[len(speck.vertices) :])
+    assert len(without_specks(trimesh.Trimesh(), 50).faces) == 0
+
+
+def test_linear_colours_follow_the_srgb_curve() -> None:
+    np.testing.assert_array_equal(linear(np.array([0, 10, 188, 255])), [0, 1, 128, 255])
+
+
+def test_the_page_gets_our_title_and_icon() -> None:
+    page = branded(b'<head><link\n rel="icon"\n href="data:x"\n/><title>Viser</title></head>')
+    assert b"<title>nerfnav</title>" in page and b"data:x" not in page and page.count(b"<link") == 1
+
+
+def test_chart_data_has_a_column_for_each_term_and_no_zeros() -> None:
+    history = CostHistory()
+    for iteration in range(5):
+        history = history.appended(iteration, PlanCost(0.0, 2.0, 0.5))
+    iterations, total, control, collision, limits = plan_panel.chart_data(history)
+    assert iterations.tolist() == [0, 1, 2, 3, 4]
+    assert total[0] == 2.5 and control[0] == 2.0 and limits[0] == 0.5 and collision[0] > 0
+
+
+def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
+    session = Session.opening("balls")
+    assert "press Plan" in plan_panel.describe(None, stale=False, planning=False)
+    assert "press Fly" in fly_panel.describe(None, stale=False, flying=False)
+    assert "Opening" in activity(session)
+    assert subject(session) is None and recording_of(session) is None
+    assert "Checking" in ends_panel.describe(session)
+
+
+def test_numbers_of_a_flight_carry_their_units() -> None:
+    record = FlightRecord(ENDS)
+    for index in range(3):
+        record = record.with_step(flight_step(ENDS, index, EpisodeOutcome.REACHED if index == 2 else None))
+    words = fly_panel.describe(record, stale=False, flying=False)
+    assert "0.2 s" in words and "1 cm" in words and "1 ms" in words and "2 ms" in words
+    assert "The robot is at the goal." in words
+
+
+def test_the_flight_is_taken_away_where_there_is_one_and_else_the_plan() -> None:
+    place = balls_place()
+    session = Session("balls", place=place, ends=ENDS, plan=PlanRecord(ENDS).with_step(plan_step(ENDS, 0)))
+    made = recording_of(session)
+    assert subject(session) == "plan" and made is not None and len(made.times) == 9
+    np.testing.assert_allclose(made.position[-1], ENDS.goal.position, atol=1e-6)
+
+
+def test_html_from_data_is_escaped() -> None:
+    assert "<script>" not in table([("<script>", "<b>")])
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"), [(0.01234, "m", "0.0123 m"), (2.0, "", "2"), (123456.0, "ms", "123456 ms")]
+)
+def test_numbers_read_well(value: float, unit: str, text: str) -> None:
+    assert number(value, unit) == text
+
+
+def test_the_cone_of_the_attitude_holds_what_the_covariance_says_and_grows_with_the_scale() -> None:
+    std = torch.tensor([0.02, 0.05, 0.1])
+    covariance = torch.diag(torch.cat([torch.full((6,), 1e-4), std.square(), torch.full((3,), 1e-4)]))
+    belief = Belief(RigidState.at_rest((0.0, 0.0, 1.0)), covariance)
+    lines = cone(belief)
+    assert np.allclose(lines[:, 0], [0, 0, 1])
+    tips = (lines[:, 1] - lines[:, 0]) / np.linalg.norm(lines[:, 1] - lines[:, 0], axis=-1, keepdims=True)
+    # yaw moves the nose sideways, pitch up and down; 2.7955 standard deviations hold 95 % of three numbers
+    assert np.abs(tips[:, 1]).max() == pytest.approx(np.sin(2.7955 * 0.1), rel=1e-3)
+    assert np.abs(tips[:, 2]).max() == pytest.approx(np.sin(2.7955 * 0.05), rel=1e-3)
+    wider = cone(belief, 2.0)
+    assert np.abs(wider[:, 1, 1]).max() > 1.8 * np.abs(lines[:, 1, 1]).max()

@@ -1,0 +1,133 @@
+"""What is sent to the pages while something moves: changes of standing nodes and widgets, counted on a real server."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import trimesh
+import viser._messages as viser_messages
+
+from app.jobs.events import JobFinished
+from app.page.layers.field_surface import SceneLayer
+from app.places.surface_glb import unlit_glb
+from app.security.guarded_server import guarded_server
+from app.server import App
+from app.state.actions import PlaceOpened, StartFlight, StartPlan, SurfaceShaped
+from app.state.session import JobKind
+from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.planner.steps import PlanOutcome
+from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
+from tests.app.security.guarded_server.hostile import free_port
+
+STEPS = 40
+NODES = (viser_messages._CreateSceneNodeMessage, viser_messages.RemoveSceneNodeMessage)
+WIDGETS = (viser_messages._CreateGuiComponentMessage, viser_messages.GuiRemoveMessage)
+
+
+def slowly(make: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A step that takes longer than a frame of the page, so that none is merged with the next."""
+
+    def step(job: Any) -> Any:
+        time.sleep(0.06)
+        return make(job)
+
+    return step
+
+
+@pytest.fixture
+def app() -> Iterator[App]:
+    """An app whose plans and flights take a while."""
+    flight = [slowly(lambda job, k=k: flight_step(job.ends, k)) for k in range(STEPS)]
+    plan = [slowly(lambda job, k=k: plan_step(job.ends, k)) for k in range(STEPS)]
+    arrived = lambda job: flight_step(job.ends, STEPS, EpisodeOutcome.REACHED)  # noqa: E731
+    settled = lambda job: plan_step(job.ends, STEPS, PlanOutcome.CONVERGED)  # noqa: E731
+    scripts = {
+        JobKind.FLY: [*flight, arrived, JobFinished("fly")],
+        JobKind.PLAN: [*plan, settled, JobFinished("plan", {"wall_s": 9.0})],
+    }
+    app = App("balls", port=free_port(), work=ScriptedWork(scripts))
+    app.start()
+    until(lambda: app.session.place is not None and app.session.job is None, "the place was not opened")
+    yield app
+    app.stop()
+
+
+def until(condition: Callable[[], Any], complaint: str, timeout_s: float = 20.0) -> None:
+    """Wait until `condition` holds."""
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, complaint
+        time.sleep(0.01)
+
+
+def sent_while(app: App, command: Any) -> list[viser_messages.Message]:
+    """All that is sent to every page from a job's fifth frame to its end."""
+    assert app._server is not None
+    sockets, sent = app._server._websock_server, []
+    send = sockets.queue_message
+    app.post(command)
+    until(lambda: app.session.job is not None, "the job did not begin")
+    time.sleep(5 * 0.06)
+
+    def note(message: Any) -> None:
+        sent.append(message)
+        send(message)
+
+    sockets.queue_message = note  # type: ignore[method-assign]
+    until(lambda: app.session.job is None, "the job did not end")
+    sockets.queue_message = send  # type: ignore[method-assign]
+    return sent
+
+
+@pytest.mark.parametrize("command", [StartFlight(), StartPlan()], ids=["flight", "plan"])
+def test_nothing_is_added_again_while_a_job_runs(app: App, command: Any) -> None:
+    sent = sent_while(app, command)
+    counts = Counter(type(message).__name__ for message in sent)
+    assert sum(isinstance(message, NODES) for message in sent) == 0, counts
+    assert sum(isinstance(message, WIDGETS) for message in sent) == 0, counts
+    changes = counts["SceneNodeUpdateMessage"] + counts["GuiUpdateMessage"]
+    assert changes > STEPS / 2, f"the page would not see it move: {counts}"
+    assert len(sent) < 60 * STEPS, f"more than 60 messages for each step: {counts}"
+
+
+def test_large_nodes_are_not_sent_again_while_a_robot_flies(app: App) -> None:
+    assert app._server is not None
+    for message in sent_while(app, StartFlight()):
+        if isinstance(message, viser_messages.SceneNodeUpdateMessage):
+            assert "glb_data" not in message.updates and "vertices" not in message.updates, message.name
+
+
+def test_a_surface_that_was_shown_before_is_there_at_once_and_not_sent_again_when_the_place_opens() -> None:
+    place = balls_place()
+    box = place.field.box.lower.tolist(), place.field.box.upper.tolist()
+    surface = unlit_glb(trimesh.creation.icosphere(), box)
+    port = free_port()
+    server = guarded_server("127.0.0.1", port, None)
+    sent: list[viser_messages.Message] = []
+    sockets = server._websock_server
+    send = sockets.queue_message
+    sockets.queue_message = lambda message: (sent.append(message), send(message))[1]  # type: ignore[method-assign]
+    begun = SceneLayer(server, surface)
+    assert _named_field(sent) == 1
+    eye = server.initial_camera.position
+    shaped = SurfaceShaped(bytes(bytearray(surface)))  # the same, read again
+    opening = [PlaceOpened(place), shaped, JobFinished("open")]
+    app = App("balls", port=port, work=ScriptedWork({JobKind.OPEN: opening}), begun=begun)
+    try:
+        app.start()
+        until(lambda: app.session.place is not None and app.session.job is None, "the place was not opened")
+        until(lambda: "/start" in {getattr(message, "name", None) for message in sent}, "no end was shown")
+        assert app.session.surface == surface
+        assert _named_field(sent) == 1, "the surface stays as it is"
+        assert (server.initial_camera.position == eye).all(), "and is seen from where it was"
+    finally:
+        app.stop()
+        server.stop()
+
+
+def _named_field(sent: list[viser_messages.Message]) -> int:
+    """How often the surface was sent or taken away."""
+    changing = (*NODES, viser_messages.SceneNodeUpdateMessage)
+    return sum(getattr(message, "name", None) == "/field" for message in sent if isinstance(message, changing))

@@ -1,0 +1,26 @@
+"""What visitors read never says where files lie."""
+
+import pytest
+
+from app.places.sources import without_paths
+from app.reducers.common import noticed
+from app.state.session import Session
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("cannot read /srv/app/x/mine.npz: it is torn", "cannot read mine.npz: it is torn"),
+        ("[Errno 2] No such file: '/tmp/nerfnav-1/2/mine.npz'", "[Errno 2] No such file: 'mine.npz'"),
+        ("~/fields/mine.npz and ../other/b.npz", "mine.npz and b.npz"),
+        ("see https://example.org/a/b", "see https://example.org/a/b"),
+        ("1/2 of it at 3 m/s", "1/2 of it at 3 m/s"),
+    ],
+)
+def test_files_go_by_their_names(text: str, told: str) -> None:
+    assert without_paths(text) == told
+
+
+def test_notices_name_no_folders() -> None:
+    told = noticed(Session.opening("balls"), "Something broke", "OSError: /root/.cache/nerfnav/x.npz", bad=True)
+    assert told.notices[-1].body == "OSError: x.npz"

@@ -1,0 +1,60 @@
+"""Files that visitors bring."""
+
+from pathlib import Path
+
+import pytest
+
+from app.places import uploads
+from app.places.sources import is_source, title_of, without_folder
+from app.places.uploads import UploadError, Uploads, safe_name
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        ("house.glb", "house.glb"),
+        ("../../etc/passwd.glb", "passwd.glb"),
+        ("C:\\places\\my house.glb", "my_house.glb"),
+        ("...hidden.ply", "hidden.ply"),
+        ("", "upload"),
+        ("..", "upload"),
+        ("a\0b;rm -rf.obj", "a_b_rm_-rf.obj"),
+        (200 * "x" + ".npz", 76 * "x" + ".npz"),
+    ],
+)
+def test_names_cannot_lead_out_of_the_folder(name: str, safe: str) -> None:
+    assert safe_name(name) == safe
+
+
+def test_an_upload_is_kept_whole_and_gone_when_the_app_ends() -> None:
+    kept = Uploads()
+    first, second = kept.keep("a.glb", b"one"), kept.keep("a.glb", b"two")
+    assert first != second and first.name == second.name == "a.glb"
+    assert first.read_bytes() == b"one" and second.read_bytes() == b"two"
+    kept.close()
+    assert not first.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"), [("a.exe", b"MZ", "no kind"), ("a.glb", b"", "empty"), ("a.glb", b"123", "larger")]
+)
+def test_what_cannot_be_opened_is_refused_with_the_reason(
+    name: str, content: bytes, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uploads, "MOST_BYTES", 2)
+    with pytest.raises(UploadError, match=reason):
+        Uploads().keep(name, content)
+
+
+def test_only_files_that_are_no_fields_are_sources(tmp_path: Path) -> None:
+    mesh, field = tmp_path / "a.GLB", tmp_path / "a.npz"
+    mesh.touch()
+    field.touch()
+    assert is_source(str(mesh)) and not is_source(str(field))
+    assert not is_source("stonehenge") and not is_source(str(tmp_path / "missing.glb"))
+
+
+def test_visitors_are_not_told_where_files_lie() -> None:
+    assert title_of("/srv/places/a.glb") == "a.glb" and title_of("stonehenge") == "stonehenge"
+    assert without_folder("/srv/places/a.glb has no faces", "/srv/places/a.glb") == "a.glb has no faces"
+    assert without_folder("no scene/field x", "x") == "no scene/field x"

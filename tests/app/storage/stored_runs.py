@@ -1,0 +1,31 @@
+"""Shelves with flights on them, as the fly job writes them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from app.places.ends import End, Ends
+from app.storage.run_metadata import About
+from app.storage.run_store import Shelf
+from app.storage.step_log import logged
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.steps import NavigationStep
+from tests.export.flights import flown
+
+ENDS = Ends(End((1.0, 0.0, 0.3), 3.0), End((0.0, 0.9, 0.5)))
+
+
+def about(place: str = "balls", **changes: object) -> About:
+    """What is known of a flight at take-off."""
+    known = {"source": place, "robot": "quadrotor", "planner": "fast", "estimator": "paper", "seed": 3}
+    return About(**{"place": place, "dt": 0.1, "ends": ENDS} | known | changes)  # type: ignore[arg-type]
+
+
+def put(shelf: Shelf, name: str, steps: Sequence[NavigationStep] | None = None, **changes: object) -> Path:
+    """Put a flight on the shelf."""
+    folder = shelf.folder / name
+    folder.mkdir(parents=True)
+    with logged(folder, about(**changes), Episode.metrics) as log:  # type: ignore[arg-type]
+        assert log is not None
+        for step in flown() if steps is None else steps:
+            log.append(step)
+    return folder

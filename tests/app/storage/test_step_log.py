@@ -1,0 +1,157 @@
+"""What is written while a robot flies can be read whatever happens."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from app.storage import step_log as log_module
+from app.storage.file_lock import is_held
+from app.storage.output_files import OutputError
+from app.storage.run_metadata import About
+from app.storage.step_log import Log, count_steps, logged, read_steps
+from nerfnav.errors import InvalidInputError
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.recovery import Recovery
+from nerfnav.navigation.steps import NavigationStep
+from tests.app.storage.stored_runs import about
+from tests.export.flights import flown
+
+
+def written(folder: Path, count: int | None = None) -> tuple[NavigationStep, ...]:
+    """A log of the first steps of a flight; returns them."""
+    steps = flown(size=24)[:count]
+    with logged(folder, about(), Episode.metrics) as log:
+        assert log is not None
+        for step in steps:
+            log.append(step)
+    return steps
+
+
+def test_a_flight_reads_back_bit_for_bit_but_for_its_pictures(tmp_path: Path) -> None:
+    steps = written(tmp_path)
+    for step, back in zip(steps, read_steps(tmp_path), strict=True):
+        assert (back.index, back.time, back.touched, back.outcome) == (
+            step.index, step.time, step.touched, step.outcome
+        )  # fmt: skip
+        for part in ("position", "velocity", "rotation", "body_rate"):
+            for one, other in (
+                (step.truth, back.truth), (step.belief.mean, back.belief.mean), (step.plan.states, back.plan.states)
+            ):  # fmt: skip
+                assert torch.equal(getattr(one, part), getattr(other, part))
+        assert torch.equal(step.belief.covariance, back.belief.covariance)
+        assert torch.equal(step.plan.actions, back.plan.actions) and back.plan.dt == step.plan.dt
+        assert (step.action is None) == (back.action is None)
+        assert (step.image is None) == (back.image is None)
+        if step.image is not None and back.image is not None:
+            np.testing.assert_allclose(back.image, step.image, atol=3)
+    assert Episode.of(read_steps(tmp_path)).metrics() == Episode.of(steps).metrics()
+
+
+def test_recoveries_are_kept(tmp_path: Path) -> None:
+    steps = [NavigationStep(**{**vars(step), "recovery": Recovery.WIDENED}) for step in flown()[:3]]
+    with logged(tmp_path, about(), Episode.metrics) as log:
+        assert log is not None
+        for step in steps:
+            log.append(step)
+    assert [step.recovery for step in read_steps(tmp_path)] == [Recovery.WIDENED] * 3
+
+
+def test_each_step_is_on_disk_before_the_next_one_begins(tmp_path: Path) -> None:
+    log = Log(tmp_path, about(), Episode.metrics)
+    for count, step in enumerate(flown()[:4]):
+        log.append(step)
+        assert len(read_steps(tmp_path)) == count + 1 and count_steps(tmp_path) == count
+        assert About.load(tmp_path).outcome is None
+    log.close()
+    assert About.load(tmp_path).outcome == "stopped"
+
+
+@pytest.mark.parametrize("cut", [1, 40, 2000])
+def test_a_last_line_that_is_cut_off_counts_as_not_written(tmp_path: Path, cut: int) -> None:
+    steps = written(tmp_path)
+    path = tmp_path / log_module.FILE
+    path.write_bytes(path.read_bytes()[:-cut])
+    assert len(read_steps(tmp_path)) == len(steps) - 1
+
+
+def test_a_picture_that_is_cut_off_is_left_out(tmp_path: Path) -> None:
+    written(tmp_path)
+    picture = tmp_path / log_module.PICTURES / "00002.jpg"
+    picture.write_bytes(picture.read_bytes()[:20])
+    steps = read_steps(tmp_path)
+    assert steps[2].image is None and steps[3].image is not None
+
+
+@pytest.mark.parametrize("content", ["", "{}\n", "nonsense\n", json.dumps({"index": 0}) + "\n", "[1]\n"])
+def test_what_is_no_log_is_refused(tmp_path: Path, content: str) -> None:
+    (tmp_path / log_module.FILE).write_text(content)
+    with pytest.raises(InvalidInputError, match=r"damaged|cut off before its first step"):
+        read_steps(tmp_path)
+
+
+def test_a_log_that_is_missing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="no readable log"):
+        read_steps(tmp_path / "nowhere")
+    assert count_steps(tmp_path / "nowhere") == 0
+
+
+def test_a_flight_that_never_left_the_start_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    written(tmp_path / "run", 1)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_new_flight_replaces_the_one_that_was_in_its_folder(tmp_path: Path) -> None:
+    written(tmp_path)
+    written(tmp_path, 4)
+    assert len(read_steps(tmp_path)) == 4
+    assert len(list((tmp_path / log_module.PICTURES).iterdir())) == 3
+
+
+def test_two_flights_cannot_be_written_into_one_folder(tmp_path: Path) -> None:
+    log = Log(tmp_path, about(), Episode.metrics)
+    log.append(flown()[0])
+    assert is_held(tmp_path / log_module.FILE)
+    with pytest.raises(OutputError, match="another flight is being written"):
+        Log(tmp_path, about(), Episode.metrics)
+    assert len(read_steps(tmp_path)) == 1, "the first flight must not suffer"
+    log.close()
+
+
+def test_an_error_on_the_way_keeps_what_was_flown(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), logged(tmp_path, about(), Episode.metrics) as log:
+        assert log is not None
+        for step in flown()[:5]:
+            log.append(step)
+        raise RuntimeError("the motor has stopped")
+    assert len(read_steps(tmp_path)) == 5 and About.load(tmp_path).outcome == "stopped"
+    assert not is_held(tmp_path / log_module.FILE)
+
+
+def test_what_is_known_of_a_flight_reads_back(tmp_path: Path) -> None:
+    known = about(task="through the gap", open_loop=True, outcome="reached", metrics={"steps": 3})
+    known.save(tmp_path)
+    assert About.load(tmp_path) == known
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": "nerfnav run", "version": 99}'])
+def test_an_unreadable_record_is_refused(tmp_path: Path, content: str) -> None:
+    (tmp_path / "run.json").write_text(content)
+    with pytest.raises(InvalidInputError, match="no readable nerfnav run"):
+        About.load(tmp_path)
+
+
+def test_a_full_disk_is_told_without_saying_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "run").mkdir()
+    log = Log(tmp_path / "run", about(), Episode.metrics)
+
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(log, "_keep", refuse)
+    with pytest.raises(OutputError, match="cannot be written into run: No space left on device"):
+        log.append(flown()[1])
+    log.close()

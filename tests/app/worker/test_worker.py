@@ -1,0 +1,205 @@
+"""The worker's thread, with jobs made by hand."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from app.jobs.events import JobCancelled, JobFailed, JobFinished, Progress
+from app.reducers.root import reduce
+from app.state import actions as m
+from app.state.pending_queries import questions_of
+from app.state.session import JobKind, Session
+from app.worker.worker import Worker
+from nerfnav.errors import NerfnavError
+from nerfnav.planner.steps import PlanOutcome
+from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
+
+
+class Loop:
+    """A UI loop without a page: reduces what the worker posts, and tells the worker."""
+
+    def __init__(self, work: ScriptedWork) -> None:
+        self.inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self.session = Session.opening("balls")
+        self.seen: list[Any] = []
+        self.worker = Worker(work, self.inbox.put, threads=1)
+        self.worker.start()
+        self.worker.follow(self.session)
+
+    def take(self, *messages: Any) -> None:
+        for message in messages:
+            self.seen.append(message)
+            self.session = reduce(self.session, message)
+            self.worker.follow(self.session)
+
+    def until(self, condition: Callable[[], bool], timeout_s: float = 5.0) -> None:
+        """Take in messages until `condition` holds."""
+        end = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end, "the worker did not get there in time"
+            try:
+                self.take(self.inbox.get(timeout=0.05))
+            except queue.Empty:
+                continue
+
+    def settle(self, quiet_s: float = 0.2) -> None:
+        """Take in messages until none comes any more."""
+        while True:
+            try:
+                self.take(self.inbox.get(timeout=quiet_s))
+            except queue.Empty:
+                return
+
+    def events(self) -> list[Any]:
+        return [message.event for message in self.seen if isinstance(message, m.Reported)]
+
+
+@pytest.fixture
+def loop_for() -> Iterator[Callable[[ScriptedWork], Loop]]:
+    """Makes loops whose place is open, and ends their workers."""
+    made: list[Loop] = []
+
+    def make(work: ScriptedWork) -> Loop:
+        loop = Loop(work)
+        made.append(loop)
+        loop.until(lambda: loop.session.job is None or (loop.session.place is None and bool(loop.session.notices)))
+        return loop
+
+    yield make
+    for loop in made:
+        loop.worker.stop()
+
+
+def test_the_worker_opens_the_place_and_answers_the_page(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    work = ScriptedWork()
+    loop = loop_for(work)
+    loop.until(lambda: loop.session.place is not None and questions_of(loop.session) == ())
+    loop.settle()
+    assert len(work.asked) == len(set(work.asked)) == 3
+
+
+def test_a_job_reports_all_its_events_in_order(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    steps = [lambda job, k=k: plan_step(job.ends, k) for k in range(50)]
+    loop = loop_for(ScriptedWork({JobKind.PLAN: [*steps, JobFinished("plan")]}))
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.job is None)
+    iterations = [event.iteration for event in loop.events() if hasattr(event, "iteration")]
+    assert iterations == list(range(50))
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(NerfnavError("the goal is in a stone"), "the goal is in a stone"), (ValueError("oh"), "fault of the program")],
+)
+def test_errors_of_a_job_are_told_and_the_next_job_runs(
+    loop_for: Callable[[ScriptedWork], Loop], error: Exception, words: str
+) -> None:
+    work = ScriptedWork({JobKind.PLAN: [error]})
+    loop = loop_for(work)
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.job is None)
+    assert words in loop.session.notices[-1].body
+    work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0), JobFinished("plan")]
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.job is None)
+    assert loop.session.plan is not None and loop.session.plan.latest is not None
+
+
+def test_a_cancelled_job_is_closed_after_the_step_in_progress(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    held = threading.Event()
+
+    def slow(job: Any) -> Progress:
+        held.wait(5)
+        return Progress("optimising", 0.5)
+
+    work = ScriptedWork({JobKind.PLAN: [Progress("optimising", 0.0), slow, *[Progress("optimising", 1.0)] * 1000]})
+    loop = loop_for(work)
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.job is not None and loop.session.job.fraction == 0.0)
+    number = loop.session.job.id  # type: ignore[union-attr]
+    loop.take(m.Cancel())
+    held.set()
+    loop.settle()
+    assert number in work.closed
+    assert sum(isinstance(event, Progress) and event.fraction == 1.0 for event in loop.events()) == 0
+
+
+def test_a_paused_flight_waits_and_takes_single_steps(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    gate = threading.Event()
+
+    def first(job: Any) -> Any:
+        gate.wait(5)
+        return flight_step(job.ends, 0)
+
+    steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(1, 30)]
+    loop = loop_for(ScriptedWork({JobKind.FLY: [first, *steps, JobFinished("fly")]}))
+    loop.take(m.StartFlight(), m.Pause())
+    gate.set()
+    loop.settle()
+    held_at = loop.session.steps_reported
+    assert held_at <= 1
+    loop.take(m.StepOnce())
+    loop.settle()
+    assert loop.session.steps_reported == held_at + 1
+    loop.take(m.Resume())
+    loop.until(lambda: loop.session.job is None)
+    assert loop.session.steps_reported == 30
+
+
+def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    def slow(job: Any) -> Progress:
+        time.sleep(0.01)
+        return Progress("optimising", 0.5)
+
+    work = ScriptedWork({JobKind.PLAN: [slow] * 100 + [JobFinished("plan")]})
+    loop = loop_for(work)
+    loop.settle()
+    loop.take(m.StartPlan(), m.MoveEnd(m.Which.GOAL, m.End((0.5, -0.5, 0.5))))
+    loop.until(lambda: questions_of(loop.session) == ())
+    assert loop.session.job is not None
+
+
+def test_a_job_that_just_ends_leaves_nothing_running(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    loop = loop_for(ScriptedWork({JobKind.PLAN: []}))
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.job is None)
+    assert isinstance(loop.events()[-1], JobCancelled)
+
+
+def test_a_place_that_cannot_be_opened_is_told(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    loop = loop_for(ScriptedWork({JobKind.OPEN: [NerfnavError("this is no field file")]}))
+    loop.settle()
+    assert loop.session.place is None and loop.session.notices[-1].body == "this is no field file"
+    assert any(isinstance(event, JobFailed) for event in loop.events())
+
+
+def test_a_flight_is_no_faster_than_its_pace(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(6)]
+    loop = loop_for(ScriptedWork({JobKind.FLY: [*steps, JobFinished("fly")]}))
+    loop.take(m.Adjust(m.Settings.FLYING, "pace", 2.0), m.StartFlight())
+    began = time.monotonic()
+    loop.until(lambda: loop.session.job is None)
+    assert time.monotonic() - began >= 5 * 0.1 / 2.0 - 0.01
+    assert loop.session.steps_reported == 6
+
+
+def test_warming_up_is_left_when_somebody_plans() -> None:
+    def compiling(_: object) -> Progress:
+        time.sleep(0.01)
+        return Progress("compiling", 0.6)
+
+    warming = [compiling] * 1000
+    opening = [m.PlaceOpened(balls_place()), m.SurfaceShaped(b"glTF"), *warming, JobFinished("open")]
+    plan = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    loop = Loop(ScriptedWork({JobKind.OPEN: opening, JobKind.PLAN: plan}))
+    try:
+        loop.until(lambda: loop.session.may_begin)
+        loop.take(m.StartPlan())
+        loop.until(lambda: loop.session.fresh_plan is not None and loop.session.job is None)
+        assert JobFinished("open") not in loop.events() and loop.session.surface == b"glTF"
+    finally:
+        loop.worker.stop()
