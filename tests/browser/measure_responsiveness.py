@@ -26,7 +26,7 @@ from playwright.sync_api import sync_playwright
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from tests.app.security.guarded_server.hostile import CAMERA, free_port
+from tests.app.security.hostile import CAMERA, free_port
 from tests.browser.conftest import launch
 
 _FRAMES = """

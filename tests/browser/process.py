@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.app.security.guarded_server.hostile import free_port
+from tests.app.security.hostile import free_port
 
 _ROOT = Path(__file__).parents[2]
 

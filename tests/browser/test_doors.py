@@ -11,7 +11,7 @@ from app.page.layers.ends import GIZMO
 from app.places.ends import Which
 from app.server import App
 from tests.app.doubles import ScriptedWork
-from tests.app.security.guarded_server.hostile import CAMERA, NAN, POSE, connect_as_viser
+from tests.app.security.hostile import CAMERA, NAN, POSE, connect_as_viser
 from tests.browser.tab import Tab
 
 _WIDGETS = "() => Object.keys(window.__viserGui?.getState?.().guiConfigFromUuid ?? {}).length"

@@ -19,7 +19,7 @@ from app.state.session import JobKind
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
-from tests.app.security.guarded_server.hostile import free_port
+from tests.app.security.hostile import free_port
 
 STEPS = 40
 NODES = (viser_messages._CreateSceneNodeMessage, viser_messages.RemoveSceneNodeMessage)

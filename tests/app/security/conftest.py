@@ -8,7 +8,7 @@ import pytest
 from websockets.sync.client import ClientConnection
 
 from app.security.guarded_server import guarded_server
-from tests.app.security.guarded_server.hostile import CAMERA, Page, connect_as_viser, free_port, until
+from tests.app.security.hostile import CAMERA, Page, connect_as_viser, free_port, until
 
 
 @pytest.fixture(scope="module")

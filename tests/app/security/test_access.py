@@ -12,7 +12,7 @@ from websockets.exceptions import InvalidStatus
 
 from app.security.guarded_server import TokenError, guarded_server
 from app.security.token_bucket import Purse
-from tests.app.security.guarded_server.hostile import address, connect_as_viser, free_port
+from tests.app.security.hostile import address, connect_as_viser, free_port
 
 TOKEN = "open-sesame_1"
 

@@ -10,7 +10,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from app.security.message_filter import MOST_TABS, understood
-from tests.app.security.guarded_server.hostile import (
+from tests.app.security.hostile import (
     CAMERA,
     INF,
     NAN,

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 from websockets.sync.client import ClientConnection
 
-from tests.app.security.guarded_server.hostile import (
+from tests.app.security.hostile import (
     Page,
     assert_well,
     until,

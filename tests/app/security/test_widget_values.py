@@ -8,7 +8,7 @@ import pytest
 from websockets.sync.client import ClientConnection
 
 from app.security.widget_values import may_set
-from tests.app.security.guarded_server.hostile import (
+from tests.app.security.hostile import (
     INF,
     NAN,
     Page,
