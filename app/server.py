@@ -14,24 +14,24 @@ from typing import Protocol
 from app.page.icon_archive import icons_at_hand
 from app.page.layers.comparison import ComparisonLayer
 from app.page.layers.ends import EndsLayer
-from app.page.layers.field_backdrop import EyesLayer
-from app.page.layers.field_surface import SceneLayer
-from app.page.layers.flight import FlyLayer
+from app.page.layers.field_backdrop import FieldBackdropLayer
+from app.page.layers.field_surface import FieldSurfaceLayer
+from app.page.layers.flight import FlightLayer
 from app.page.layers.notices import NoticesLayer
-from app.page.layers.overlays import SightsLayer
+from app.page.layers.overlays import OverlaysLayer
 from app.page.layers.plan import PlanLayer
 from app.page.layers.search import SearchLayer
 from app.page.layers.splats import SplatsLayer
 from app.page.panels.tabs import panels
-from app.page.theme import dress
+from app.page.theme import apply_theme
+from app.page_server import page_server
 from app.places.uploads import Uploads
 from app.reducers.root import reduce
 from app.security.address import check_address, page_url
-from app.security.guarded_server import guarded_server
-from app.state.actions import Message, Reported, Tick
+from app.state.actions import Action, Reported, Tick
 from app.state.session import Session
 from app.system.threads import TORCH_THREADS
-from app.worker.backend import NavigationWork
+from app.worker.backend import NavigationBackend
 from app.worker.worker import Work, Worker
 from nerfnav.errors import NerfnavError
 
@@ -58,13 +58,13 @@ class App:
         port: int = 8080,
         token: str | None = None,
         work: Work | None = None,
-        begun: SceneLayer | None = None,
+        begun: FieldSurfaceLayer | None = None,
     ) -> None:
         """Nothing is listened at before `start`; with `begun`, its server is used, which whoever gives it stops."""
         self._host, self._port, self._token = host, port, token
         self._session = Session.opening(what, surface=None if begun is None else begun.surface)
-        self._inbox: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self._worker = Worker(work or NavigationWork(), self.post, TORCH_THREADS)
+        self._inbox: queue.SimpleQueue[Action | None] = queue.SimpleQueue()
+        self._worker = Worker(work or NavigationBackend(), self.post, TORCH_THREADS)
         self._loop = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
         self._begun, self._server = begun, None if begun is None else begun.server
         self._parts: tuple[Shows, ...] = ()
@@ -84,20 +84,20 @@ class App:
         """Listen, put up the page, and begin to open the place."""
         if self._begun is None:
             check_address(self._host, self._port)
-        scene = self._begun or SceneLayer(guarded_server(self._host, self._port, self._token))
+        scene = self._begun or FieldSurfaceLayer(page_server(self._host, self._port, self._token))
         self._server = server = scene.server
         self._worker.follow(self._session)  # opens the place while the page is being put up
         self._worker.start()
         server.gui.reset()  # a given one may have said that more is to come
-        dress(server)
+        apply_theme(server)
         layers: tuple[Shows, ...] = (
             scene,
             SplatsLayer(server),
-            SightsLayer(server),
-            EyesLayer(server, self.post),
+            OverlaysLayer(server),
+            FieldBackdropLayer(server, self.post),
             EndsLayer(server, self.post),
             PlanLayer(server),
-            FlyLayer(server),
+            FlightLayer(server),
             ComparisonLayer(server),
             SearchLayer(server),
             NoticesLayer(server),
@@ -115,7 +115,7 @@ class App:
             self._server.stop()
         self._uploads.close()
 
-    def post(self, message: Message) -> None:
+    def post(self, message: Action) -> None:
         """Hand a message to the session, from any thread."""
         self._inbox.put(message)
 
@@ -145,14 +145,14 @@ class App:
                 self._show()
                 shown_at = time.monotonic()
 
-    def _next(self) -> Message | None:
+    def _next(self) -> Action | None:
         """The next message, or that a frame has passed where something moves by itself."""
         try:
             return self._inbox.get(timeout=_FRAME_S if self._session.moves else None)
         except queue.Empty:
             return Tick(_FRAME_S)
 
-    def _take(self, message: Message) -> bool:
+    def _take(self, message: Action) -> bool:
         """Let the session move on; whether the page may have to change."""
         before = self._session
         try:

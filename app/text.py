@@ -1,4 +1,4 @@
-"""What others say in the middle of a line, as a person reads it on a line of its own."""
+"""Wording: sentences and numbers with units as a person reads them."""
 
 _ENDS = (".", "!", "?", "…")
 
@@ -11,3 +11,9 @@ def capital(text: str) -> str:
 def sentence(text: str) -> str:
     """The text with a capital at its start and a full stop at its end, unless it ends already."""
     return capital(text) if text.endswith(_ENDS) else f"{capital(text)}."
+
+
+def number(value: float, unit: str, digits: int = 3) -> str:
+    """A number as a person reads it, with its unit."""
+    text = f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+    return f"{text} {unit}".rstrip()

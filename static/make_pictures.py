@@ -54,7 +54,7 @@ def photograph(app: App, page: Page) -> None:
     wait(lambda: len(app.session.rivals) == 4, 300)
     save(page, "Plan")
     fly_until(app, STEPS)
-    app.post(Adjust(Settings.LOOK, "ellipsoid", 3.0))
+    app.post(Adjust(Settings.VIEW, "ellipsoid", 3.0))
     for tab in ("Scene", "Fly", "Estimate", "Runs", "Experiments", "Export"):
         save(page, tab)
     app.post(Resume())
@@ -65,7 +65,7 @@ def photograph(app: App, page: Page) -> None:
 
 def fly_until(app: App, steps: int) -> None:
     """Fly that many time steps and hold."""
-    app.post(Adjust(Settings.FLYING, "pace", 1.0))
+    app.post(Adjust(Settings.FLIGHT, "pace", 1.0))
     app.post(StartFlight())
     wait(lambda: app.session.flight is not None, 5)
     wait(lambda: app.session.steps_reported > steps or app.session.job is None, 300)

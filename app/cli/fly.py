@@ -8,7 +8,7 @@ from app.cli.route_arguments import Route
 from app.cli.terminal import follow, note, show
 from app.jobs.fly import FlyRequest
 from app.jobs.fly import run as run_job
-from app.storage.run_store import Shelf
+from app.storage.run_store import RunStore
 from nerfnav.navigation.replan import NavigateConfig
 
 
@@ -45,7 +45,7 @@ def run(arguments: Arguments) -> None:
         config=config,
         source=arguments.place,
         task=arguments.task_name(place),
-        out=arguments.out or Shelf().new(place.name),
+        out=arguments.out or RunStore().new(place.name),
     )
     show(f"flight in {place.name}", follow(run_job(request, place), can_stop_early=True).summary, arguments.json)
     if arguments.out is None:

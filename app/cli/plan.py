@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from app.cli.route_arguments import PLANNER, Route
 from app.cli.terminal import follow, show
-from app.jobs.plan import PlanSettings
+from app.jobs.plan import PlannerConfig
 from app.jobs.plan import run as run_job
 from app.registry import PLAN_CONFIGS, named
 
@@ -41,7 +41,7 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
 def run(arguments: Any) -> None:
     """Plan, and print the numbers of the plan."""
     place = arguments.open()
-    settings: PlanSettings = arguments.config
+    settings: PlannerConfig = arguments.config
     request = replace(
         arguments.request(place, settings),
         shortest=arguments.duration == "auto",

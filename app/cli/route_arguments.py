@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from app.cli.number_arguments import in_words, numbers
-from app.jobs.plan import PlanRequest, PlanSettings
+from app.jobs.plan import PlannerConfig, PlanRequest
 from app.places.ends import End, Ends
 from app.places.place import Place, open_place
 from app.registry import PLAN_CONFIGS, named
@@ -67,7 +67,7 @@ class Route:
             return place
         return replace(place, robot=robots.load(tasks[number].robot))
 
-    def request(self, place: Place, config: PlanSettings) -> PlanRequest:
+    def request(self, place: Place, config: PlannerConfig) -> PlanRequest:
         """What is asked of the planner."""
         own = named("planner", self.planner, PLAN_CONFIGS)()
         return PlanRequest(

@@ -16,11 +16,11 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from app.page.html import heading
-from app.page.layers.field_surface import SceneLayer
-from app.page.theme import dress
+from app.page.layers.field_surface import FieldSurfaceLayer
+from app.page.theme import apply_theme
+from app.page_server import page_server
 from app.places.surface_glb import kept_surface
 from app.security.address import check_address, page_url
-from app.security.guarded_server import guarded_server
 from app.system.fast_imports import importing
 
 _SWITCH_S = 0.001
@@ -54,11 +54,11 @@ def run(arguments: Arguments) -> None:
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # what supervisors send ends it as Ctrl-C does
     stdout = sys.stdout
     with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout is for the address alone
-        server = guarded_server(arguments.host, arguments.port, arguments.token)
+        server = page_server(arguments.host, arguments.port, arguments.token)
         try:
-            dress(server)
+            apply_theme(server)
             server.gui.add_html(heading("nerfnav", "Starting…"))
-            scene = SceneLayer(server, _shown_before(arguments.place))
+            scene = FieldSurfaceLayer(server, _shown_before(arguments.place))
             url = page_url(arguments.host, arguments.port, arguments.token)
             told = f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)"
             stdout.write((json.dumps({"url": url, "place": arguments.place}) if arguments.json else told) + "\n")
@@ -72,7 +72,7 @@ def run(arguments: Arguments) -> None:
             server.stop()
 
 
-def _run_app(arguments: Arguments, scene: SceneLayer) -> None:
+def _run_app(arguments: Arguments, scene: FieldSurfaceLayer) -> None:
     """Bring the app to the page, which shows the place already where it was shown before, and wait for its end."""
     with importing(for_good=True):
         from app.server import App

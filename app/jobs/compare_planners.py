@@ -3,24 +3,22 @@
 from collections.abc import Generator, Iterator
 
 from app.jobs import plan
-from app.jobs.events import JobEvent, JobFinished, Progress
+from app.jobs.events import JobEvent, JobFinished, PlannerCompared, PlannerResult, Progress
 from app.jobs.plan import PlanRequest
 from app.places.place import Place
-from app.state.actions import Compared
-from app.state.records import Rival
 from nerfnav.errors import NerfnavError
 from nerfnav.planner.steps import PlanStep
 
 
-def run(routes: list[PlanRequest], place: Place) -> Iterator[JobEvent | Compared]:
+def run(routes: list[PlanRequest], place: Place) -> Iterator[JobEvent]:
     """Yield what each planner has found, in the order of `routes`; a planner that refuses says why."""
     for number, route in enumerate(routes):
         yield Progress(f"planning with {route.planner}", number / len(routes))
-        yield Compared((yield from _rival(route, place, number, len(routes))))
+        yield PlannerCompared((yield from _result(route, place, number, len(routes))))
     yield JobFinished("compare", {"planners": len(routes)})
 
 
-def _rival(route: PlanRequest, place: Place, number: int, count: int) -> Generator[JobEvent, None, Rival]:
+def _result(route: PlanRequest, place: Place, number: int, count: int) -> Generator[JobEvent, None, PlannerResult]:
     last, summary = None, {}
     try:
         for event in plan.run(route, place):
@@ -32,5 +30,5 @@ def _rival(route: PlanRequest, place: Place, number: int, count: int) -> Generat
                 case JobFinished():
                     summary = event.summary
     except NerfnavError as error:
-        return Rival(route.planner, None, {}, str(error))
-    return Rival(route.planner, None if last is None else last.motion, summary)
+        return PlannerResult(route.planner, None, {}, str(error))
+    return PlannerResult(route.planner, None if last is None else last.motion, summary)

@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from app.places.place import Place
 from nerfnav.field.train import TrainStep
 from nerfnav.navigation.steps import LoopEvent
+from nerfnav.robots.state import Motion
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,54 @@ class JobCancelled:
     """What it is called."""
 
 
-JobEvent = LoopEvent | TrainStep | Progress | JobStarted | JobFinished | JobFailed | JobCancelled
+@dataclass(frozen=True)
+class PlaceOpened:
+    """The field is loaded: the ends can be moved and plans be made."""
+
+    place: Place
+
+
+@dataclass(frozen=True)
+class SurfaceShaped:
+    """The field can be seen."""
+
+    glb: bytes
+    """Binary glTF, unlit, world axes."""
+
+
+@dataclass(frozen=True)
+class PlannerResult:
+    """What one planner has found, to be held against the others."""
+
+    planner: str
+    """Its name."""
+    motion: Motion | None
+    """Its plan; None where it refused."""
+    summary: dict[str, Any]
+    """The job's numbers."""
+    complaint: str = ""
+    """Why it refused."""
+
+
+@dataclass(frozen=True)
+class PlannerCompared:
+    """One planner of a comparison has ended."""
+
+    result: PlannerResult
+
+
+JobEvent = (
+    LoopEvent
+    | TrainStep
+    | Progress
+    | JobStarted
+    | PlaceOpened
+    | SurfaceShaped
+    | PlannerCompared
+    | JobFinished
+    | JobFailed
+    | JobCancelled
+)
 
 JobEvents = Generator[JobEvent, bool | None, None]
 """A job at work. Closing it cancels it; a job that says so takes True and ends early with what it has."""

@@ -9,8 +9,8 @@ from app.places.place import open_place
 from app.registry import named
 from app.storage import step_log as log
 from app.storage.output_files import prepare_file, write_bytes
-from app.storage.run_metadata import About
-from app.storage.run_store import Shelf
+from app.storage.run_metadata import RunMetadata
+from app.storage.run_store import RunStore
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, NerfnavError
 from nerfnav.export.formats import FORMATS
@@ -59,7 +59,7 @@ def run(request: ExportRequest) -> JobEvents:
 def read_run(folder: Path) -> Recording:
     """The flight or plan in a folder; of a flight that was interrupted, what was flown."""
     if (folder / log.FILE).is_file():
-        about = About.load(folder)
+        about = RunMetadata.load(folder)
         return Recording.of_flight(log.read_steps(folder), robots.load(about.robot), title_of(about))
     path = folder / TRAJECTORY
     try:
@@ -76,20 +76,20 @@ def read_run(folder: Path) -> Recording:
         raise InvalidInputError(f"{path} cannot be read: {error}") from error
 
 
-def title_of(about: About) -> str:
+def title_of(about: RunMetadata) -> str:
     """A flight in a few words."""
     return f"{about.place}, {about.task}" if about.task else about.place
 
 
 def _folder(run: Path) -> Path:
     """The folder that is meant: as it is written, else a flight of that name on the shelf."""
-    shelved = Shelf().folder / run.name
+    shelved = RunStore().folder / run.name
     return shelved if not run.exists() and len(run.parts) == 1 and shelved.is_dir() else run
 
 
 def _surface(folder: Path) -> bytes | None:
     """What stands for the place of a flight; None where the place is gone, which the export's numbers tell."""
     try:
-        return surface_of(open_place(About.load(folder).source)) or None
+        return surface_of(open_place(RunMetadata.load(folder).source)) or None
     except NerfnavError:
         return None

@@ -13,7 +13,7 @@ from app.jobs.plan import PlanRequest
 from app.places.place import Place, occupancy_of, planning_place, searcher_of
 from app.registry import ESTIMATORS, PLANNERS, named
 from app.storage.output_files import prepare_folder, write_text
-from app.storage.run_metadata import About
+from app.storage.run_metadata import RunMetadata
 from app.storage.step_log import logged
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.photometric import ColorNoise
@@ -107,9 +107,9 @@ def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
     )
 
 
-def _about(request: FlyRequest, place: Place) -> About:
+def _about(request: FlyRequest, place: Place) -> RunMetadata:
     route = request.route
-    return About(
+    return RunMetadata(
         place=place.name,
         source=request.source or place.name,
         robot=place.robot.name,

@@ -8,13 +8,12 @@ from pathlib import Path
 import torch
 
 from app.jobs import plan
-from app.jobs.events import JobEvent, JobFinished, Progress
+from app.jobs.events import JobEvent, JobFinished, PlaceOpened, Progress, SurfaceShaped
 from app.jobs.plan import PlanRequest
+from app.places.ends import opening_ends
 from app.places.place import Place, open_place
 from app.places.sources import FIELD, is_source
 from app.places.surface_glb import kept_surface, unlit_glb, without_specks
-from app.state.actions import PlaceOpened, SurfaceShaped
-from app.state.session import opening_ends
 from nerfnav.errors import NerfnavError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.fast import FastFilter
@@ -35,19 +34,17 @@ _SPECK = 400
 """Parts of the surface with fewer faces than this are not shown."""
 
 
-def run(
-    what: str, opener: Callable[[str], Place] = open_place
-) -> Iterator[JobEvent | PlaceOpened | SurfaceShaped]:
+def run(what: str, opener: Callable[[str], Place] = open_place) -> Iterator[JobEvent]:
     """Yield the place as soon as it is loaded, then its surface; a source is made into a field first.
 
     Raises NerfnavError as `open_place` does, or where no field can be made. What makes fields is imported only then:
     most places come with one, and somebody waits for them.
     """
     if is_source(what):
-        from app.jobs import make_field as adopt
+        from app.jobs import make_field
 
         made = Path(what).with_suffix(FIELD)
-        for event in adopt.run(Path(what), made):
+        for event in make_field.run(Path(what), made):
             if not isinstance(event, JobFinished):  # the job goes on
                 yield event
         what = str(made)

@@ -10,7 +10,7 @@ from app.jobs.stopwatch import Stopwatch
 from app.jobs.validation import require_positive, require_probability
 from app.places.ends import Ends
 from app.places.place import Place, occupancy_of, planning_place
-from app.registry import PLAN_CONFIGS, PLANNERS, named
+from app.registry import PLAN_CONFIGS, PLANNERS, PlannerConfig, named
 from app.storage.output_files import json_line, prepare_folder, write_text
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.tables import csv_text, json_text, motion_table
@@ -19,17 +19,12 @@ from nerfnav.navigation.planners import Planner
 from nerfnav.planner.chance import within_chance
 from nerfnav.planner.duration import shortest_plan
 from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.minsnap import MinSnapConfig
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.problem import PlanProblem
-from nerfnav.planner.rrt import RRTConfig
 from nerfnav.planner.safety import Safety, safety_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion
-
-PlanSettings = PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig
 
 
 @dataclass(frozen=True)
@@ -44,7 +39,7 @@ class PlanRequest:
     """Length of a step [s]."""
     planner: str = "fast"
     """Name of the planner."""
-    config: PlanSettings | None = None
+    config: PlannerConfig | None = None
     """Its settings; None: its own."""
     shortest: bool = False
     """Whether to find the shortest duration that keeps the robot's limits, in place of `steps`."""
@@ -61,7 +56,7 @@ class PlanRequest:
         require_probability(max_collision=self.max_collision)
 
     @property
-    def settings(self) -> PlanSettings:
+    def settings(self) -> PlannerConfig:
         """How the planner works. Raises NerfnavError for an unknown planner, or settings of another one."""
         own = named("planner", self.planner, PLAN_CONFIGS)()
         if self.config is not None and type(self.config) is not type(own):

@@ -12,7 +12,7 @@ from nerfnav.errors import NerfnavError
 _BEAT_S = 0.25
 
 
-def apart(job: Callable[[], JobEvents]) -> JobEvents:
+def in_subprocess(job: Callable[[], JobEvents]) -> JobEvents:
     """Yield what a job yields, and four times a second how far it is; closing ends the process.
 
     `job` travels to the process: a function of a module, with plain values. Raises NerfnavError where the process ends

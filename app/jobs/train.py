@@ -10,7 +10,7 @@ import torch
 import scenes
 from app.jobs.events import JobEvent, JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.train_neural import learn_networks
-from app.jobs.training_data.gather import Material, StoppedError, TrainRequest, gather
+from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
 from app.storage.output_files import prepare_file
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import StoredField, save_field
@@ -70,7 +70,7 @@ def _save(trained: StoredField, truth: Scene | None, out: Path) -> tuple[int, tu
         return save_field(linked, out), (out, truth_path(out))
 
 
-def _config(request: TrainRequest, material: Material) -> TrainConfig:
+def _config(request: TrainRequest, material: TrainingData) -> TrainConfig:
     config = request.config if material.bounded else _of_photographs(request.config)
     return replace(
         config,
@@ -101,7 +101,7 @@ def _require_room(box: Box, voxel: float) -> None:
 
 
 def _learn(
-    material: Material, config: TrainConfig, generator: torch.Generator
+    material: TrainingData, config: TrainConfig, generator: torch.Generator
 ) -> Generator[JobEvent, bool | None, VoxelField]:
     steps = train(material.learned, material.held_out, material.box, material.background, config, generator)
     step = next(steps)

@@ -5,7 +5,7 @@ from collections.abc import Generator
 import torch
 
 from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.gather import Material
+from app.jobs.training_data.gather import TrainingData
 from app.jobs.training_data.request import NeuralOptions, TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.mlp import MlpConfig
@@ -16,7 +16,7 @@ _LAYERS_BEFORE_SKIP = 5
 
 
 def learn_networks(
-    material: Material, request: TrainRequest, options: NeuralOptions, generator: torch.Generator
+    material: TrainingData, request: TrainRequest, options: NeuralOptions, generator: torch.Generator
 ) -> Generator[JobEvent, bool | None, NeuralField]:
     """Yield progress and return the field; send True to end early and keep what was learned.
 

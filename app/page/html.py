@@ -65,9 +65,3 @@ def legend(entries: Iterable[tuple[Rgb, str]]) -> str:
         for color, meaning in entries
     )
     return f'<div style="{_PADDING} color: {MUTED}">{items}</div>'
-
-
-def number(value: float, unit: str, digits: int = 3) -> str:
-    """A number as a person reads it, with its unit."""
-    text = f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
-    return f"{text} {unit}".rstrip()

@@ -62,7 +62,7 @@ def _data_url(image: Path) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(image.read_bytes()).decode()
 
 
-def dress(server: viser.ViserServer) -> None:
+def apply_theme(server: viser.ViserServer) -> None:
     """Give the page its theme, title bar and backdrop."""
     logo = _data_url(STATIC / "logo.svg")
     image = TitlebarImage(image_url_light=logo, image_url_dark=logo, image_alt="nerfnav", href=None)

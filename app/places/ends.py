@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from app.places.place import Place
 from nerfnav.geometry.box import Box
 from nerfnav.robots.state import RigidState
 from nerfnav.world.task import Task
@@ -64,3 +65,17 @@ class Ends:
     def moved(self, which: Which, end: End) -> "Ends":
         """The same ends but for one."""
         return replace(self, start=end) if which is Which.START else replace(self, goal=end)
+
+
+def opening_ends(place: Place, task: str | None) -> Ends | None:
+    """The ends of a task of the place; without a task, two ends beside the middle of the box; None if unknown."""
+    if task is None:
+        x, y, z = place.field.box.center.tolist()
+        reach = 0.35 * float(place.field.box.size[0])
+        return Ends(
+            End((round(x - reach, 3), round(y, 3), round(z, 3))), End((round(x + reach, 3), round(y, 3), round(z, 3)))
+        )
+    for known in place.tasks:
+        if known.name == task:
+            return Ends.of_task(known)
+    return None

@@ -8,11 +8,6 @@ from app.state.session import Job, Session
 Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.CarryAway | m.FindRobot
 
 
-def may_find(session: Session) -> bool:
-    """Whether the robot can be looked for: there is a picture, and nothing but a flight in the way."""
-    return session.last_picture is not None and (session.job is None or session.in_flight)
-
-
 def steered(session: Session, command: Steering) -> Session:
     """The session after such a command; unchanged where nothing flies."""
     job = session.job

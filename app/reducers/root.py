@@ -3,22 +3,28 @@
 import math
 from dataclasses import replace
 
-from app.choice import Choice
-from app.jobs.events import JobCancelled, JobFailed, JobFinished, Progress
-from app.places.ends import Ends
+from app.jobs.events import (
+    JobCancelled,
+    JobFailed,
+    JobFinished,
+    PlaceOpened,
+    PlannerCompared,
+    Progress,
+    SurfaceShaped,
+)
+from app.places.ends import Ends, opening_ends
 from app.places.place import Place
 from app.places.sources import title_of, without_folder
 from app.reducers.common import moved, noticed
 from app.reducers.flight import steered
-from app.reducers.query_results import answered
-from app.reducers.runs import commanded, rolled, source_elsewhere
+from app.reducers.runs import changed, commanded, rolled, source_elsewhere
 from app.reducers.settings import adjusted
+from app.registry import Choice
 from app.state import actions as m
-from app.state import queries as q
-from app.state.experiments import ListTrials, ShowResult, StartTrials
+from app.state.experiments import ListExperiments, ShowResult, StartExperiment
 from app.state.records import FlightRecord, PlanRecord, SearchRecord
 from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, Scrub
-from app.state.session import Job, JobKind, Session, opening_ends
+from app.state.session import Click, Job, JobKind, Session, Vector
 from app.text import sentence
 from nerfnav import robots
 from nerfnav.errors import UnknownNameError
@@ -28,11 +34,13 @@ from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 
 
-def reduce(session: Session, message: m.Message) -> Session:
+def reduce(session: Session, message: m.Action) -> Session:
     """The session after `message`."""
-    if isinstance(message, q.Answer):
-        return answered(session, message)
     match message:
+        case m.QueryAnswered(query, result):
+            return query.apply(session, result)
+        case m.RunChanged():
+            return changed(session, message)
         case m.Reported(job, event):
             # a cancelled job may still report: it is no longer the one that is wanted
             wanted = session.job is not None and session.job.id == job
@@ -80,14 +88,14 @@ def _command(session: Session, command: m.Command) -> Session:
         case m.Adjust(settings, name, value):
             return adjusted(session, settings, name, value)
         case m.Looked(client, eye):
-            return replace(session, sights=session.sights.looked(client, eye)) if eye.is_sound else session
+            return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
         case m.Left(client):
-            return replace(session, sights=session.sights.left(client))
+            return replace(session, eyes={key: eye for key, eye in session.eyes.items() if key != client})
         case m.StartComparison():
             return _begin(session, JobKind.COMPARE)
-        case StartTrials() | ShowResult() | ListTrials():
-            session = replace(session, trials=session.trials.commanded(command))
-            return _begin(session, JobKind.EXPERIMENT) if isinstance(command, StartTrials) else session
+        case StartExperiment() | ShowResult() | ListExperiments():
+            session = replace(session, experiments=session.experiments.commanded(command))
+            return _begin(session, JobKind.EXPERIMENT) if isinstance(command, StartExperiment) else session
         case m.FindRobot() if not session.in_flight:
             return _sought(session)
         case m.Pause() | m.Resume() | m.StepOnce() | m.Gust() | m.CarryAway() | m.FindRobot():
@@ -100,7 +108,7 @@ def _command(session: Session, command: m.Command) -> Session:
             return _cancel(session)
         case m.Reset():
             ends = opening_ends(session.place, session.home) or session.ends
-            stopped = replace(_cancel(session), plan=None, flight=None, rivals=(), search=None)
+            stopped = replace(_cancel(session), plan=None, flight=None, comparison=(), search=None)
             return replace(stopped, task=session.home, ends=ends, problems={})
     raise TypeError(f"the session knows no message of type {type(command).__name__}")
 
@@ -125,14 +133,14 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
         return chosen
     # plans and flights are those of another body
     other = replace(place, robot=robots.load(choice.robot))
-    return _settled(replace(_cancel(chosen), plan=None, flight=None, rivals=(), view=None, search=None), other)
+    return _settled(replace(_cancel(chosen), plan=None, flight=None, comparison=(), search=None), other)
 
 
-def _pointed(session: Session, origin: q.Vector, direction: q.Vector) -> Session:
+def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
     """The session that looks where a click lands, if an end is to be put there."""
     if session.aiming is None or not all(map(math.isfinite, (*origin, *direction))) or not any(direction):
         return session
-    return replace(session, clicked=q.PointQuestion(session.aiming, origin, direction), aiming=None)
+    return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)
 
 
 def _settled(session: Session, place: Place) -> Session:
@@ -142,7 +150,7 @@ def _settled(session: Session, place: Place) -> Session:
     ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
     return replace(
         session, place=place, task=name, home=name, ends=ends, problems={}, offers={}, aiming=None, clicked=None,
-        sights=session.sights.elsewhere(), look=session.look.where(splats=place.splats is not None),
+        results={}, view_settings=session.view_settings.where(splats=place.splats is not None),
     )  # fmt: skip
 
 
@@ -150,13 +158,13 @@ def _begin(session: Session, kind: JobKind) -> Session:
     if not session.may_begin:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
-    job = replace(job, pace=session.flying.pace)
+    job = replace(job, pace=session.flight_settings.pace)
     begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
     if kind is JobKind.COMPARE:
-        return replace(begun, rivals=())
+        return replace(begun, comparison=())
     if kind in (JobKind.EXPERIMENT, JobKind.FIND):
         return begun
-    begun = replace(begun, flight=None, rivals=(), search=None)
+    begun = replace(begun, flight=None, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(begun, plan=PlanRecord(session.ends))
     return replace(begun, plan=session.fresh_plan, flight=FlightRecord(session.ends))
@@ -188,12 +196,12 @@ def _report(session: Session, event: object) -> Session:
     job = session.job
     assert job is not None
     match event:
-        case m.PlaceOpened(place):
+        case PlaceOpened(place):
             return _settled(session, place)
-        case m.SurfaceShaped(glb):
+        case SurfaceShaped(glb):
             return replace(session, surface=glb)
-        case m.Compared(rival):
-            return replace(session, rivals=(*session.rivals, rival))
+        case PlannerCompared(result):
+            return replace(session, comparison=(*session.comparison, result))
         case Progress(label, fraction):
             return replace(session, job=replace(job, label=label, fraction=fraction))
         case PlanStep() | FilterStep() | NavigationStep():
@@ -232,7 +240,7 @@ def _step(session: Session, job: Job, event: PlanStep | FilterStep | NavigationS
 
 def _finished(session: Session, job: Job, event: JobFinished) -> Session:
     if job.kind is JobKind.EXPERIMENT and event.files:
-        return replace(session, trials=session.trials.ended(event.files[0].parent.name))
+        return replace(session, experiments=session.experiments.ended(event.files[0].parent.name))
     if job.kind is JobKind.PLAN and session.plan is not None:
         quick = event.summary.get("wall_s", PlanRecord.QUICK_S) < PlanRecord.QUICK_S
         plan = replace(session.plan, summary=event.summary, replayed=0.0 if quick else None)

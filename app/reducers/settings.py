@@ -6,9 +6,9 @@ from typing import Any, TypeVar
 from app.reducers.common import noticed
 from app.state.actions import Settings
 from app.state.flight_settings import FlightSettings
-from app.state.plan_settings import PlanningSettings
+from app.state.plan_settings import PlanSettings
 from app.state.session import Session
-from app.state.view_settings import Look
+from app.state.view_settings import ViewSettings
 from app.text import sentence
 from nerfnav.errors import InvalidInputError
 
@@ -23,21 +23,21 @@ def adjusted(session: Session, settings: Settings, name: str, value: Any) -> Ses
 
 def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Session:
     match settings:
-        case Settings.LOOK:
-            return replace(session, look=_checked(replace(session.look, **change)))
-        case Settings.PLANNING:
-            return replace(session, planning=_checked(replace(session.planning, **change)))
+        case Settings.VIEW:
+            return replace(session, view_settings=_checked(replace(session.view_settings, **change)))
+        case Settings.PLAN:
+            return replace(session, plan_settings=_checked(replace(session.plan_settings, **change)))
         case Settings.WEIGHTS:
-            weights = replace(session.planning.weights, **change)
-            return replace(session, planning=_checked(replace(session.planning, weights=weights)))
-        case Settings.FLYING:
-            flying = _checked(replace(session.flying, **change))
+            weights = replace(session.plan_settings.weights, **change)
+            return replace(session, plan_settings=_checked(replace(session.plan_settings, weights=weights)))
+        case Settings.FLIGHT:
+            flying = _checked(replace(session.flight_settings, **change))
             # the pace counts for the flight under way too
             job = None if session.job is None else replace(session.job, pace=flying.pace)
-            return replace(session, flying=flying, job=job)
+            return replace(session, flight_settings=flying, job=job)
 
 
-Checkable = TypeVar("Checkable", Look, PlanningSettings, FlightSettings)
+Checkable = TypeVar("Checkable", ViewSettings, PlanSettings, FlightSettings)
 
 
 def _checked(settings: Checkable) -> Checkable:

@@ -9,29 +9,29 @@ import gzip
 import hmac
 import http
 import ipaddress
+from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlsplit
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from app.page.theme import branded
 from app.security.address import is_loopback
-from app.security.token_bucket import Purse
+from app.security.token_bucket import TokenBucket
 
 _COOKIE = "nerfnav_token"
 _CONNECTIONS_AT_ONCE, _CONNECTIONS_PER_S = 64.0, 16.0
 
 
-class Doorkeeper:
+class AccessPolicy:
     """Decides on each request before viser sees it."""
 
-    def __init__(self, host: str, token: str | None) -> None:
-        """`host` is what the server listens at."""
+    def __init__(self, host: str, token: str | None, brand: Callable[[bytes], bytes]) -> None:
+        """`host` is what the server listens at; `brand` gives viser's page (HTML) the app's name."""
         self._local = is_loopback(host)
-        self._token = token
+        self._token, self._brand = token, brand
         self._pages: dict[bool, bytes] = {}
-        self._connections = Purse(_CONNECTIONS_AT_ONCE, _CONNECTIONS_PER_S)
+        self._connections = TokenBucket(_CONNECTIONS_AT_ONCE, _CONNECTIONS_PER_S)
 
     def refusal(self, request: Request) -> Response | None:
         """The answer to a request that must not pass, or None."""
@@ -62,7 +62,7 @@ class Doorkeeper:
         zipped = response.headers.get("Content-Encoding") == "gzip"
         if zipped not in self._pages:
             page = gzip.decompress(response.body) if zipped else bytes(response.body)
-            page = branded(page)
+            page = self._brand(page)
             self._pages[zipped] = gzip.compress(page) if zipped else page
         headers = Headers(response.headers)
         del headers["Content-Length"]

@@ -4,10 +4,12 @@ viser has no authentication, checks no Origin (any web page could drive a local 
 tunnel, lets a tab set any attribute of a widget, and keeps and replays whatever numbers a tab sends. All of this is
 closed here, from outside: it leans on inner names of viser, whose version is therefore bounded in pyproject.toml.
 
-    visitors   who may ask for anything: token, Host, Origin, how often
-    gate       what a connection may send: how much, which messages, with sane contents
-    values     what a widget may be set to
-    transfers  which uploads are taken
+    access           who may ask for anything: token, Host, Origin, how often
+    message_filter   what a connection may send: how much, which messages, with sane contents
+    widget_values    what a widget may be set to
+    upload_limits    which uploads are taken
+    token_bucket     how much of something may happen
+    address          whether a server can listen at an address
 """
 
 import contextlib
@@ -16,15 +18,16 @@ import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import viser
 import websockets.asyncio.server
 from websockets.http11 import Request, Response
 
-from app.security.access import Doorkeeper
+from app.security.access import AccessPolicy
 from app.security.address import is_loopback
-from app.security.message_filter import LARGEST_FRAME, MOST_WAITING, Gate
+from app.security.message_filter import LARGEST_FRAME, MOST_WAITING, MessageFilter
 from app.security.upload_limits import limit_uploads
 from nerfnav.errors import NerfnavError
 
@@ -37,27 +40,41 @@ class TokenError(NerfnavError):
     """A server that others can reach would have no token."""
 
 
-def guarded_server(host: str, port: int, token: str | None) -> viser.ViserServer:
-    """A viser server at `host`:`port` behind a guard; hosts that other machines reach must have a token."""
+@dataclass(frozen=True)
+class PagePolicy:
+    """What the guard has to know of the page."""
+
+    brand: Callable[[bytes], bytes]
+    """viser's page (HTML) to the same under the app's name."""
+    most_upload_bytes: int
+    """Largest file that is taken [bytes]."""
+
+
+def guarded_server(host: str, port: int, token: str | None, policy: PagePolicy) -> viser.ViserServer:
+    """A viser server at `host`:`port` behind a guard; hosts that other machines reach must have a token.
+
+    Raises TokenError for a missing or unusable token, NerfnavError where the port was taken meanwhile.
+    """
     if token is None and not is_loopback(host):
         raise TokenError(
             f"whoever reaches {host} could steer this app: give it a secret with --token, or serve at 127.0.0.1"
         )
     if token is not None and not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
         raise TokenError("a token is made of letters, digits, '.', '_', '~' and '-', for it travels in addresses")
-    gate = Gate()
-    with _guarding(Doorkeeper(host, token), gate), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
+    gate = MessageFilter()
+    access = AccessPolicy(host, token, policy.brand)
+    with _guarding(access, gate), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if server.get_port() != port:  # somebody took the port after it was checked
         server.stop()
         raise NerfnavError(f"port {port} of {host} was taken a moment ago: choose another with --port")
-    limit_uploads(server)
+    limit_uploads(server, policy.most_upload_bytes)
     gate.open(server)
     return server
 
 
 @contextmanager
-def _guarding(doorkeeper: Doorkeeper, gate: Gate) -> Iterator[None]:
+def _guarding(doorkeeper: AccessPolicy, gate: MessageFilter) -> Iterator[None]:
     """While open, servers of `websockets` are built behind `doorkeeper` and `gate`."""
     build = websockets.asyncio.server.serve
 

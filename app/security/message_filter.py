@@ -14,7 +14,7 @@ import numpy as np
 import viser
 import viser._messages as viser_messages
 
-from app.security.token_bucket import Purse
+from app.security.token_bucket import TokenBucket
 from app.security.widget_values import LARGEST, LONGEST, is_number, may_set
 
 MOST_TABS = 32
@@ -52,7 +52,7 @@ _FIELDS = {kind: frozenset(entry.name for entry in dataclasses.fields(kind)) for
 Handler = Callable[[Any], Awaitable[None]]
 
 
-class Gate:
+class MessageFilter:
     """Stands between the connections and viser. Used on the server's event loop alone."""
 
     def __init__(self) -> None:
@@ -74,14 +74,14 @@ class Gate:
             else:
                 self._inside += 1
                 try:
-                    connection.recv = self._sieve(connection, Purse(_AT_ONCE, _PER_S))
+                    connection.recv = self._sieve(connection, TokenBucket(_AT_ONCE, _PER_S))
                     await handler(connection)
                 finally:
                     self._inside -= 1
 
         return handle
 
-    def _sieve(self, connection: Any, purse: Purse) -> Callable[[], Awaitable[bytes]]:
+    def _sieve(self, connection: Any, purse: TokenBucket) -> Callable[[], Awaitable[bytes]]:
         """What gives the next message that may pass."""
         receive = connection.recv
 

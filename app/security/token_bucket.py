@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 
-class Purse:
+class TokenBucket:
     """Fills with time, is emptied by what happens."""
 
     def __init__(self, most: float, per_s: float, now: Callable[[], float] = time.monotonic) -> None:

@@ -3,16 +3,13 @@
 import viser
 import viser._messages as viser_messages
 
-from app.page.theme import HIT
-from app.places.uploads import MOST_BYTES
-
 _AT_ONCE = 4
 _AT_ONCE_PER_TAB = 2
 _SMALLEST_PART = 64 << 10  # pages send parts of 512 kB: many small ones are no upload
 
 
-def limit_uploads(server: viser.ViserServer) -> None:
-    """Put the limits before viser's own handlers of uploads."""
+def limit_uploads(server: viser.ViserServer, most_bytes: int) -> None:
+    """Put the limits before viser's own handlers of uploads: at most `most_bytes` in a file."""
     states, sockets, widgets = (
         server.gui._current_file_upload_states,
         server._websock_server,
@@ -32,11 +29,11 @@ def limit_uploads(server: viser.ViserServer) -> None:
         own = sum(state["client_id"] == client_id for state in states.values())
         room = len(states) < _AT_ONCE and own < _AT_ONCE_PER_TAB
         parts_fit = 0 <= message.part_count <= message.size_bytes // _SMALLEST_PART + 1
-        if 0 <= message.size_bytes <= MOST_BYTES and room and parts_fit:
+        if 0 <= message.size_bytes <= most_bytes and room and parts_fit:
             begin(client_id, message)  # type: ignore[arg-type]
         elif (client := server.get_clients().get(client_id)) is not None:
-            text = f"A file may have {MOST_BYTES >> 20} MB, and {_AT_ONCE} may be on their way at once."
-            client.add_notification("Not taken", text, color=HIT, auto_close_seconds=None)
+            text = f"A file may have {most_bytes >> 20} MB, and {_AT_ONCE} may be on their way at once."
+            client.add_notification("Not taken", text, color="red", auto_close_seconds=None)
 
     def take_if_announced(client_id: int, message: viser_messages.FileTransferPart) -> None:
         state = states.get(message.transfer_uuid)

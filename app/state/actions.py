@@ -1,17 +1,16 @@
-"""What the session reacts to: commands of the user, reports of jobs, answers to its questions, the time."""
+"""Actions that the session reacts to: commands of the user, reports of jobs, results of queries, the time."""
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Protocol
 
-from app.choice import Choice
 from app.jobs.events import JobEvent
 from app.places.ends import End, Which
-from app.places.place import Place
-from app.state.experiments import TrialsCommand
-from app.state.queries import Answer, Vector
-from app.state.records import Rival
-from app.state.run_actions import RunCommand
+from app.registry import Choice
+from app.state.experiments import ExperimentAction
+from app.state.run_actions import RunAction
+from app.state.runs import RunChange
+from app.state.session import Session, Vector
 from app.state.view_settings import Eye
 
 
@@ -65,10 +64,10 @@ class Point:
 class Settings(Enum):
     """Records whose numbers a person may change."""
 
-    LOOK = "look"
-    PLANNING = "planning"
+    VIEW = "view_settings"
+    PLAN = "plan_settings"
     WEIGHTS = "weights"
-    FLYING = "flying"
+    FLIGHT = "flight_settings"
 
 
 @dataclass(frozen=True)
@@ -182,32 +181,10 @@ Command = (
     | Resume
     | StepOnce
     | Reset
-    | RunCommand
-    | TrialsCommand
+    | RunAction
+    | ExperimentAction
     | Tell
 )
-
-
-@dataclass(frozen=True)
-class PlaceOpened:
-    """The field is loaded: the ends can be moved and plans be made."""
-
-    place: Place
-
-
-@dataclass(frozen=True)
-class SurfaceShaped:
-    """The field can be seen."""
-
-    glb: bytes
-    """Binary glTF, unlit, world axes."""
-
-
-@dataclass(frozen=True)
-class Compared:
-    """One planner of a comparison has ended."""
-
-    rival: Rival
 
 
 @dataclass(frozen=True)
@@ -216,7 +193,32 @@ class Reported:
 
     job: int
     """Which job, `Job.id`."""
-    event: JobEvent | PlaceOpened | SurfaceShaped | Compared
+    event: JobEvent
+
+
+class AppliesResult(Protocol):
+    """A query, as far as the session has to know: app.queries.query.Query."""
+
+    def apply(self, session: Session, result: Any) -> Session:
+        """The session with the result of the query."""
+        ...
+
+
+@dataclass(frozen=True)
+class QueryAnswered:
+    """The worker has answered a query."""
+
+    query: AppliesResult
+    result: Any
+
+
+@dataclass(frozen=True)
+class RunChanged:
+    """The worker has renamed or deleted a stored run."""
+
+    change: RunChange
+    problem: str | None = None
+    """One sentence, or None where all is well."""
 
 
 @dataclass(frozen=True)
@@ -226,4 +228,4 @@ class Tick:
     seconds: float
 
 
-Message = Command | Reported | Answer | Tick
+Action = Command | Reported | QueryAnswered | RunChanged | Tick

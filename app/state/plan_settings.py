@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass, field, fields, replace
 
-from app.jobs.plan import PlanSettings
-from app.registry import PLAN_CONFIGS
+from app.registry import PLAN_CONFIGS, PlannerConfig
 from nerfnav.errors import InvalidInputError
 from nerfnav.planner.costs import CostWeights
 
@@ -13,7 +12,7 @@ _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
 
 
 @dataclass(frozen=True)
-class PlanningSettings:
+class PlanSettings:
     """How long plans take, and what they weigh."""
 
     duration_s: float = 2.0
@@ -34,7 +33,7 @@ class PlanningSettings:
             if not (math.isfinite(value) and least <= value <= largest):
                 raise InvalidInputError(f"{part.name.replace('_', ' ')} must be from {least:g} to {largest:g}")
 
-    def config(self, planner: str, own: PlanSettings | None) -> PlanSettings | None:
+    def config(self, planner: str, own: PlannerConfig | None) -> PlannerConfig | None:
         """The planner's settings with these weights; `own` where nobody changed the weights."""
         if self.weights == CostWeights():
             return own

@@ -100,20 +100,6 @@ class PlanRecord:
 
 
 @dataclass(frozen=True)
-class Rival:
-    """What one planner has found, to be held against the others."""
-
-    planner: str
-    """Its name."""
-    motion: Motion | None
-    """Its plan; None where it refused."""
-    summary: dict[str, Any]
-    """The job's numbers."""
-    complaint: str = ""
-    """Why it refused."""
-
-
-@dataclass(frozen=True)
 class SearchRecord:
     """A search for the robot as far as it has come."""
 

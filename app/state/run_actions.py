@@ -1,16 +1,16 @@
-"""What a person may ask of the shelf and of the timeline."""
+"""Actions of a person on stored runs and on the timeline."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class ListRuns:
-    """Look at the shelf again: other programs fly too."""
+    """List the stored runs again: other programs fly too."""
 
 
 @dataclass(frozen=True)
 class OpenRun:
-    """Show a flight of the shelf, in its place."""
+    """Show a stored run, in its place."""
 
     name: str
 
@@ -24,7 +24,7 @@ class CompareRun:
 
 @dataclass(frozen=True)
 class RenameRun:
-    """Give a flight of the shelf another name."""
+    """Give a stored run another name."""
 
     name: str
     to: str
@@ -32,7 +32,7 @@ class RenameRun:
 
 @dataclass(frozen=True)
 class DeleteRun:
-    """Delete a flight of the shelf for good."""
+    """Delete a stored run for good."""
 
     name: str
 
@@ -52,4 +52,4 @@ class PlayBack:
     on: bool
 
 
-RunCommand = ListRuns | OpenRun | CompareRun | RenameRun | DeleteRun | Scrub | PlayBack
+RunAction = ListRuns | OpenRun | CompareRun | RenameRun | DeleteRun | Scrub | PlayBack

@@ -1,11 +1,45 @@
-"""The session's part that concerns stored flights, and the time at which the shown one is looked at."""
+"""The session's part that concerns stored runs, and the time at which the shown one is looked at."""
 
 import math
 from dataclasses import dataclass, field, replace
 
 from app.state.records import FlightRecord
-from app.state.run_queries import Errand, RunsQuestion, StoredFlight
-from app.storage.run_metadata import Entry
+from app.storage.run_metadata import StoredRun
+
+
+@dataclass(frozen=True)
+class StoredFlight:
+    """A stored run with all its steps."""
+
+    entry: StoredRun
+    record: FlightRecord
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """A stored run that a person wants to see."""
+
+    id: int
+    """Unique in a session."""
+    name: str
+    compare: bool = False
+    """Whether to show it beside the flight that is shown."""
+
+
+@dataclass(frozen=True)
+class RunChange:
+    """A stored run that is to be renamed or deleted, once."""
+
+    id: int
+    """Unique in a session."""
+    name: str
+    to: str | None = None
+    """Its new name; None deletes it for good."""
+
+    @property
+    def verb(self) -> str:
+        """What is done, for the user."""
+        return "delete" if self.to is None else "rename"
 
 
 @dataclass(frozen=True)
@@ -51,33 +85,40 @@ def _cut(flight: FlightRecord, at: int) -> FlightRecord:
 
 @dataclass(frozen=True)
 class Runs:
-    """What is on the shelf, and what of it is shown."""
+    """Which runs are stored, and what of them is shown."""
 
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[StoredRun, ...] = ()
     """The newest first."""
     listed: tuple[int, ...] | None = None
     """As of when."""
-    wanted: tuple[RunsQuestion, ...] = ()
-    """Errands that are not done yet."""
+    wanted: tuple[RunRequest, ...] = ()
+    """Runs that are asked for and not read yet."""
+    changes: tuple[RunChange, ...] = ()
+    """What is to be renamed and deleted, and is not yet."""
     asked: int = 0
-    """How many errands there were."""
+    """How many requests and changes there were."""
     opened: StoredFlight | None = None
-    """The flight that was opened last; it is shown while the session's flight is its record."""
+    """The run that was opened last; it is shown while the session's flight is its record."""
     compared: StoredFlight | None = None
-    """A second flight, shown beside the first."""
+    """A second run, shown beside the first."""
     timeline: Timeline = field(default_factory=Timeline)
 
-    def wanting(self, errand: Errand, name: str = "", to: str = "") -> "Runs":
-        """With one more errand."""
-        question = RunsQuestion((self.asked,), errand, name, to)
-        return replace(self, wanted=(*self.wanted, question), asked=self.asked + 1)
+    def wanting(self, name: str, compare: bool = False) -> "Runs":
+        """With one more request."""
+        request = RunRequest(self.asked, name, compare)
+        return replace(self, wanted=(*self.wanted, request), asked=self.asked + 1)
+
+    def changing(self, name: str, to: str | None) -> "Runs":
+        """With one more change."""
+        change = RunChange(self.asked, name, to)
+        return replace(self, changes=(*self.changes, change), asked=self.asked + 1)
 
     def elsewhere(self) -> "Runs":
         """In another place."""
         return replace(self, opened=None, compared=None, timeline=Timeline())
 
-    def entry(self, name: str) -> Entry | None:
-        """The flight of that name, if there is one."""
+    def entry(self, name: str) -> StoredRun | None:
+        """The run of that name, if there is one."""
         return next((entry for entry in self.entries if entry.name == name), None)
 
     def shown(self, flight: FlightRecord | None) -> FlightRecord | None:

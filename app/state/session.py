@@ -1,27 +1,30 @@
 """The app's whole state as one frozen value.
 
-The session says what is wanted of the worker (`job`, and `app.state.pending_queries`) and all that the page shows.
+The session says what is wanted of the worker (`job`, and `app.queries`) and all that the page shows.
 No other place holds state: a reloaded page and a second tab show the same, and the logic is tested without a browser.
-`app.reducers.root` moves it from one message to the next.
+`app.reducers.root` moves it from one action to the next.
 """
 
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 from torch import Tensor
 
-from app.choice import Choice
+from app.jobs.events import PlannerResult
 from app.places.ends import End, Ends, Which
 from app.places.place import Place
-from app.state.experiments import Trials
+from app.registry import Choice
+from app.state.experiments import ExperimentState
 from app.state.flight_settings import FlightSettings
-from app.state.plan_settings import PlanningSettings
-from app.state.queries import PointQuestion, Profile, View
-from app.state.records import FlightRecord, PlanRecord, Rival, SearchRecord
-from app.state.renderings import Sights
+from app.state.plan_settings import PlanSettings
+from app.state.records import FlightRecord, PlanRecord, SearchRecord
 from app.state.runs import Runs
-from app.state.view_settings import Look
+from app.state.view_settings import Eye, ViewSettings
 from nerfnav.planner.steps import PlanOutcome
+
+Vector = tuple[float, float, float]
 
 _FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
 
@@ -68,6 +71,18 @@ class Job:
 
 
 @dataclass(frozen=True)
+class Click:
+    """A click into the scene that puts an end down."""
+
+    which: Which
+    """The end that is put there."""
+    origin: Vector
+    """Where the ray of the click begins [m]."""
+    direction: Vector
+    """Where it goes, of any length."""
+
+
+@dataclass(frozen=True)
 class Notice:
     """Something that the user should know now."""
 
@@ -89,9 +104,9 @@ class Session:
     """Scene name or field file that is opened."""
     choice: Choice = field(default_factory=Choice)
     """Which robot, planner and estimator."""
-    planning: PlanningSettings = field(default_factory=PlanningSettings)
+    plan_settings: PlanSettings = field(default_factory=PlanSettings)
     """How plans are made."""
-    flying: FlightSettings = field(default_factory=FlightSettings)
+    flight_settings: FlightSettings = field(default_factory=FlightSettings)
     """How flights are flown."""
     place: Place | None = None
     """None while it is being opened."""
@@ -109,31 +124,29 @@ class Session:
     """Where the robot would fit near an end at which it does not."""
     aiming: Which | None = None
     """Which end the next click into the scene puts down."""
-    clicked: PointQuestion | None = None
+    clicked: Click | None = None
     """A click whose landing is being looked for."""
-    look: Look = field(default_factory=Look)
+    view_settings: ViewSettings = field(default_factory=ViewSettings)
     """What the page draws of the place."""
-    sights: Sights = field(default_factory=Sights)
-    """What was computed for that."""
+    eyes: Mapping[int, Eye] = field(default_factory=dict)
+    """From where each tab looks, where that matters."""
+    results: Mapping[Hashable, tuple[Any, Any]] = field(default_factory=dict)
+    """Queries of the place and their results, by slot: see app.queries.query."""
     job: Job | None = None
     """What the worker is to do."""
     jobs_begun: int = 0
     """How many jobs there were."""
     plan: PlanRecord | None = None
     """The last plan."""
-    rivals: tuple[Rival, ...] = ()
+    comparison: tuple[PlannerResult, ...] = ()
     """What the planners of the last comparison have found, as far as it has come."""
-    profile: Profile | None = None
-    """How near the last plan comes to what is dense."""
     flight: FlightRecord | None = None
     """The last flight."""
     search: SearchRecord | None = None
     """What the last search for the robot has found, as far as it has come."""
-    view: View | None = None
-    """The field's rendering of the last view that was asked for."""
     runs: Runs = field(default_factory=Runs)
     """Stored flights, and the timeline."""
-    trials: Trials = field(default_factory=Trials)
+    experiments: ExperimentState = field(default_factory=ExperimentState)
     """Experiments and their results."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
@@ -203,20 +216,16 @@ class Session:
         return next(iter(seen), None)
 
     @property
+    def may_find(self) -> bool:
+        """Whether the robot can be looked for: there is a picture, and nothing but a flight in the way."""
+        return self.last_picture is not None and (self.job is None or self.in_flight)
+
+    @property
+    def run_list_stamp(self) -> tuple[int, ...]:
+        """Changes whenever the list of stored runs may have changed."""
+        return self.jobs_begun, int(self.job is not None), self.runs.asked
+
+    @property
     def steps_reported(self) -> int:
         """Time steps of the flight so far, the start included."""
         return len(self.flight.steps) if self.flight is not None else 0
-
-
-def opening_ends(place: Place, task: str | None) -> Ends | None:
-    """The ends of a task of the place; without a task, two ends beside the middle of the box; None if unknown."""
-    if task is None:
-        x, y, z = place.field.box.center.tolist()
-        reach = 0.35 * float(place.field.box.size[0])
-        return Ends(
-            End((round(x - reach, 3), round(y, 3), round(z, 3))), End((round(x + reach, 3), round(y, 3), round(z, 3)))
-        )
-    for known in place.tasks:
-        if known.name == task:
-            return Ends.of_task(known)
-    return None

@@ -19,7 +19,7 @@ class Backdrop(Enum):
 
 
 @dataclass(frozen=True)
-class Look:
+class ViewSettings:
     """What is drawn."""
 
     backdrop: Backdrop = Backdrop.SURFACE
@@ -39,7 +39,7 @@ class Look:
     ellipsoid: float = 1.0
     """How much larger than the 95 % region covariance ellipsoids and attitude cones are drawn."""
 
-    def where(self, splats: bool) -> "Look":
+    def where(self, splats: bool) -> "ViewSettings":
         """The look at a place that opens: its splats, where it was made of some, until something else is asked for."""
         if splats:
             return replace(self, backdrop=Backdrop.SPLATS)

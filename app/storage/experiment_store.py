@@ -1,6 +1,7 @@
-"""The folder of results: runs/experiments, one folder for each time that an experiment was done."""
+"""Store of experiments: runs/experiments, one folder for each time that an experiment was done."""
 
 import json
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -8,23 +9,33 @@ from typing import Any
 import cv2
 import numpy as np
 
-from app.page.html import number
-from app.state.experiments import Result, TrialsQuestion, TrialsReport
 from app.storage.output_files import prepare_folder
 from app.storage.run_store import checked
-from nerfnav.errors import NerfnavError
+from app.text import number
 
 FOLDER = "experiments"
-"""Within the folder of flights."""
+"""Within the folder of runs."""
 _RESULTS = "results.json"
 _MOST_FIGURES = 4
 
 
-class Drawer:
-    """Lists and reads results."""
+@dataclass(frozen=True)
+class ExperimentResult:
+    """What came of an experiment."""
+
+    name: str
+    """Of its folder."""
+    numbers: tuple[tuple[str, str], ...]
+    """Its summary, as names and values."""
+    figures: tuple[np.ndarray, ...] = field(compare=False)
+    """(height, width, 3), sRGB bytes."""
+
+
+class ExperimentStore:
+    """Store of the results of experiments."""
 
     def __init__(self, runs: Path) -> None:
-        """`runs` is the folder of flights."""
+        """`runs` is the folder of runs."""
         self.folder = runs / FOLDER
 
     def new(self, name: str) -> Path:
@@ -40,7 +51,7 @@ class Drawer:
             return ()
         return tuple(sorted(found, reverse=True))
 
-    def result(self, name: str) -> Result | None:
+    def result(self, name: str) -> ExperimentResult | None:
         """The results in a folder; None where there are none that can be read."""
         if name not in self.names():
             return None
@@ -51,22 +62,7 @@ class Drawer:
             return None
         pictures = [cv2.imread(str(path)) for path in sorted(folder.glob("*.png"))[:_MOST_FIGURES]]
         figures = tuple(np.ascontiguousarray(picture[..., ::-1]) for picture in pictures if picture is not None)
-        return Result(name, tuple(lines(summary)), figures)
-
-
-def report(drawer: Drawer, question: TrialsQuestion) -> TrialsReport:
-    """What there is, and what was asked for."""
-    # imported when somebody asks: with their figures, experiments take long to import
-    from app.jobs.experiment_catalog import EXPERIMENTS
-
-    known = tuple((name, experiment.purpose) for name, experiment in EXPERIMENTS.items())
-    result = None
-    if question.show is not None:
-        try:
-            result = drawer.result(checked(question.show))
-        except NerfnavError:  # the page asks for what cannot be
-            result = None
-    return TrialsReport(question, known, drawer.names(), result)
+        return ExperimentResult(name, tuple(lines(summary)), figures)
 
 
 def lines(summary: Any, before: str = "") -> list[tuple[str, str]]:

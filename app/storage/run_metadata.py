@@ -16,7 +16,7 @@ _INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
-class About:
+class RunMetadata:
     """Where, what and how was flown, and how it ended."""
 
     place: str
@@ -46,7 +46,7 @@ class About:
         return write_text(folder / FILE, json_line({"format": FORMAT, "version": VERSION, **asdict(self)}) + "\n")
 
     @classmethod
-    def load(cls, folder: Path) -> "About":
+    def load(cls, folder: Path) -> "RunMetadata":
         """Read run.json. Raises InvalidInputError where it is missing or holds something else."""
         try:
             content = json.loads((folder / FILE).read_text())
@@ -64,12 +64,12 @@ def _end(content: dict[str, Any]) -> End:
 
 
 @dataclass(frozen=True)
-class Entry:
+class StoredRun:
     """A flight on the shelf."""
 
     name: str
     """Of its folder."""
-    about: About
+    metadata: RunMetadata
     steps: int
     """Time steps flown, the start not counted."""
     flying: bool = False
@@ -78,4 +78,4 @@ class Entry:
     @property
     def outcome(self) -> str:
         """How it ended, in one word."""
-        return "flying" if self.flying else self.about.outcome or _INTERRUPTED
+        return "flying" if self.flying else self.metadata.outcome or _INTERRUPTED

@@ -10,7 +10,7 @@ from app.storage import run_metadata as about
 from app.storage import step_log as log
 from app.storage.file_lock import is_held
 from app.storage.output_files import OutputError, prepare_folder
-from app.storage.run_metadata import About, Entry
+from app.storage.run_metadata import RunMetadata, StoredRun
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.navigation.steps import NavigationStep
 
@@ -26,13 +26,13 @@ class RunNameError(NerfnavError):
     """A name that no flight can have."""
 
 
-class Shelf:
+class RunStore:
     """Lists, opens, renames and deletes flights."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """Without a folder, the one that NERFNAV_RUNS names, else runs/ where the program was started."""
         self.folder = folder if folder is not None else Path(os.environ.get(VARIABLE) or "runs")
-        self._known: dict[str, tuple[int, Entry]] = {}
+        self._known: dict[str, tuple[int, StoredRun]] = {}
 
     def new(self, place: str) -> Path:
         """Make the folder of a new flight in a place, named after the time. Raises OutputError where that fails."""
@@ -53,14 +53,18 @@ class Shelf:
                 raise OutputError(f"cannot write into the folder of flights: {error.strerror}") from error
         raise OutputError("the folder of flights holds too many of this second")
 
-    def entries(self) -> tuple[Entry, ...]:
+    def without_folder(self, text: str) -> str:
+        """A text for visitors, which does not say where the folder is."""
+        return text.replace(str(self.folder), "the folder of runs")
+
+    def entries(self) -> tuple[StoredRun, ...]:
         """The newest flights, the very newest first; folders that hold something else are passed over."""
         try:
             folders = [path for path in self.folder.iterdir() if not path.is_symlink() and (path / log.FILE).is_file()]
         except OSError:
             return ()
         entries = [entry for path in folders if (entry := self._read(path)) is not None]
-        return tuple(sorted(entries, key=lambda entry: (entry.about.date, entry.name), reverse=True)[:MOST_LISTED])
+        return tuple(sorted(entries, key=lambda entry: (entry.metadata.date, entry.name), reverse=True)[:MOST_LISTED])
 
     def path(self, name: str) -> Path:
         """The folder of a flight. Raises NerfnavError for a bad name and for one that no flight has."""
@@ -69,10 +73,10 @@ class Shelf:
             raise UnknownNameError("flight", name, [entry.name for entry in self.entries()])
         return path
 
-    def entry(self, name: str) -> Entry:
+    def entry(self, name: str) -> StoredRun:
         """What is known of a flight. Raises NerfnavError where that cannot be read."""
         path = self.path(name)
-        return _entry(path) or Entry(name, About.load(path), 0)
+        return _entry(path) or StoredRun(name, RunMetadata.load(path), 0)
 
     def steps(self, name: str) -> tuple[NavigationStep, ...]:
         """The steps of a flight as far as they were written. Raises NerfnavError where there are none."""
@@ -97,7 +101,7 @@ class Shelf:
         except OSError as error:
             raise OutputError(f"{name} cannot be deleted: {error.strerror}") from error
 
-    def _read(self, path: Path) -> Entry | None:
+    def _read(self, path: Path) -> StoredRun | None:
         """What is known of a flight; what has ended is read only once."""
         try:
             stamp = (path / about.FILE).stat().st_mtime_ns
@@ -107,7 +111,7 @@ class Shelf:
         if known is not None and known[0] == stamp:
             return known[1]
         entry = _entry(path)
-        if entry is not None and entry.about.outcome is not None:
+        if entry is not None and entry.metadata.outcome is not None:
             self._known[path.name] = stamp, entry
         return entry
 
@@ -128,11 +132,11 @@ def checked(name: str) -> str:
     return name
 
 
-def _entry(path: Path) -> Entry | None:
+def _entry(path: Path) -> StoredRun | None:
     try:
-        known = About.load(path)
+        known = RunMetadata.load(path)
     except InvalidInputError:
         return None
     steps = known.metrics.get("steps")
     counted = steps if isinstance(steps, int) else log.count_steps(path)
-    return Entry(path.name, known, counted, known.outcome is None and is_held(path / log.FILE))
+    return StoredRun(path.name, known, counted, known.outcome is None and is_held(path / log.FILE))

@@ -22,7 +22,7 @@ from torch import Tensor
 from app.storage import run_metadata as about
 from app.storage.file_lock import hold
 from app.storage.output_files import OutputError
-from app.storage.run_metadata import About
+from app.storage.run_metadata import RunMetadata
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.geometry.images import picture_file
@@ -36,10 +36,10 @@ _JPEG_QUALITY = 90
 _LEAST_STEPS = 2  # a flight that never left the start is not kept
 
 
-class Log:
+class StepLog:
     """Writes the steps of one flight."""
 
-    def __init__(self, folder: Path, flight: About, numbers: Callable[[Episode], dict[str, Any]]) -> None:
+    def __init__(self, folder: Path, flight: RunMetadata, numbers: Callable[[Episode], dict[str, Any]]) -> None:
         """`folder` exists; what an earlier flight left there is replaced. `numbers` are the metrics of a flight.
 
         Raises OutputError where another flight is being written there.
@@ -93,12 +93,14 @@ class Log:
 
 
 @contextmanager
-def logged(folder: Path | None, flight: About, numbers: Callable[[Episode], dict[str, Any]]) -> Iterator[Log | None]:
+def logged(
+    folder: Path | None, flight: RunMetadata, numbers: Callable[[Episode], dict[str, Any]]
+) -> Iterator[StepLog | None]:
     """A log in `folder`; None writes nothing. However the flight ends, what was flown stays."""
     if folder is None:
         yield None
         return
-    log = Log(folder, flight, numbers)
+    log = StepLog(folder, flight, numbers)
     try:
         yield log
     finally:

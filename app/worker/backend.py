@@ -1,51 +1,38 @@
 """What the worker can do for this app: the jobs that the command line runs too, and answers to the page."""
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from app.jobs import compare_planners, fly, localize, open_place, plan
-from app.jobs.events import JobEvents, JobFinished
+from app.jobs.events import JobEvents
 from app.jobs.fly import FlyRequest
 from app.jobs.plan import PlanRequest
-from app.jobs.subprocess_job import apart
+from app.jobs.subprocess_job import in_subprocess
 from app.places.ends import Ends
 from app.places.place import Place
-from app.state.experiments import TrialsQuestion
-from app.state.queries import (
-    Answer,
-    EndQuestion,
-    EyeQuestion,
-    PlanQuestion,
-    PointQuestion,
-    ProfileQuestion,
-    Question,
-    Replanned,
-    SliceQuestion,
-    SpaceQuestion,
-    ViewQuestion,
-)
-from app.state.run_queries import RunsQuestion, RunsReport, report
+from app.queries.following_plan import plan_request
+from app.queries.query import Query, Resources
+from app.state.actions import RunChanged
+from app.state.runs import RunChange
 from app.state.session import Job, JobKind, Session
-from app.storage import experiment_store as trials
-from app.storage.run_store import Shelf
-from app.worker import place_queries as sensing
-from app.worker.flight_orders import Helm
+from app.storage.experiment_store import ExperimentStore
+from app.storage.run_store import RunStore
+from app.text import sentence
+from app.worker.flight_orders import FlightOrders
 from nerfnav.errors import NerfnavError
 from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.optimize import PlanConfig
-from nerfnav.planner.steps import PlanStep
 
 RIVALS = ("fast", "minsnap", "rrt", "paper")
 """Planners that are compared, the quick ones first."""
 
 
 @dataclass
-class NavigationWork:
+class NavigationBackend:
     """Opens places, plans and flies in them. Used by the worker's thread alone."""
 
     open: Callable[[str], Iterator[Any]] = open_place.run
@@ -54,9 +41,9 @@ class NavigationWork:
     """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
     """How a flight is flown; its `plan` gives way to the above, its noise to what the session has."""
-    shelf: Shelf | None = field(default_factory=Shelf)
+    runs: RunStore | None = field(default_factory=RunStore)
     """Where flights are kept; None keeps none."""
-    _helm: Helm | None = None
+    _helm: FlightOrders | None = None
 
     def begin(self, session: Session, job: Job) -> Iterator[Any]:
         """The events of a job."""
@@ -64,22 +51,22 @@ class NavigationWork:
             return self.open(session.what)
         assert session.place is not None, "nothing but opening is asked for before the place is open"
         if job.kind is JobKind.COMPARE:
-            routes = [self._route(session, job.ends, name) for name in RIVALS]
-            return compare_planners.run(routes, session.place)
+            requests = [self._request(session, job.ends, name) for name in RIVALS]
+            return compare_planners.run(requests, session.place)
         if job.kind is JobKind.EXPERIMENT:
             return self._experiment(session)
         if job.kind is JobKind.FIND:
             picture = session.last_picture
             assert picture is not None, "nothing is looked for without a picture"
             return localize.find(session.place, picture)
-        route = self._route(session, job.ends)
+        request = self._request(session, job.ends)
         if job.kind is JobKind.PLAN:
-            return plan.run(route, session.place)
+            return plan.run(request, session.place)
         made = job.first_plan.latest if job.first_plan is not None else None
-        self._helm = Helm(job, session.place)
-        flying = session.flying
-        request = FlyRequest(
-            route,
+        self._helm = FlightOrders(job, session.place)
+        flying = session.flight_settings
+        flight = FlyRequest(
+            request,
             plan=None if made is None else made.motion,
             estimator=session.choice.estimator,
             open_loop=flying.open_loop,
@@ -88,67 +75,42 @@ class NavigationWork:
             orders=self._helm.orders,
             source=session.what,
             task=session.task,
-            out=None if self.shelf is None else self.shelf.new(session.place.name),
+            out=None if self.runs is None else self.runs.new(session.place.name),
         )
-        return fly.run(request, session.place)
+        return fly.run(flight, session.place)
 
     def follow(self, session: Session) -> None:
         """Let a flight know what the session wants of it now."""
         if self._helm is not None:
             self._helm.follow(session)
 
-    def answer(self, session: Session, question: Question) -> Answer:
-        """What the page would like to know of the place."""
-        place = session.place
-        assert place is not None, "there are no questions before the place is open"
-        match question:
-            case PlanQuestion():
-                return self._replanned(session, question, place)
-            case EndQuestion():
-                return sensing.end_report(place, question)
-            case PointQuestion():
-                return sensing.landing(place, question)
-            case ViewQuestion():
-                return sensing.view(place, question)
-            case ProfileQuestion():
-                return sensing.profile(place, question)
-            case EyeQuestion():
-                return sensing.eye_view(place, question)
-            case SpaceQuestion():
-                return sensing.space_view(place, question)
-            case RunsQuestion():
-                return RunsReport(question) if self.shelf is None else report(self.shelf, question)
-            case TrialsQuestion():
-                return trials.report(self._drawer, question)
-            case SliceQuestion():
-                return sensing.slice_view(place, question)
+    def answer(self, place: Place, query: Query[Any]) -> Any:
+        """The result of a query of the page."""
+        return query.answer(Resources(place, self.runs, self.plans))
 
-    @property
-    def _drawer(self) -> trials.Drawer:
-        return trials.Drawer((self.shelf or Shelf()).folder)
+    def change(self, change: RunChange) -> RunChanged:
+        """Rename or delete a stored run; where that fails, what is in the way."""
+        if self.runs is None:
+            return RunChanged(change, "No runs are kept here.")
+        try:
+            if change.to is None:
+                self.runs.delete(change.name)
+            else:
+                self.runs.rename(change.name, change.to)
+        except NerfnavError as error:
+            return RunChanged(change, sentence(self.runs.without_folder(str(error))))
+        return RunChanged(change)
 
     def _experiment(self, session: Session) -> Iterator[Any]:
-        asked = session.trials.asked
+        asked = session.experiments.asked
         assert asked is not None, "an experiment is begun by who says which"
-        return apart(partial(_do_experiment, asked.name, asked.trials, self._drawer.new(asked.name)))
+        out = ExperimentStore((self.runs or RunStore()).folder).new(asked.name)
+        return in_subprocess(partial(_do_experiment, asked.name, asked.trials, out))
 
-    def _replanned(self, session: Session, question: PlanQuestion, place: Place) -> Replanned:
-        steps, summary = [], {}
-        with suppress(NerfnavError):  # the ends are shown with what is wrong with them
-            for event in plan.run(self._route(session, question.ends), place):
-                if isinstance(event, PlanStep):
-                    steps.append(event)
-                elif isinstance(event, JobFinished):
-                    summary = event.summary
-        return Replanned(question, tuple(steps), summary)
-
-    def _route(self, session: Session, ends: Ends, planner: str | None = None) -> PlanRequest:
+    def _request(self, session: Session, ends: Ends, planner: str | None = None) -> PlanRequest:
         """What the session wants to be planned, by its own planner or another one."""
-        settings = session.planning
         name = session.choice.planner if planner is None else planner
-        config = settings.config(name, self.plans.get(name))
-        route = PlanRequest(ends, planner=name, config=config, shortest=settings.shortest)
-        return route.lasting(settings.duration_s)
+        return plan_request(session.plan_settings, ends, name, self.plans.get(name))
 
 
 def _do_experiment(name: str, trials: int | None, out: Path) -> JobEvents:

@@ -19,7 +19,7 @@ _ROOM = 0.03
 """Around a robot that is put down somewhere else [m]."""
 
 
-class Helm:
+class FlightOrders:
     """Follows the session on behalf of one flight. Used by the worker's thread alone."""
 
     def __init__(self, job: Job, place: Place) -> None:

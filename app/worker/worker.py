@@ -1,7 +1,7 @@
 """The one thread that computes: it does what the session wants, and nothing else.
 
 The session is not told what to do step by step: `follow` hands over the latest session, and between two steps of a
-job the worker looks at it. A job that is no longer wanted is closed, a paused one is held, questions of the page are
+job the worker looks at it. A job that is no longer wanted is closed, a paused one is held, queries of the page are
 answered between steps; of two wishes the later wins.
 """
 
@@ -14,9 +14,11 @@ from typing import Any, Protocol
 import torch
 
 from app.jobs.events import JobCancelled, JobFailed, JobFinished
-from app.state.actions import Reported, Tell
-from app.state.pending_queries import questions_of
-from app.state.queries import Answer, Question
+from app.places.place import Place
+from app.queries.catalog import pending_queries
+from app.queries.query import Query
+from app.state.actions import QueryAnswered, Reported, RunChanged, Tell
+from app.state.runs import RunChange
 from app.state.session import Job, Session
 from app.system.memory import give_back
 from nerfnav.errors import NerfnavError
@@ -27,6 +29,10 @@ _ANSWER_EVERY_S = 0.1  # pause between two answers while a job runs, which has t
 _GIVE_BACK_EVERY_S = 10.0  # while a job runs, and after each
 
 
+Posted = Reported | QueryAnswered | RunChanged | Tell
+"""What the worker tells the session."""
+
+
 class Work(Protocol):
     """What the worker can do."""
 
@@ -34,8 +40,12 @@ class Work(Protocol):
         """The events of a job, computed as they are asked for."""
         ...
 
-    def answer(self, session: Session, question: Question) -> Answer:
-        """The answer to a question of the page."""
+    def answer(self, place: Place, query: Query[Any]) -> Any:
+        """The result of a query of the page."""
+        ...
+
+    def change(self, change: RunChange) -> RunChanged:
+        """Rename or delete a stored run."""
         ...
 
     def follow(self, session: Session) -> None:
@@ -46,14 +56,15 @@ class Work(Protocol):
 class Worker:
     """Runs the wanted job on a thread of its own and posts what it yields."""
 
-    def __init__(self, work: Work, post: Callable[[Reported | Answer | Tell], None], threads: int) -> None:
+    def __init__(self, work: Work, post: Callable[[Posted], None], threads: int) -> None:
         """`post` takes messages for the session from this thread; `threads` is how many torch may use."""
         self._work, self._post, self._threads = work, post, threads
         self._changed = threading.Condition()
         self._wanted: Session | None = None
         self._stopping = False
         self._running: _Running | None = None
-        self._answered: set[Question] = set()
+        self._answered: set[Query[Any]] = set()
+        self._changed_runs: set[int] = set()
         self._last_answer = 0.0
         self._gave_back = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="nerfnav-worker", daemon=True)
@@ -66,7 +77,7 @@ class Worker:
         """From now on, do what `session` wants."""
         with self._changed:
             self._wanted = session
-            self._answered.intersection_update(questions_of(session))
+            self._answered.intersection_update(pending_queries(session))
             self._changed.notify()
 
     def stop(self, timeout_s: float = 10.0) -> None:
@@ -81,6 +92,7 @@ class Worker:
             # again and again, for a parallel kernel of numba leaves torch in this thread with all cores
             torch.set_num_threads(self._threads)
             self._switch(session)
+            self._change_runs(session)
             self._answer_one()
             self._advance(session)
             if time.monotonic() - self._gave_back > _GIVE_BACK_EVERY_S:
@@ -105,7 +117,7 @@ class Worker:
 
     def _has_work(self, session: Session) -> bool:
         running, job = self._running, session.job
-        if (running is None) != (job is None) or self._open_question(session) is not None:
+        if (running is None) != (job is None) or self._open_query(session) or self._open_changes(session):
             return True
         return running is not None and job is not None and (running.id != job.id or running.may_go_on(job))
 
@@ -119,29 +131,38 @@ class Worker:
         if job is not None and self._running is None:
             self._running = _Running(job, self._work, session)
 
-    def _open_question(self, session: Session) -> Question | None:
-        """A question that is not answered yet; while a job runs, not too soon after the last one."""
+    def _open_query(self, session: Session) -> Query[Any] | None:
+        """A query that is not answered yet; while a job runs, not too soon after the last one."""
         busy = self._running is not None and session.job is not None and self._running.may_go_on(session.job)
         if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
             return None
-        return next((question for question in questions_of(session) if question not in self._answered), None)
+        return next((query for query in pending_queries(session) if query not in self._answered), None)
 
     def _answer_one(self) -> None:
         with self._changed:
             # of the latest session: an older one may still ask what was answered a moment ago
             session = self._wanted
-            question = self._open_question(session) if session is not None else None
-            if session is None or question is None:
+            query = self._open_query(session) if session is not None else None
+            if session is None or session.place is None or query is None:
                 return
-            self._answered.add(question)
+            self._answered.add(query)
         try:
-            self._post(self._work.answer(session, question))
+            self._post(QueryAnswered(query, self._work.answer(session.place, query)))
         except NerfnavError as error:
             self._post(Tell("No answer", str(error), bad=True))
         except Exception as error:
-            _log.exception("answering %s failed", type(question).__name__)
+            _log.exception("answering %s failed", type(query).__name__)
             self._post(Tell("Something broke", _describe(error), bad=True))
         self._last_answer = time.monotonic()
+
+    def _open_changes(self, session: Session) -> list[RunChange]:
+        """Changes of stored runs that are not made yet; each is made once."""
+        return [change for change in session.runs.changes if change.id not in self._changed_runs]
+
+    def _change_runs(self, session: Session) -> None:
+        for change in self._open_changes(session):
+            self._changed_runs.add(change.id)
+            self._post(self._work.change(change))
 
     def _give_back(self) -> None:
         give_back()

@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import JobFinished
-from app.reducers.runs import runs_questions
+from app.jobs.events import JobFinished, PlaceOpened
+from app.queries.run_list import RunListQuery
 from app.state import actions as m
-from app.state import queries as q
 from app.state.session import Session
 from nerfnav.field.checkpoint import save_field
 from nerfnav.field.info import FieldInfo
@@ -34,5 +33,5 @@ def field_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def opened() -> Session:
     """A session whose place is open and idle, and whose shelf is known to be empty."""
-    session = reports(Session.opening("balls"), m.PlaceOpened(balls_place()), JobFinished("open"))
-    return after(session, *(q.RunsReport(question) for question in runs_questions(session)))
+    session = reports(Session.opening("balls"), PlaceOpened(balls_place()), JobFinished("open"))
+    return after(session, *(m.QueryAnswered(query, ()) for query in RunListQuery.pending(session)))

@@ -7,14 +7,19 @@ from typing import Any
 import numpy as np
 import torch
 
-from app.jobs.events import JobFinished, Progress
+from app.jobs.events import JobFinished, PlaceOpened, Progress
 from app.places.place import Place
-from app.state.actions import PlaceOpened
-from app.state.experiments import TrialsQuestion, TrialsReport
-from app.state.queries import Answer, EndQuestion, EndReport, Question, View
-from app.state.run_queries import RunsQuestion, RunsReport, report
+from app.queries.end_fit import EndFit, EndFitQuery
+from app.queries.experiments import Experiments, ExperimentsQuery
+from app.queries.query import Query, Resources
+from app.queries.robot_view import RobotViewQuery
+from app.queries.run_list import RunListQuery
+from app.queries.stored_run import StoredRunQuery
+from app.state.actions import RunChanged
+from app.state.runs import RunChange
 from app.state.session import Job, JobKind, Session
-from app.storage.run_store import Shelf
+from app.storage.run_store import RunStore
+from app.worker.backend import NavigationBackend
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.field.analytic import BallsField
@@ -96,9 +101,9 @@ class ScriptedWork:
     """Work whose jobs yield what `scripts` has for their kind."""
 
     scripts: dict[JobKind, list[Any]] = field(default_factory=dict)
-    asked: list[Question] = field(default_factory=list)
+    asked: list[Query[Any]] = field(default_factory=list)
     closed: list[int] = field(default_factory=list)
-    shelf: Shelf | None = None
+    runs: RunStore | None = None
 
     def begin(self, session: Session, job: Job) -> Iterator[Any]:
         """Yield the script; an exception in it is raised."""
@@ -116,13 +121,18 @@ class ScriptedWork:
     def follow(self, session: Session) -> None:
         """Scripts go their way."""
 
-    def answer(self, session: Session, question: Question) -> Answer:
-        """All ends are free, all views are grey, and the shelf is as it is."""
-        if isinstance(question, RunsQuestion):
-            return report(self.shelf, question) if self.shelf is not None else RunsReport(question)
-        if isinstance(question, TrialsQuestion):
-            return TrialsReport(question, (("planners", "which is best"),))
-        self.asked.append(question)
-        if isinstance(question, EndQuestion):
-            return EndReport(question, None)
-        return View(question, tuple(np.full((20, 20, 3), 90, np.uint8) for _ in question.states))
+    def answer(self, place: Place, query: Query[Any]) -> Any:
+        """All ends are free, all views are grey, and the stored runs are as they are."""
+        if isinstance(query, RunListQuery | StoredRunQuery):
+            return query.answer(Resources(place, self.runs))
+        if isinstance(query, ExperimentsQuery):
+            return Experiments((("planners", "which is best"),))
+        self.asked.append(query)
+        if isinstance(query, EndFitQuery):
+            return EndFit(None)
+        assert isinstance(query, RobotViewQuery), f"nobody has scripted an answer to {query}"
+        return tuple(np.full((20, 20, 3), 90, np.uint8) for _ in query.states)
+
+    def change(self, change: RunChange) -> RunChanged:
+        """As the backend does."""
+        return NavigationBackend(runs=self.runs).change(change)

@@ -8,7 +8,7 @@ from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import plan_step
 
 
-def after(session: Session, *messages: m.Message) -> Session:
+def after(session: Session, *messages: m.Action) -> Session:
     """The session after several messages."""
     for message in messages:
         session = reduce(session, message)

@@ -58,8 +58,8 @@ def test_a_page_lives_on_beside_a_hostile_connection(serve: Callable[..., App], 
     while hostile.is_alive():
         tab.page.wait_for_timeout(100)
     session = app.session
-    assert (session.ends, session.choice, session.flying, session.look) == (
-        before.ends, before.choice, before.flying, before.look
+    assert (session.ends, session.choice, session.flight_settings, session.view_settings) == (
+        before.ends, before.choice, before.flight_settings, before.view_settings
     )  # fmt: skip
     assert session.job is None and session.notices == before.notices
     for which in Which:

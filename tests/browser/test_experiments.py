@@ -5,17 +5,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from app.jobs.events import JobFinished, Progress
+from app.places.place import Place
+from app.queries.experiments import ExperimentsQuery
+from app.queries.query import Query, Resources
 from app.server import App
-from app.state.actions import Answer
-from app.state.experiments import TrialsQuestion
-from app.state.queries import Question
-from app.state.session import JobKind, Session
-from app.storage.experiment_store import Drawer, report
+from app.state.session import JobKind
+from app.storage.experiment_store import ExperimentStore
+from app.storage.run_store import RunStore
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 
@@ -26,17 +28,23 @@ class Laboratory(ScriptedWork):
 
     folder: Path = Path()
 
-    def answer(self, session: Session, question: Question) -> Answer:
+    def answer(self, place: Place, query: Query[Any]) -> Any:
         """What the folder holds."""
-        if isinstance(question, TrialsQuestion):
-            return report(Drawer(self.folder), question)
-        return super().answer(session, question)
+        if isinstance(query, ExperimentsQuery):
+            return query.answer(Resources(place, RunStore(self.folder)))
+        return super().answer(place, query)
+
+
+def has_result(app: App) -> bool:
+    """Whether the session has the numbers of an experiment."""
+    known = ExperimentsQuery.result_in(app.session)
+    return known is not None and known.result is not None
 
 
 def test_an_experiment_is_done_and_its_results_are_shown_and_kept(
     serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path
 ) -> None:
-    folder = Drawer(tmp_path).folder / "2026-01-02-030405-planners"
+    folder = ExperimentStore(tmp_path).folder / "2026-01-02-030405-planners"
 
     def trial(job: object) -> Progress:
         time.sleep(0.5)
@@ -57,7 +65,7 @@ def test_an_experiment_is_done_and_its_results_are_shown_and_kept(
     before = images.count()
     tab.press("Run the experiment")
     tab.until(lambda: tab.says("Planning, 1 of 2 50 %"), "no progress is shown")
-    tab.until(lambda: app.session.trials.result is not None, "there is no result")
+    tab.until(lambda: has_result(app), "there is no result")
     tab.until(lambda: tab.says("failures"), "the numbers are not shown")
     tab.until(lambda: images.count() == before + 1, "the figure is not shown")
     tab.load()

@@ -45,7 +45,7 @@ def test_a_robot_is_found_and_carried_away_in_flight_and_found_after_it(serve: S
     tab = open_tab(app)
     # slowly, so that a slow browser is quick enough to hold it in mid-flight
     for name, value in (("position_noise_m", 0.002), ("attitude_noise_rad", 0.002), ("pace", 0.1)):
-        app.post(Adjust(Settings.FLYING, name, value))
+        app.post(Adjust(Settings.FLIGHT, name, value))
     tab.turn_to("Estimate")
     find = tab.page.get_by_role("button", name="Find the robot", exact=True)
     tab.until(find.is_disabled, "a robot that saw nothing can be looked for")

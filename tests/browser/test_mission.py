@@ -34,7 +34,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     np.testing.assert_allclose(tab.line("/plan/line")[-1], goal, atol=1e-4)
 
     for name in ("position_noise_m", "attitude_noise_rad"):
-        app.post(Adjust(Settings.FLYING, name, 0.002))
+        app.post(Adjust(Settings.FLIGHT, name, 0.002))
     tab.press("Fly")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", 120)
     flight = app.session.flight

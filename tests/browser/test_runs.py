@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from app.jobs.events import JobFinished
+from app.jobs.events import JobFinished, PlaceOpened
 from app.server import App
-from app.state.actions import Adjust, PlaceOpened, Settings, StartFlight
-from app.storage.run_store import Shelf
-from app.worker.backend import NavigationWork
+from app.state.actions import Adjust, Settings, StartFlight
+from app.storage.run_store import RunStore
+from app.worker.backend import NavigationBackend
 from nerfnav.export.tum import poses_of_tum
 from tests.app.doubles import ScriptedWork, balls_place
 from tests.app.storage.stored_runs import put
@@ -40,17 +40,17 @@ def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_rob
     serve: Serve, open_tab: OpenTab, tmp_path: Path
 ) -> None:
     opening = [PlaceOpened(balls_place()), JobFinished("open")]
-    first = serve(NavigationWork(open=lambda _: iter(opening), shelf=Shelf(tmp_path)))
+    first = serve(NavigationBackend(open=lambda _: iter(opening), runs=RunStore(tmp_path)))
     wait_for(lambda: first.session.job is None and first.session.place, "the place was not opened")
-    first.post(Adjust(Settings.FLYING, "open_loop", True))
+    first.post(Adjust(Settings.FLIGHT, "open_loop", True))
     first.post(StartFlight())
     wait_for(lambda: first.session.job is None and first.session.runs.entries, "the flight is not listed")
     flight = first.session.flight
     assert flight is not None
     first.stop()
 
-    tab = open_tab(serve(ScriptedWork(shelf=Shelf(tmp_path))))
-    (entry,) = Shelf(tmp_path).entries()
+    tab = open_tab(serve(ScriptedWork(runs=RunStore(tmp_path))))
+    (entry,) = RunStore(tmp_path).entries()
     tab.turn_to("Runs")
     shelf = tab.page.get_by_label("Flight", exact=True)
     tab.until(lambda: shelf.input_value() == entry.name, "the flight is not listed")
@@ -66,10 +66,10 @@ def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_rob
 def test_flights_are_compared_renamed_and_deleted_in_the_page(
     serve: Serve, open_tab: OpenTab, tmp_path: Path
 ) -> None:
-    shelf = Shelf(tmp_path)
+    shelf = RunStore(tmp_path)
     put(shelf, "second", date="2026-01-02T00:00:00+00:00")
     put(shelf, "first", flown()[:9], date="2026-01-01T00:00:00+00:00")
-    tab = open_tab(serve(ScriptedWork(shelf=shelf)))
+    tab = open_tab(serve(ScriptedWork(runs=shelf)))
     tab.press("Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
     tab.choose("Runs", "Flight", "first")
@@ -100,8 +100,8 @@ def test_flights_are_compared_renamed_and_deleted_in_the_page(
 def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(
     serve: Serve, open_tab: OpenTab, context: BrowserContext, tmp_path: Path
 ) -> None:
-    put(Shelf(tmp_path / "runs"), "flight")
-    tab = open_tab(serve(ScriptedWork(shelf=Shelf(tmp_path / "runs"))))
+    put(RunStore(tmp_path / "runs"), "flight")
+    tab = open_tab(serve(ScriptedWork(runs=RunStore(tmp_path / "runs"))))
     tab.press("Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
     truth = np.stack([step.truth.position.numpy() for step in flown()])

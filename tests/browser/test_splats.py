@@ -26,7 +26,7 @@ def test_uploaded_splats_are_shown_and_their_field_is_opened(
     tab.until(lambda: app.session.place is not first and app.session.job is None, "the splats were not opened", 120)
     place = app.session.place
     assert place is not None and place.splats is not None and len(place.splats) == 400
-    assert app.session.look.backdrop is Backdrop.SPLATS
+    assert app.session.view_settings.backdrop is Backdrop.SPLATS
     assert splats_beside(Path(app.session.what).with_suffix(".npz")).is_file()
     tab.until(lambda: tab.has_node("/splats") and tab.is_visible("/splats"), "the page does not show the splats")
     tab.until(lambda: not tab.is_visible("/field"), "the surface hides the splats")

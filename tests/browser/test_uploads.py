@@ -12,19 +12,19 @@ import torch
 from app.jobs import open_place as scene
 from app.places.place import Place, open_place
 from app.server import App
-from app.worker.backend import NavigationWork
+from app.worker.backend import NavigationBackend
 from nerfnav.field.checkpoint import save_field
 from tests.app.doubles import balls_place
 from tests.browser.tab import Tab
 
 
-def opening_work() -> NavigationWork:
+def opening_work() -> NavigationBackend:
     """Real jobs, which begin among three balls."""
 
     def opener(what: str) -> Place:
         return balls_place() if what == "balls" else open_place(what)
 
-    return NavigationWork(open=partial(scene.run, opener=opener))
+    return NavigationBackend(open=partial(scene.run, opener=opener))
 
 
 def test_an_uploaded_field_is_opened_and_a_broken_one_leaves_the_place(

@@ -6,6 +6,8 @@ import numpy as np
 
 from app.jobs.events import JobFinished
 from app.places.ends import Which
+from app.queries.density_slice import DensitySliceQuery
+from app.queries.field_view import FieldViewQuery
 from app.server import App
 from app.state.actions import MoveEnd
 from app.state.flight_settings import FlightSettings
@@ -19,12 +21,19 @@ Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
 
 
+def rendered(app: App) -> list[FieldViewQuery]:
+    """What was rendered for the tabs last."""
+    asked = (FieldViewQuery.asked_in(app.session, (FieldViewQuery, client)) for client in app.session.eyes)
+    return [query for query in asked if query is not None]
+
+
 def test_slice_occupied_space_and_surface_are_shown_as_asked(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(small_work())
     tab = open_tab(app)
     tab.unfold("Scene", "View")
     tab.check("Scene", "Density slice")
-    tab.until(lambda: app.session.sights.slice is not None and tab.is_visible("/slice"), "no slice is shown")
+    tab.until(lambda: tab.is_visible("/slice"), "no slice is shown")
+    assert DensitySliceQuery.result_in(app.session) is not None
     assert tab.property("/slice", "render_width") == 2.0
     tab.check("Scene", "Occupied")
     tab.until(lambda: tab.is_visible("/space/occupied"), "occupied space is not shown")
@@ -42,8 +51,8 @@ def test_the_field_itself_is_rendered_for_each_tab_from_its_own_camera(serve: Se
     first, second = open_tab(app), open_tab(app)
     first.unfold("Scene", "View")
     first.choose("Scene", "Field", Backdrop.RENDER.value)
-    first.until(lambda: len(app.session.sights.views) == 2, "a tab has no rendering of its own")
-    before = dict(app.session.sights.eyes)
+    first.until(lambda: len(rendered(app)) == 2, "a tab has no rendering of its own")
+    before = dict(app.session.eyes)
     second.page.bring_to_front()
     box = second.page.locator("canvas").first.bounding_box()
     assert box is not None
@@ -52,14 +61,13 @@ def test_the_field_itself_is_rendered_for_each_tab_from_its_own_camera(serve: Se
     second.page.mouse.down()
     second.page.mouse.move(x - 120, y, steps=6)
     second.page.mouse.up()
-    second.until(lambda: app.session.sights.eyes != before, "nobody looks from anywhere else")
-    moved = [client for client, eye in app.session.sights.eyes.items() if eye != before[client]]
+    second.until(lambda: app.session.eyes != before, "nobody looks from anywhere else")
+    moved = [client for client, eye in app.session.eyes.items() if eye != before[client]]
     assert len(moved) == 1, "one person's viewpoint is another's too"
     second.until(
-        lambda: all(view.question.eye == app.session.sights.eyes[client]
-                    for client, view in app.session.sights.views.items()),
+        lambda: all(query.eye == app.session.eyes[query.client] for query in rendered(app)),
         "a rendering stays behind its camera",
-    )  # fmt: skip
+    )
     assert not first.is_visible("/field")
 
 
@@ -95,14 +103,14 @@ def test_planners_are_drawn_side_by_side(serve: Serve, open_tab: OpenTab) -> Non
     app = serve(small_work())
     tab = open_tab(app)
     tab.press("Compare planners")
-    tab.until(lambda: len(app.session.rivals) >= 2, "no planner has ended", timeout_s=60)
+    tab.until(lambda: len(app.session.comparison) >= 2, "no planner has ended", timeout_s=60)
     tab.press("Cancel")
     tab.until(lambda: app.session.job is None, "the comparison goes on", timeout_s=60)
-    for rival in app.session.rivals[:2]:
-        assert rival.motion is not None
-        tab.until(lambda rival=rival: tab.is_visible(f"/plan/{rival.planner}"), "a planner is not drawn")
+    for result in app.session.comparison[:2]:
+        assert result.motion is not None
+        tab.until(lambda result=result: tab.is_visible(f"/plan/{result.planner}"), "a planner is not drawn")
         np.testing.assert_allclose(
-            tab.line(f"/plan/{rival.planner}"), rival.motion.states.position.numpy(), atol=1e-5
+            tab.line(f"/plan/{result.planner}"), result.motion.states.position.numpy(), atol=1e-5
         )
 
 
@@ -114,11 +122,11 @@ def test_weights_and_duration_are_set_in_the_page_and_refused_where_they_make_no
     tab.unfold("Plan", "Weights")
     tab.page.get_by_label("Collision", exact=True).fill("5")
     tab.page.get_by_label("Duration [s]", exact=True).fill("3")
-    tab.until(lambda: app.session.planning.weights.collision == 5.0, "the weight was not taken")
-    tab.until(lambda: app.session.planning.duration_s == 3.0, "the duration was not taken")
+    tab.until(lambda: app.session.plan_settings.weights.collision == 5.0, "the weight was not taken")
+    tab.until(lambda: app.session.plan_settings.duration_s == 3.0, "the duration was not taken")
     tab.page.get_by_label("Collision", exact=True).fill("-7")
     tab.until(lambda: tab.says("Collision must be from 0 to 1e+06"), "nobody complains")
-    assert app.session.planning.weights.collision == 5.0
+    assert app.session.plan_settings.weights.collision == 5.0
 
 
 def test_a_flight_is_slowed_pushed_and_charted(serve: Serve, open_tab: OpenTab) -> None:
@@ -127,7 +135,7 @@ def test_a_flight_is_slowed_pushed_and_charted(serve: Serve, open_tab: OpenTab) 
     tab = open_tab(app)
     tab.unfold("Fly", "Settings")
     tab.choose("Fly", "Speed", "real time")
-    tab.until(lambda: app.session.flying == FlightSettings(pace=1.0), "the speed was not taken")
+    tab.until(lambda: app.session.flight_settings == FlightSettings(pace=1.0), "the speed was not taken")
     tab.press("Fly")
     tab.until(lambda: app.session.steps_reported > 3, "it does not fly")
     tab.press("Gust")

@@ -3,7 +3,7 @@
 from functools import partial
 
 from app.jobs import open_place as scene
-from app.worker.backend import NavigationWork
+from app.worker.backend import NavigationBackend
 from nerfnav.estimator.descent import DescentConfig
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
@@ -16,10 +16,10 @@ from tests.app.doubles import balls_place
 _CALM = StateNoise(0.002, 0.002, 0.002, 0.002)  # so that a filter of few iterations keeps up
 
 
-def small_work() -> NavigationWork:
+def small_work() -> NavigationBackend:
     """Real jobs among three balls, with few iterations."""
     pose_filter = FilterConfig(PixelConfig(count=64), DescentConfig(iterations=15), process_noise=_CALM)
-    return NavigationWork(
+    return NavigationBackend(
         open=partial(scene.run, opener=lambda _: balls_place()),
         plans={"fast": FastPlanConfig()},
         navigate=NavigateConfig(replan=PlanConfig(iterations=5), filter=pose_filter, noise=_CALM, initial=_CALM),

@@ -1,4 +1,4 @@
-"""Material from a bundled scene: it is photographed here and now, and is its own ground truth."""
+"""Training data from a bundled scene: it is photographed here and now, and is its own ground truth."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -7,7 +7,7 @@ import torch
 
 import scenes
 from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.record import Gathering, Material, StoppedError
+from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
 from nerfnav.geometry.images import PosedImages
 from nerfnav.world.capture import CaptureConfig, capture, split
@@ -43,7 +43,7 @@ def gather(request: TrainRequest) -> Gathering:
     photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs)
     report: dict[str, object] = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}
-    return Material(
+    return TrainingData(
         learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
     )
 

@@ -1,4 +1,4 @@
-"""Material from a capture: a folder, a transforms.json, or a .zip of either."""
+"""Training data from a capture: a folder, a transforms.json, or a .zip of either."""
 
 import os
 import tempfile
@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from app.jobs.events import Progress
-from app.jobs.training_data.record import Gathering, Material, StoppedError
+from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
 from nerfnav.importers.captures.archive import unpacked
 from nerfnav.importers.captures.capture import import_capture
@@ -63,10 +63,10 @@ def _unzipped(source: Path) -> Iterator[tuple[Path, Path | None]]:
             raise CaptureError(str(error).replace(folder + os.sep, "").replace(folder, str(source))) from error
 
 
-def _material(capture: ImportedCapture) -> Material:
+def _material(capture: ImportedCapture) -> TrainingData:
     report = asdict(capture.report)
     voxel = (capture.box.size.prod().item() / NODES) ** (1 / 3)
-    return Material(
+    return TrainingData(
         capture.learned,
         capture.held_out,
         capture.box,

@@ -4,14 +4,14 @@ import importlib
 from pathlib import Path
 
 import scenes
-from app.jobs.training_data.record import Gathering, Material, StoppedError
+from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import Photographs, TrainRequest
 from nerfnav.errors import InvalidInputError
 
 KINDS = ("bundled", "meshes", "captures")
 """The files, in the order in which they are asked; each is imported only when its turn comes."""
 
-__all__ = ["Gathering", "Material", "Photographs", "StoppedError", "TrainRequest", "gather"]
+__all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather"]
 
 
 def gather(request: TrainRequest) -> Gathering:

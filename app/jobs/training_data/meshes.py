@@ -1,4 +1,4 @@
-"""Material from a mesh file: it becomes a scene, is photographed from where it is free, and is its own ground truth."""
+"""Training data from a mesh: it becomes a scene, is photographed from where it is free, and is its own ground truth."""
 
 import os
 import tempfile
@@ -11,7 +11,7 @@ import torch
 
 from app.jobs.events import JobEvent, Progress
 from app.jobs.training_data.bundled import images_for, iterations_for, photograph
-from app.jobs.training_data.record import Gathering, Material, StoppedError
+from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.train import TrainConfig
@@ -50,7 +50,7 @@ def gather(request: TrainRequest) -> Gathering:
     photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs)
     report = {**imported.report, "images_used": len(photographs), "images_skipped": 0}
-    return Material(
+    return TrainingData(
         learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
     )
 

@@ -18,7 +18,7 @@ class StoppedError(NerfnavError):
 
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class TrainingData:
     """Ready to train from."""
 
     learned: PosedImages
@@ -41,5 +41,5 @@ class Material:
     """Whether all that the photographs show, but for the background's colour, lies in the box."""
 
 
-Gathering = Generator[JobEvent, bool | None, Material]
-"""Material in the making: yields progress, and returns it. Send True to stop early."""
+Gathering = Generator[JobEvent, bool | None, TrainingData]
+"""Training data in the making: yields progress, and returns it. Send True to stop early."""

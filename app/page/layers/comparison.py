@@ -7,7 +7,7 @@ from app.page.layers.nodes import Bodies, Line, positions, quaternions
 from app.page.layers.shapes import robot_shape
 from app.page.theme import OTHER_PLAN, OTHER_TRUTH
 from app.state.records import FlightRecord
-from app.state.run_queries import StoredFlight
+from app.state.runs import StoredFlight
 from app.state.session import Session
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots.state import RigidState

@@ -6,20 +6,20 @@ import numpy as np
 import viser
 
 from app.page.theme import night
+from app.queries.field_view import FieldView, FieldViewQuery
 from app.state.actions import Command, Left, Looked
-from app.state.queries import EyeView
 from app.state.session import Session
 from app.state.view_settings import Backdrop, Eye
 
 
-class EyesLayer:
+class FieldBackdropLayer:
     """Tells the session from where each tab looks while that matters, and puts up what comes back."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes where somebody looks from."""
         self._server, self._post = server, post
         self._watching = False
-        self._shown: dict[int, EyeView] = {}
+        self._shown: dict[int, FieldView] = {}
         server.on_client_connect(self._watch)
         server.on_client_disconnect(self._forget)
 
@@ -34,7 +34,7 @@ class EyesLayer:
 
     def show(self, session: Session) -> None:
         """Put up the last rendering of each tab, or the common backdrop again."""
-        wanted = session.look.backdrop is Backdrop.RENDER
+        wanted = session.view_settings.backdrop is Backdrop.RENDER
         clients = self._server.get_clients()
         if wanted and not self._watching:
             for number, client in clients.items():
@@ -46,9 +46,9 @@ class EyesLayer:
         self._watching = wanted
         if not wanted:
             return
-        for number, view in session.sights.views.items():
-            client = clients.get(number)
-            if client is not None and self._shown.get(number) is not view:
+        for number, client in clients.items():
+            view = FieldViewQuery.result_in(session, (FieldViewQuery, number))
+            if view is not None and self._shown.get(number) is not view:
                 self._shown[number] = view
                 client.scene.set_background_image(view.image, format="jpeg", jpeg_quality=85, depth=view.depth)
 

@@ -9,13 +9,13 @@ import numpy as np
 import viser
 
 from app.places.surface_glb import Corner, box_of, dressed
-from app.state.view_settings import Backdrop, Look
+from app.state.view_settings import Backdrop, ViewSettings
 
 if TYPE_CHECKING:
     from app.state.session import Session
 
 
-class SceneLayer:
+class FieldSurfaceLayer:
     """Shows the field's surface, unlit, as its light is in its colours."""
 
     def __init__(self, server: viser.ViserServer, surface: bytes | None = None) -> None:
@@ -26,7 +26,7 @@ class SceneLayer:
         self._framed: tuple[Corner, Corner] | None = None
         if surface is not None:
             self._frame(box_of(surface))
-            self._draw(surface, Look())
+            self._draw(surface, ViewSettings())
 
     @property
     def surface(self) -> bytes | None:
@@ -38,7 +38,7 @@ class SceneLayer:
         if session.place is not None:
             box = session.place.field.box
             self._frame((box.lower.tolist(), box.upper.tolist()))
-        self._draw(session.surface, session.look)
+        self._draw(session.surface, session.view_settings)
 
     def _frame(self, box: tuple[Corner, Corner] | None) -> None:
         """Look at another box."""
@@ -46,7 +46,7 @@ class SceneLayer:
             self._framed = box
             frame(self.server, box)
 
-    def _draw(self, surface: bytes | None, look: Look) -> None:
+    def _draw(self, surface: bytes | None, look: ViewSettings) -> None:
         before, self._shown = self._shown, (surface, look.opacity, look.clip)
         if self._shown != before:
             self._put(None if surface is None else dressed(surface, look.opacity, look.clip))

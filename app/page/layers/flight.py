@@ -19,7 +19,7 @@ _PAST = 5  # earlier plans that are still drawn
 _LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
 
 
-class FlyLayer:
+class FlightLayer:
     """Shows true path, estimated path with its covariances, and the plan of the moment."""
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -41,7 +41,7 @@ class FlyLayer:
 
     def show(self, session: Session) -> None:
         """Draw the flight as far as it has gone."""
-        flight, scale = session.shown_flight, session.look.ellipsoid
+        flight, scale = session.shown_flight, session.view_settings.ellipsoid
         if self._shown == (id(flight), scale) or session.place is None:
             return
         self._shown = id(flight), scale

@@ -6,7 +6,8 @@ import numpy as np
 import viser
 
 from app.page.theme import HIT, STALE, TRUTH
-from app.state.queries import SliceView, Space, SpaceView
+from app.queries.density_slice import DensitySliceQuery
+from app.queries.space import Space, SpaceQuery, SpaceVoxels
 from app.state.session import Session
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _DOT = 0.3  # edge of a square, as a share of its voxel's: one sees what is behi
 _FLAT = (1.0, 0.0, 0.0, 0.0)
 
 
-class SightsLayer:
+class OverlaysLayer:
     """Shows what the look asks for, as soon as it is there."""
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -29,12 +30,12 @@ class SightsLayer:
 
     def show(self, session: Session) -> None:
         """Draw and hide."""
-        place, look, sights = session.place, session.look, session.sights
+        place, look = session.place, session.view_settings
         self._truth.show(place.scene if place is not None and look.truth else None)
         wanted = {Space.OCCUPIED: look.occupied, Space.UNKNOWN: look.unknown}
         for space, voxels in self._spaces.items():
-            voxels.show(sights.spaces.get(space) if wanted[space] else None)
-        self._slice.show(session, sights.slice if look.slice is not None else None)
+            voxels.show(SpaceQuery.result_in(session, (SpaceQuery, space)) if wanted[space] else None)
+        self._slice.show(session)
 
 
 class _Truth:
@@ -70,9 +71,9 @@ class _Voxels:
         self._node = server.scene.add_point_cloud(
             f"/space/{space.name.lower()}", _NOWHERE, _COLORS[space], precision="float32", visible=False
         )
-        self._shown: SpaceView | None = None
+        self._shown: SpaceVoxels | None = None
 
-    def show(self, view: SpaceView | None) -> None:
+    def show(self, view: SpaceVoxels | None) -> None:
         drawn = view is not None and len(view.centers) > 0
         if view is not None and drawn and view is not self._shown:
             self._shown = view
@@ -88,17 +89,19 @@ class _Slice:
             "/slice", np.zeros((2, 2, 4), np.uint8), 1.0, 1.0, format="png", visible=False,
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
-        self._shown: SliceView | None = None
+        self._shown: np.ndarray | None = None
 
-    def show(self, session: Session, view: SliceView | None) -> None:
-        if view is not None and session.place is not None and view is not self._shown:
-            self._shown = view
+    def show(self, session: Session) -> None:
+        wanted = session.view_settings.slice is not None
+        query, image = DensitySliceQuery.asked_in(session), DensitySliceQuery.result_in(session)
+        if wanted and query and image is not None and session.place is not None and image is not self._shown:
+            self._shown = image
             box = session.place.field.box
             width, depth, height = box.size.tolist()
             # pictures have rows downwards: y falls along them, x grows along columns
-            self._node.image = np.ascontiguousarray(view.image.transpose(1, 0, 2)[::-1])
+            self._node.image = np.ascontiguousarray(image.transpose(1, 0, 2)[::-1])
             self._node.render_width, self._node.render_height = width, depth
             x, y, _ = box.center.tolist()
-            self._node.position = (x, y, box.lower[2].item() + view.question.share * height)
+            self._node.position = (x, y, box.lower[2].item() + query.share * height)
             self._node.wxyz = _FLAT
-        self._node.visible = view is not None
+        self._node.visible = wanted and image is not None

@@ -3,10 +3,11 @@
 import numpy as np
 import viser
 
+from app.jobs.events import PlannerResult
 from app.page.layers.nodes import Bodies, Line, Trail, positions, quaternions
 from app.page.layers.shapes import robot_shape
 from app.page.theme import PLAN, RIVAL_COLORS, STALE
-from app.state.records import PlanRecord, Rival
+from app.state.records import PlanRecord
 from app.state.session import Session
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion
@@ -22,14 +23,14 @@ class PlanLayer:
         self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
-        self._rivals = {name: Line(server, f"/plan/{name}", color, 0.008) for name, color in RIVAL_COLORS.items()}
-        self._compared: tuple[Rival, ...] = ()
+        self._comparison = {name: Line(server, f"/plan/{name}", color, 0.008) for name, color in RIVAL_COLORS.items()}
+        self._compared: tuple[PlannerResult, ...] = ()
         self._robot: Robot | None = None
         self._shown: tuple[int, bool, bool] | None = None
 
     def show(self, session: Session) -> None:
         """Draw the plan; greyed where the ends have moved since, hidden where a flight shows its own."""
-        self._compare(session.rivals)
+        self._compare(session.comparison)
         flying = session.flight is not None and bool(session.flight.steps)
         plan = None if flying else session.plan
         stale, busy = session.plan_is_stale, session.job is not None
@@ -50,13 +51,13 @@ class PlanLayer:
             else:
                 self._bodies.show(positions(bodies.states), quaternions(bodies.states))
 
-    def _compare(self, rivals: tuple[Rival, ...]) -> None:
+    def _compare(self, comparison: tuple[PlannerResult, ...]) -> None:
         """Draw the plans of a comparison."""
-        if rivals is self._compared:
+        if comparison is self._compared:
             return
-        self._compared = rivals
-        motions = {rival.planner: rival.motion for rival in rivals}
-        for name, line in self._rivals.items():
+        self._compared = comparison
+        motions = {result.planner: result.motion for result in comparison}
+        for name, line in self._comparison.items():
             motion = motions.get(name)
             line.show(None if motion is None else positions(motion.states))
 

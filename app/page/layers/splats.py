@@ -19,7 +19,7 @@ class SplatsLayer:
     def show(self, session: Session) -> None:
         """Send the splats once they are to be seen, for they are many, and hide them when they are not."""
         splats = session.place.splats if session.place is not None else None
-        wanted = splats is not None and session.look.backdrop is Backdrop.SPLATS
+        wanted = splats is not None and session.view_settings.backdrop is Backdrop.SPLATS
         if self._node is not None and self._shown is not splats:  # another place was opened
             self._node.remove()
             self._node = self._shown = None

@@ -4,10 +4,10 @@ import numpy as np
 import viser
 
 from app.page.html import note
-from app.page.panels.camera_images import beside, difference, step_of, with_pixels
-from app.state.queries import View
-from app.state.records import FlightRecord
+from app.page.panels.camera_images import beside, difference, with_pixels
+from app.queries.robot_view import RobotView, RobotViewQuery
 from app.state.session import Session
+from nerfnav.navigation.steps import NavigationStep
 
 _WIDTH, _LEFT, _TOP = 460.0, 14.0, 14.0  # [pixels]
 _FLYING = (
@@ -27,29 +27,28 @@ class CameraPanel:
             self._picture = server.gui.add_image(_NOTHING, jpeg_quality=85, visible=False)
             self._caption = server.gui.add_html(note("Opening…"))
         panel.float(x=_LEFT, y=_TOP, width=_WIDTH)
-        self._shown: tuple[int, int] | None = None
+        self._shown: tuple[RobotView, int] | None = None
 
     def show(self, session: Session) -> None:
         """Show the last picture, once the field's answer to it is there."""
-        view = session.view
-        if view is None:
+        query, view = RobotViewQuery.asked_in(session), RobotViewQuery.result_in(session)
+        if query is None or view is None:
             return
-        shown = id(view), session.steps_reported
-        if self._shown == shown:
+        steps = session.steps_reported
+        if self._shown is not None and self._shown[0] is view and self._shown[1] == steps:
             return
-        self._shown = shown
-        caption, picture = compose(view, session.shown_flight)
+        self._shown = view, steps
+        caption, picture = compose(view, query.step_of(session.shown_flight))
         self._caption.content = note(caption)
         self._picture.image = picture
         self._picture.visible = True
 
 
-def compose(view: View, flight: FlightRecord | None) -> tuple[str, np.ndarray]:
-    """What the pictures are, and the pictures side by side."""
-    step = step_of(view, flight)
+def compose(view: RobotView, step: NavigationStep | None) -> tuple[str, np.ndarray]:
+    """What the pictures are, and the pictures side by side; `step` is the time step that the view is of."""
     if step is None or step.image is None:
-        return _FROM_THE_ENDS, beside(*view.images)
-    seen, (believed, *_) = step.image.numpy(), view.images
+        return _FROM_THE_ENDS, beside(*view)
+    seen, (believed, *_) = step.image.numpy(), view
     pictures = [with_pixels(seen, step.update), believed]
     if seen.shape == believed.shape:
         pictures.append(difference(seen, believed))

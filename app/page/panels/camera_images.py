@@ -3,10 +3,7 @@
 import numpy as np
 
 from app.page.theme import BELIEF, HIT
-from app.state.queries import View
-from app.state.records import FlightRecord
 from nerfnav.estimator.steps import FilterStep
-from nerfnav.navigation.steps import NavigationStep
 
 _GAP = 6  # [pixels] between two pictures
 _DARK = 30  # level of grey of the gap
@@ -40,11 +37,3 @@ def with_pixels(image: np.ndarray, update: FilterStep | None) -> np.ndarray:
     for chosen, color in ((believed, BELIEF), (~believed, HIT)):
         marked[rows[inside & chosen], columns[inside & chosen]] = color
     return marked
-
-
-def step_of(view: View, flight: FlightRecord | None) -> NavigationStep | None:
-    """The time step of the flight that the view is of."""
-    kind, *key = view.question.key
-    if kind != "flight" or flight is None or not 0 < key[-1] <= len(flight.steps):
-        return None
-    return flight.steps[key[-1] - 1]

@@ -10,7 +10,6 @@ from typing import Any
 import viser
 
 import scenes
-from app.reducers.flight import may_find
 from app.registry import PLANNERS
 from app.state.actions import (
     Cancel,
@@ -33,7 +32,7 @@ from nerfnav import robots
 
 
 @dataclass(frozen=True)
-class Entry:
+class Shortcut:
     """One command of the palette."""
 
     label: str
@@ -50,7 +49,7 @@ class Entry:
     """Below its label."""
 
 
-class Palette:
+class CommandPalette:
     """The commands, enabled as the session allows."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
@@ -59,7 +58,7 @@ class Palette:
         self._session: Session | None = None
         self._commands = [(entry, self._add(server, entry)) for entry in entries()]
 
-    def _add(self, server: viser.ViserServer, entry: Entry) -> viser.CommandHandle:
+    def _add(self, server: viser.ViserServer, entry: Shortcut) -> viser.CommandHandle:
         handle = server.gui.add_command(
             entry.label,
             description=entry.hint,
@@ -86,26 +85,26 @@ class Palette:
                 handle.disabled = disabled
 
 
-def entries() -> Iterator[Entry]:
+def entries() -> Iterator[Shortcut]:
     """All commands, the frequent ones first."""
     icons = viser.Icon
-    yield Entry("Plan", _when_free(StartPlan()), "P", icon=icons.ROUTE)
-    yield Entry("Fly", _when_free(StartFlight()), "F", icon=icons.DRONE)
-    yield Entry("Pause or resume", _hold, "space", icon=icons.PLAYER_PAUSE)
-    yield Entry("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step of the flight")
-    yield Entry("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
-    yield Entry("Carry it away", _when_flying(CarryAway()), icon=icons.HAND_GRAB, hint="Put the robot down elsewhere")
-    yield Entry("Find the robot", lambda session: FindRobot() if may_find(session) else None, icon=icons.MAP_SEARCH,
+    yield Shortcut("Plan", _when_free(StartPlan()), "P", icon=icons.ROUTE)
+    yield Shortcut("Fly", _when_free(StartFlight()), "F", icon=icons.DRONE)
+    yield Shortcut("Pause or resume", _hold, "space", icon=icons.PLAYER_PAUSE)
+    yield Shortcut("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step")
+    yield Shortcut("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
+    yield Shortcut("Carry it away", _when_flying(CarryAway()), icon=icons.HAND_GRAB, hint="Put it down elsewhere")
+    yield Shortcut("Find the robot", lambda session: FindRobot() if session.may_find else None, icon=icons.MAP_SEARCH,
                 hint="Look for it everywhere by its last picture alone")  # fmt: skip
-    yield Entry("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)
-    yield Entry("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task")
-    yield Entry("Reset", lambda session: Reset() if session.place is not None else None, "R", "shift", icons.REFRESH)
+    yield Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)
+    yield Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task")
+    yield Shortcut("Reset", lambda session: Reset() if session.place is not None else None, "R", "shift", icons.REFRESH)
     for name in scenes.names():
-        yield Entry(f"Open {name}", _open(name), icon=icons.MAP_2)
+        yield Shortcut(f"Open {name}", _open(name), icon=icons.MAP_2)
     for name in PLANNERS:
-        yield Entry(f"Planner: {name}", _choose("planner", name), icon=icons.ROUTE)
+        yield Shortcut(f"Planner: {name}", _choose("planner", name), icon=icons.ROUTE)
     for name in robots.names():
-        yield Entry(f"Robot: {name}", _choose("robot", name), icon=icons.DRONE)
+        yield Shortcut(f"Robot: {name}", _choose("robot", name), icon=icons.DRONE)
 
 
 def _when_free(command: Command) -> Callable[[Session], Command | None]:

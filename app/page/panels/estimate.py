@@ -5,17 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.page.html import columns, fine, note, number, table, warning
+from app.page.html import columns, fine, note, table, warning
 from app.page.layers.search import MOST_CANDIDATES
 from app.page.panels.binder import Binder
 from app.page.panels.dropdown import ChoiceList
 from app.page.panels.flight_charts import ERRORS, FlightChart
-from app.reducers.flight import may_find
 from app.registry import ESTIMATORS
 from app.state.actions import CarryAway, Command, FindRobot, Settings
 from app.state.records import FlightRecord
 from app.state.session import Session
-from app.text import sentence
+from app.text import number, sentence
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.so3 import yaw_of
@@ -33,7 +32,7 @@ class EstimatePanel:
         self._ellipsoid = server.gui.add_slider(
             "Ellipsoids ×", 1.0, 10.0, 0.5, 1.0, hint="Draw the 95 % regions larger than they are"
         )
-        Binder(Settings.LOOK, post)(self._ellipsoid, "ellipsoid", float)
+        Binder(Settings.VIEW, post)(self._ellipsoid, "ellipsoid", float)
         self._find = server.gui.add_button(
             "Find the robot", icon=viser.Icon.MAP_SEARCH, disabled=True,
             hint="Look for it everywhere by its last picture alone, as if nothing were known",
@@ -57,9 +56,9 @@ class EstimatePanel:
     def show(self, session: Session) -> None:
         """Show the estimate of the last time step."""
         self._estimator.show(session)
-        self._ellipsoid.value = session.look.ellipsoid
+        self._ellipsoid.value = session.view_settings.ellipsoid
         self._errors.show(session)
-        self._find.disabled = not may_find(session)
+        self._find.disabled = not session.may_find
         self._carry.visible = session.in_flight
         self._found.visible = session.search is not None
         if session.search is not None:

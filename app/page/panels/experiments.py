@@ -6,9 +6,11 @@ import numpy as np
 import viser
 
 from app.page.html import heading, note, table
+from app.queries.experiments import Experiments, ExperimentsQuery
 from app.state.actions import Cancel, Command
-from app.state.experiments import MOST_TRIALS, ListTrials, Result, ShowResult, StartTrials
+from app.state.experiments import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
 from app.state.session import JobKind, Session
+from app.storage.experiment_store import ExperimentResult
 from app.text import capital
 
 _NONE = "none yet"
@@ -40,7 +42,7 @@ class ExperimentsPanel:
 
         @self._run.on_click
         async def _(_: viser.GuiEvent) -> None:
-            self._post(StartTrials(self._names.value, int(self._count.value)))
+            self._post(StartExperiment(self._names.value, int(self._count.value)))
 
         @self._stop.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -55,8 +57,7 @@ class ExperimentsPanel:
             self._purpose.content = self._purpose_of(self._session)
 
     def _purpose_of(self, session: Session) -> str:
-        known = dict(session.trials.report.known) if session.trials.report is not None else {}
-        purpose = known.get(self._names.value, "")
+        purpose = dict(_known(session).known).get(self._names.value, "")
         return note(capital(purpose))
 
     def show(self, session: Session) -> None:
@@ -64,15 +65,15 @@ class ExperimentsPanel:
         self._session = session
         if session.place is not None and session.job is None and not self._listed:
             self._listed = True
-            self._post(ListTrials())
-        trials, job = session.trials, session.job
+            self._post(ListExperiments())
+        there, job = _known(session), session.job
         running = job is not None and job.kind is JobKind.EXPERIMENT
         self._run.visible, self._stop.visible = not running, running
-        self._run.disabled = not trials.names or not session.may_begin
-        _offer(self._names, trials.names)
+        self._run.disabled = not there.names or not session.may_begin
+        _offer(self._names, there.names)
         self._purpose.content = self._purpose_of(session)
-        _offer(self._earlier, trials.report.earlier if trials.report is not None else ())
-        result = trials.result
+        _offer(self._earlier, there.earlier)
+        result = there.result
         if result is not None and self._earlier.value != result.name:
             self._earlier.value = result.name
         if result is not self._shown:
@@ -81,7 +82,7 @@ class ExperimentsPanel:
         if result is None:
             self._numbers.content = note("Its numbers and figures appear here, and stay in the list of results.")
 
-    def _draw(self, result: Result | None) -> None:
+    def _draw(self, result: ExperimentResult | None) -> None:
         figures = result.figures if result is not None else ()
         for index, handle in enumerate(self._figures):
             handle.visible = index < len(figures)
@@ -95,3 +96,8 @@ def _offer(widget: viser.GuiDropdownHandle[str], names: tuple[str, ...]) -> None
     """Let `names` be the options."""
     if widget.options != (names or (_NONE,)):
         widget.options = names or (_NONE,)
+
+
+def _known(session: Session) -> Experiments:
+    """What there is; nothing, as long as that is not known."""
+    return ExperimentsQuery.result_in(session) or Experiments()

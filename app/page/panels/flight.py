@@ -5,17 +5,17 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.page.html import note, number, table, warning
+from app.page.html import note, table, warning
 from app.page.panels.flight_charts import TIMES, FlightChart
 from app.page.panels.flight_settings import FlyingPanel
 from app.state.actions import Cancel, Command, Gust, Pause, Resume, StartFlight, StepOnce
 from app.state.records import FlightRecord
 from app.state.session import Session
-from app.text import sentence
+from app.text import number, sentence
 from nerfnav.robots.state import ATTITUDE, POSITION
 
 
-class FlyPanel:
+class FlightPanel:
     """The buttons, the settings, the numbers and the charts of the flight."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:

@@ -31,7 +31,7 @@ class FlyingPanel:
             self._blind = server.gui.add_checkbox(
                 "Blindly", False, hint="Fly the first plan without looking, for comparison"
             )
-        bind = Binder(Settings.FLYING, post)
+        bind = Binder(Settings.FLIGHT, post)
         bind(self._speed, "pace", lambda value: _SPEEDS.get(str(value), 0.0))
         bind(self._seed, "seed", round)
         bind(self._position, "position_noise_m", lambda value: 0.01 * float(value))
@@ -40,7 +40,7 @@ class FlyingPanel:
 
     def show(self, session: Session) -> None:
         """Put the session's settings into the widgets."""
-        settings = session.flying
+        settings = session.flight_settings
         self._speed.value = next(name for name, pace in _SPEEDS.items() if pace == settings.pace)
         self._seed.value = settings.seed
         self._position.value = round(100 * settings.position_noise_m, 2)

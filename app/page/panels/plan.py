@@ -6,16 +6,18 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.page.html import legend, note, number, table, warning
+from app.jobs.events import PlannerResult
+from app.page.html import legend, note, table, warning
 from app.page.panels.chart import Chart
 from app.page.panels.dropdown import ChoiceList
 from app.page.panels.plan_settings import PlanningPanel
 from app.page.theme import HIT, RIVAL_COLORS, STALE, START, TRUTH
+from app.queries.clearance import ClearanceQuery
 from app.registry import PLANNERS
 from app.state.actions import Cancel, Command, StartComparison, StartPlan
-from app.state.records import CostHistory, PlanRecord, Rival
+from app.state.records import CostHistory, PlanRecord
 from app.state.session import JobKind, Session
-from app.text import capital, sentence
+from app.text import capital, number, sentence
 
 _LEAST_COST = 1e-3  # of what the logarithmic axis shows
 _TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))
@@ -34,7 +36,7 @@ class PlanPanel:
             hint="Fast, minimum snap, RRT, then the paper's: between the same ends",
         )  # fmt: skip
         self._numbers = server.gui.add_html(note("No plan yet: press Plan, and its cost shows here."))
-        self._rivals = server.gui.add_html("", visible=False)
+        self._comparison = server.gui.add_html("", visible=False)
         self._chart = Chart(server, "iteration", _TERMS, logarithmic=True)
         self._room = Chart(server, "time [s]", ((START, "clearance [cm]"),))
         self._risk = Chart(server, "time [s]", ((HIT, "bound on the probability of a collision [%]"),))
@@ -63,15 +65,14 @@ class PlanPanel:
         plan = session.plan
         self._draw(plan.history if plan is not None else CostHistory())
         self._numbers.content = describe(plan, session.plan_is_stale, planning)
-        self._rivals.visible = bool(session.rivals)
-        if session.rivals:
-            self._rivals.content = compared(session.rivals)
+        self._comparison.visible = bool(session.comparison)
+        if session.comparison:
+            self._comparison.content = compared(session.comparison)
         self._near(session)
 
     def _near(self, session: Session) -> None:
-        profile, plan = session.profile, session.plan
-        known = profile is not None and plan is not None and profile.question.number == id(plan.latest)
-        rows = profile.rows if profile is not None and known else np.zeros((3, 0))
+        known = ClearanceQuery.rows_of(session.plan, session)
+        rows = np.zeros((3, 0)) if known is None else known
         self._room.show(rows[[0, 1]])
         self._risk.show(rows[[0, 2]])
 
@@ -89,18 +90,18 @@ def chart_data(history: CostHistory) -> np.ndarray:
     return np.concatenate([np.array(history.iterations, dtype=np.float64)[None], rows])
 
 
-def compared(rivals: tuple[Rival, ...]) -> str:
+def compared(comparison: tuple[PlannerResult, ...]) -> str:
     """The numbers of several planners, as HTML."""
     rows = [("planner", "collision · effort · overlap [cm³] · time [s]")]
-    for rival in rivals:
-        if rival.motion is None:
-            rows.append((rival.planner, rival.complaint))
+    for result in comparison:
+        if result.motion is None:
+            rows.append((result.planner, result.complaint))
             continue
-        cost, overlap = rival.summary["cost"], rival.summary["mesh_overlap_m3"]
+        cost, overlap = result.summary["cost"], result.summary["mesh_overlap_m3"]
         told = "–" if overlap is None else f"{1e6 * overlap:.1f}"
-        numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {told} · {rival.summary['wall_s']:.3g}"
-        rows.append((rival.planner, numbers))
-    lines = legend((RIVAL_COLORS[rival.planner], rival.planner) for rival in rivals if rival.motion is not None)
+        numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {told} · {result.summary['wall_s']:.3g}"
+        rows.append((result.planner, numbers))
+    lines = legend((RIVAL_COLORS[result.planner], result.planner) for result in comparison if result.motion is not None)
     return table(rows) + lines
 
 

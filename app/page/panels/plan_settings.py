@@ -16,7 +16,7 @@ _UNITS = {"outside": "1/m²", "margin": "m"}
 
 
 class PlanningPanel:
-    """The widgets of `PlanningSettings`; those of the weights are made from the record's own fields."""
+    """The widgets of `PlanSettings`; those of the weights are made from the record's own fields."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
@@ -25,7 +25,7 @@ class PlanningPanel:
         self._shortest = gui.add_checkbox(
             "Shortest", False, hint="Find the shortest duration that keeps the robot's limits"
         )
-        bind, weigh = Binder(Settings.PLANNING, post), Binder(Settings.WEIGHTS, post)
+        bind, weigh = Binder(Settings.PLAN, post), Binder(Settings.WEIGHTS, post)
         bind(self._duration, "duration_s", float)
         bind(self._shortest, "shortest", bool)
         self._weights: dict[str, viser.GuiInputHandle[Any]] = {}
@@ -38,7 +38,7 @@ class PlanningPanel:
 
     def show(self, session: Session) -> None:
         """Put the session's settings into the widgets."""
-        settings = session.planning
+        settings = session.plan_settings
         self._duration.value, self._shortest.value = settings.duration_s, settings.shortest
         self._duration.disabled = settings.shortest
         for name, widget in self._weights.items():

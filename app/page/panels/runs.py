@@ -5,12 +5,13 @@ from typing import Any
 
 import viser
 
-from app.page.html import columns, legend, note, number, table
+from app.page.html import columns, legend, note, table
 from app.page.theme import OTHER_PLAN, OTHER_TRUTH
 from app.state.actions import Command
 from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
 from app.state.session import Session
-from app.storage.run_metadata import Entry
+from app.storage.run_metadata import StoredRun
+from app.text import number
 
 _NONE = "(no flights yet)"
 
@@ -40,7 +41,7 @@ class RunsPanel:
             post(CompareRun(None))
 
     @property
-    def _chosen(self) -> Entry | None:
+    def _chosen(self) -> StoredRun | None:
         """The flight that is chosen; a page can send any name."""
         return None if self._session is None else self._session.runs.entry(str(self._list.value))
 
@@ -90,7 +91,7 @@ class RunsPanel:
                 first.entry.name if first is not None and shown else "this flight",
                 numbers,
                 compared.entry.name,
-                compared.entry.about.metrics,
+                compared.entry.metadata.metrics,
             )
 
 
@@ -112,9 +113,9 @@ def ask_to_delete(client: viser.ClientHandle, name: str, post: Callable[[Command
         modal.close()
 
 
-def describe(entry: Entry) -> str:
+def describe(entry: StoredRun) -> str:
     """What is known of a flight, as HTML."""
-    about = entry.about
+    about = entry.metadata
     rows = [
         ("Place", about.place),
         ("Task", about.task or "ends put down by hand"),

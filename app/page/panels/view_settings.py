@@ -14,8 +14,8 @@ _BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
 _SHOWN_AT_FIRST = 0.3  # share of the height of a slice that was not drawn yet
 
 
-class LookPanel:
-    """The widgets of `Look`, but for what belongs to flights."""
+class ViewSettingsPanel:
+    """The widgets of `ViewSettings`, but for what belongs to flights."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
@@ -31,7 +31,7 @@ class LookPanel:
             self._unknown = gui.add_checkbox("Unknown", False, hint="What no camera saw: planners keep out of it")
             self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
             self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
-        bind = Binder(Settings.LOOK, post)
+        bind = Binder(Settings.VIEW, post)
         bind(self._backdrop, "backdrop", lambda value: _BACKDROPS.get(str(value), Backdrop.SURFACE))
         bind(self._opacity, "opacity", _share)
         bind(self._clip, "clip", _share)
@@ -43,7 +43,7 @@ class LookPanel:
 
     def show(self, session: Session) -> None:
         """Put the session's look into the widgets."""
-        look = session.look
+        look = session.view_settings
         place = session.place
         splats = place is not None and place.splats is not None
         choices = tuple(name for name, backdrop in _BACKDROPS.items() if splats or backdrop is not Backdrop.SPLATS)

@@ -9,7 +9,7 @@ import torch
 from app.cli.main import main
 from app.jobs.events import JobFinished
 from app.jobs.export import ExportRequest, read_run, run
-from app.storage.run_store import VARIABLE, Shelf
+from app.storage.run_store import VARIABLE, RunStore
 from app.storage.step_log import FILE
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
@@ -30,13 +30,13 @@ def exported(folder: Path, format: str, out: Path) -> dict:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_stored_flight_can_be_had_in_every_format(tmp_path: Path, name: str) -> None:
-    folder, out = put(Shelf(tmp_path), "flight"), tmp_path / "out" / f"flight.{FORMATS[name].ending}"
+    folder, out = put(RunStore(tmp_path), "flight"), tmp_path / "out" / f"flight.{FORMATS[name].ending}"
     numbers = exported(folder, name, out)
     assert numbers["rows"] == 17 and numbers["file_bytes"] == out.stat().st_size > 100
 
 
 def test_a_replay_shows_the_place_where_it_can_still_be_opened(tmp_path: Path, field_file: Path) -> None:
-    shelf = Shelf(tmp_path)
+    shelf = RunStore(tmp_path)
     here, gone = put(shelf, "here", source=str(field_file)), put(shelf, "gone", source="nowhere.npz")
     assert exported(here, "html", tmp_path / "here.html")["has_surface"]
     assert not exported(gone, "html", tmp_path / "gone.html")["has_surface"]
@@ -44,7 +44,7 @@ def test_a_replay_shows_the_place_where_it_can_still_be_opened(tmp_path: Path, f
 
 
 def test_an_interrupted_flight_is_exported_as_far_as_it_went(tmp_path: Path) -> None:
-    folder = put(Shelf(tmp_path), "flight")
+    folder = put(RunStore(tmp_path), "flight")
     whole = (folder / FILE).read_bytes()
     (folder / FILE).write_bytes(whole[: len(whole) // 2])
     (folder / "trajectory.json").unlink(missing_ok=True)
@@ -58,7 +58,7 @@ def test_a_flight_can_be_named_as_the_shelf_has_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "runs"))
-    put(Shelf(), "my flight")
+    put(RunStore(), "my flight")
     assert main(["export", "my flight", "--format", "px4", "--out", str(tmp_path / "x.csv"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["frame"] == "NED"
     assert main(["export", "other", "--format", "px4", "--out", str(tmp_path / "x.csv")]) == 2

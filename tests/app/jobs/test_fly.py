@@ -13,7 +13,7 @@ from app.jobs.plan import PlanRequest
 from app.jobs.plan import run as plan_job
 from app.places.ends import End, Ends
 from app.places.place import Place, open_place
-from app.storage.run_metadata import About
+from app.storage.run_metadata import RunMetadata
 from app.storage.step_log import read_steps
 from nerfnav.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
@@ -83,9 +83,9 @@ def test_a_flight_that_is_stopped_on_the_way_keeps_the_log_of_what_was_flown(pla
     for event in job:
         if isinstance(event, NavigationStep) and event.index == 3:
             break
-    assert About.load(tmp_path / "run").outcome is None, "a flight under way has no outcome"
+    assert RunMetadata.load(tmp_path / "run").outcome is None, "a flight under way has no outcome"
     job.close()
-    known = About.load(tmp_path / "run")
+    known = RunMetadata.load(tmp_path / "run")
     assert known.outcome == "stopped" and known.metrics["steps"] == 3 and known.task == "an example"
     assert [step.index for step in read_steps(tmp_path / "run")] == [0, 1, 2, 3]
 

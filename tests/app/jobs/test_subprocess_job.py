@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.jobs.events import JobEvents, JobFailed, JobFinished, JobStarted, Progress
-from app.jobs.subprocess_job import apart
+from app.jobs.subprocess_job import in_subprocess
 from nerfnav.errors import InvalidInputError, NerfnavError
 
 
@@ -36,7 +36,7 @@ def broken() -> JobEvents:
 
 
 def test_the_events_come_from_another_process_in_their_order(tmp_path: Path) -> None:
-    *events, finished = apart(partial(told, tmp_path))
+    *events, finished = in_subprocess(partial(told, tmp_path))
     assert isinstance(finished, JobFinished)
     assert finished.summary["process"] != os.getpid() and finished.files == (tmp_path / "result",)
     told_here = [event for event in events if not isinstance(event, Progress) or event.label == "half"]
@@ -44,12 +44,12 @@ def test_the_events_come_from_another_process_in_their_order(tmp_path: Path) -> 
 
 
 def test_what_the_job_refuses_is_told_in_its_words() -> None:
-    *_, failed = apart(partial(refused, "there are no such trials"))
+    *_, failed = in_subprocess(partial(refused, "there are no such trials"))
     assert isinstance(failed, JobFailed) and failed.message == "there are no such trials"
 
 
 def test_a_job_in_the_middle_of_a_long_step_goes_on_telling_and_ends_when_it_is_closed(tmp_path: Path) -> None:
-    job = apart(partial(endless, tmp_path))
+    job = in_subprocess(partial(endless, tmp_path))
     end = time.monotonic() + 60
     while next(job) != Progress("begun", 0.1) or not (tmp_path / "process").exists():
         assert time.monotonic() < end, "the job did not begin"
@@ -62,4 +62,4 @@ def test_a_job_in_the_middle_of_a_long_step_goes_on_telling_and_ends_when_it_is_
 
 def test_a_process_that_ends_too_early_is_told() -> None:
     with pytest.raises(NerfnavError, match="ended before it was done"):
-        list(apart(broken))
+        list(in_subprocess(broken))

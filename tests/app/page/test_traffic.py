@@ -9,12 +9,12 @@ import pytest
 import trimesh
 import viser._messages as viser_messages
 
-from app.jobs.events import JobFinished
-from app.page.layers.field_surface import SceneLayer
+from app.jobs.events import JobFinished, PlaceOpened, SurfaceShaped
+from app.page.layers.field_surface import FieldSurfaceLayer
+from app.page_server import page_server
 from app.places.surface_glb import unlit_glb
-from app.security.guarded_server import guarded_server
 from app.server import App
-from app.state.actions import PlaceOpened, StartFlight, StartPlan, SurfaceShaped
+from app.state.actions import StartFlight, StartPlan
 from app.state.session import JobKind
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
@@ -104,12 +104,12 @@ def test_a_surface_that_was_shown_before_is_there_at_once_and_not_sent_again_whe
     box = place.field.box.lower.tolist(), place.field.box.upper.tolist()
     surface = unlit_glb(trimesh.creation.icosphere(), box)
     port = free_port()
-    server = guarded_server("127.0.0.1", port, None)
+    server = page_server("127.0.0.1", port)
     sent: list[viser_messages.Message] = []
     sockets = server._websock_server
     send = sockets.queue_message
     sockets.queue_message = lambda message: (sent.append(message), send(message))[1]  # type: ignore[method-assign]
-    begun = SceneLayer(server, surface)
+    begun = FieldSurfaceLayer(server, surface)
     assert _named_field(sent) == 1
     eye = server.initial_camera.position
     shaped = SurfaceShaped(bytes(bytearray(surface)))  # the same, read again

@@ -8,18 +8,20 @@ import pytest
 import torch
 
 import scenes
-from app.choice import Choice
-from app.jobs.events import JobFailed, JobFinished, Progress
+from app.jobs.events import JobFailed, JobFinished, PlaceOpened, Progress, SurfaceShaped
 from app.places.ends import End, Ends, Which
 from app.places.place import Truth
+from app.queries.catalog import pending_queries
+from app.queries.end_fit import EndFit, EndFitQuery
+from app.queries.following_plan import FollowingPlan, FollowingPlanQuery
+from app.queries.robot_view import RobotViewQuery
 from app.reducers.root import reduce
+from app.registry import Choice
 from app.state import actions as m
-from app.state import queries as q
 from app.state.flight_settings import GUST
-from app.state.pending_queries import questions_of
 from app.state.records import CostHistory, PlanRecord
 from app.state.session import JobKind, Session
-from app.worker.flight_orders import Helm
+from app.worker.flight_orders import FlightOrders
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.task import Task
@@ -36,7 +38,7 @@ def test_a_session_begins_by_opening_its_place_and_refuses_commands_until_then()
 def test_opening_shows_progress_then_the_place_with_ends_inside_its_box() -> None:
     session = reports(Session.opening("balls"), Progress("shaping", 0.3))
     assert session.job is not None and session.job.fraction == 0.3
-    session = reports(session, m.PlaceOpened(balls_place()), m.SurfaceShaped(b"glb"), JobFinished("open"))
+    session = reports(session, PlaceOpened(balls_place()), SurfaceShaped(b"glb"), JobFinished("open"))
     assert session.place is not None and session.surface == b"glb" and session.job is None
     for which in Which:
         assert session.place.field.box.contains(session.ends.of(which).state().position)
@@ -162,23 +164,19 @@ def test_reset_forgets_plan_and_flight_and_stops_the_job(opened: Session) -> Non
 
 
 def test_the_page_asks_about_ends_and_views_until_it_is_answered(opened: Session) -> None:
-    questions = questions_of(opened)
-    assert {type(question) for question in questions} == {q.EndQuestion, q.ViewQuestion}
+    queries = pending_queries(opened)
+    assert {type(query) for query in queries} == {EndFitQuery, RobotViewQuery}
     session = opened
-    for question in questions:
-        answer = (
-            q.EndReport(question, None)
-            if isinstance(question, q.EndQuestion)
-            else q.View(question, (np.zeros((2, 2, 3)),))
-        )
-        session = after(session, answer)
-    assert questions_of(session) == ()
+    for query in queries:
+        result = EndFit(None) if isinstance(query, EndFitQuery) else (np.zeros((2, 2, 3)),)
+        session = after(session, m.QueryAnswered(query, result))
+    assert pending_queries(session) == ()
     moved = after(session, m.MoveEnd(Which.GOAL, End((0.6, -0.6, 0.4))))
-    assert {getattr(question, "which", "view") for question in questions_of(moved)} == {Which.GOAL, "view"}
+    assert {getattr(query, "which", "view") for query in pending_queries(moved)} == {Which.GOAL, "view"}
 
 
 def test_an_answer_about_an_end_that_has_moved_since_is_dropped(opened: Session) -> None:
-    late = q.EndReport(q.EndQuestion(Which.GOAL, End((9, 9, 9))), "in a stone")
+    late = m.QueryAnswered(EndFitQuery(Which.GOAL, End((9, 9, 9))), EndFit("in a stone"))
     assert after(opened, late) == opened
 
 
@@ -197,7 +195,7 @@ def test_a_task_of_the_scene_sets_both_ends_and_reset_brings_them_back() -> None
     bare = balls_place()
     tasks = tuple(Task(name, (x, 0.0, 0.4), (-x, 0.0, 0.4)) for name, x in (("wide", 0.8), ("narrow", 0.6)))
     truth = Truth(tasks, lambda: scenes.load("blocks"))
-    session = reports(Session.opening("balls"), m.PlaceOpened(replace(bare, truth=truth)), JobFinished("open"))
+    session = reports(Session.opening("balls"), PlaceOpened(replace(bare, truth=truth)), JobFinished("open"))
     assert session.task == "wide" and session.ends.start.position == (0.8, 0.0, 0.4)
     session = after(session, m.ChooseTask("narrow"))
     assert session.ends == Ends(End((0.6, 0.0, 0.4)), End((-0.6, 0.0, 0.4)))
@@ -230,24 +228,24 @@ def test_a_place_that_cannot_be_opened_leaves_the_one_before_it(opened: Session)
 def test_opening_can_be_given_up_and_a_late_report_of_it_is_ignored(opened: Session) -> None:
     opening = after(opened, m.OpenPlace("nowhere"))
     assert opening.job is not None
-    session = after(opening, m.Cancel(), m.Reported(opening.job.id, m.PlaceOpened(balls_place())))
+    session = after(opening, m.Cancel(), m.Reported(opening.job.id, PlaceOpened(balls_place())))
     assert session.what == "balls" and session.place is opened.place
     assert after(session, m.StartPlan()).job != opening.job
 
 
 def test_a_second_place_forgets_the_first_only_once_it_is_open(opened: Session) -> None:
-    session = reports(after(planned(opened), m.OpenPlace("other")), m.PlaceOpened(balls_place()), JobFinished("open"))
+    session = reports(after(planned(opened), m.OpenPlace("other")), PlaceOpened(balls_place()), JobFinished("open"))
     assert session.what == "other" and session.plan is None and session.place is not opened.place
     again = after(session, m.OpenPlace("third"))
     assert again.before is not None and again.before.what == "other" and again.before.before is None
 
 
 def test_plans_and_flights_do_not_wait_for_kernels_but_for_the_surface() -> None:
-    opening = reports(Session.opening("balls"), m.PlaceOpened(balls_place()), Progress("shaping", 0.3))
+    opening = reports(Session.opening("balls"), PlaceOpened(balls_place()), Progress("shaping", 0.3))
     assert not opening.may_begin, "whoever leaves now would never see the place"
     refused = after(opening, m.StartPlan())
     assert refused.job == opening.job and refused.notices[-1].title == "Still busy"
-    warming = reports(opening, m.SurfaceShaped(b"glTF"), Progress("compiling", 0.6))
+    warming = reports(opening, SurfaceShaped(b"glTF"), Progress("compiling", 0.6))
     for command, kind in ((m.StartPlan(), JobKind.PLAN), (m.StartFlight(), JobKind.FLY)):
         begun = after(warming, command)
         assert begun.job is not None and begun.job.kind is kind and not begun.may_begin
@@ -289,19 +287,20 @@ def test_a_plan_that_was_made_in_an_instant_is_shown_again_slowly(opened: Sessio
 
 def test_a_plan_follows_its_moved_end_once_the_robot_is_known_to_fit(opened: Session) -> None:
     moved = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    asked = q.PlanQuestion(moved.ends, moved.choice)
-    assert asked not in questions_of(moved)
-    fits = after(moved, *(q.EndReport(q.EndQuestion(which, moved.ends.of(which)), None) for which in Which))
-    assert asked in questions_of(fits)
+    asked = FollowingPlanQuery(moved.ends, moved.choice, moved.plan_settings)
+    assert asked not in pending_queries(moved)
+    fits = after(moved, *(m.QueryAnswered(EndFitQuery(which, moved.ends.of(which)), EndFit(None)) for which in Which))
+    assert asked in pending_queries(fits)
     step = plan_step(moved.ends, 0, PlanOutcome.CONVERGED)
-    again = after(fits, q.Replanned(asked, (step,), {"wall_s": 0.02}))
+    again = after(fits, m.QueryAnswered(asked, FollowingPlan((step,), {"wall_s": 0.02})))
     assert again.plan is not None and again.plan.latest is step and not again.plan_is_stale
-    assert asked not in questions_of(again) and not again.replaying
+    assert asked not in pending_queries(again) and not again.replaying
 
 
 def test_a_plan_for_earlier_ends_comes_too_late(opened: Session) -> None:
     first = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    late = q.Replanned(q.PlanQuestion(first.ends, first.choice), (plan_step(first.ends, 0),), {})
+    query = FollowingPlanQuery(first.ends, first.choice, first.plan_settings)
+    late = m.QueryAnswered(query, FollowingPlan((plan_step(first.ends, 0),), {}))
     second = after(first, m.MoveEnd(Which.GOAL, End((0.4, -0.5, 0.4))))
     assert after(second, late) is second
 
@@ -309,15 +308,16 @@ def test_a_plan_for_earlier_ends_comes_too_late(opened: Session) -> None:
 def test_slow_planners_do_not_follow_the_hand(opened: Session) -> None:
     session = after(quickly_planned(opened), m.Choose(replace(opened.choice, planner="paper")))
     session = after(session, m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    session = after(session, *(q.EndReport(q.EndQuestion(which, session.ends.of(which)), None) for which in Which))
-    assert not any(isinstance(question, q.PlanQuestion) for question in questions_of(session))
+    ends = [EndFitQuery(which, session.ends.of(which)) for which in Which]
+    session = after(session, *(m.QueryAnswered(query, EndFit(None)) for query in ends))
+    assert not any(isinstance(query, FollowingPlanQuery) for query in pending_queries(session))
 
 
 def test_the_pace_counts_at_once_and_noise_from_the_next_flight_on(opened: Session) -> None:
-    flying = after(planned(opened), m.StartFlight(), m.Adjust(m.Settings.FLYING, "pace", 1.0))
-    flying = after(flying, m.Adjust(m.Settings.FLYING, "position_noise_m", 0.0))
+    flying = after(planned(opened), m.StartFlight(), m.Adjust(m.Settings.FLIGHT, "pace", 1.0))
+    flying = after(flying, m.Adjust(m.Settings.FLIGHT, "position_noise_m", 0.0))
     assert flying.job is not None and flying.job.pace == 1.0
-    assert flying.flying.noise.position_m == 0.0
+    assert flying.flight_settings.noise.position_m == 0.0
 
 
 def test_a_gust_is_for_a_flight_under_way(opened: Session) -> None:
@@ -330,24 +330,24 @@ def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: 
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None and flying.flight is not None
     assert flying.place is not None
-    helm = Helm(flying.job, flying.place)
+    orders = FlightOrders(flying.job, flying.place)
     there = End((0.4, -0.4, 0.4))
     dragged = after(flying, m.MoveEnd(Which.GOAL, there))
-    helm.follow(dragged)
-    assert torch.equal(helm.orders().goal.position, opened.ends.goal.state().position)  # type: ignore[union-attr]
+    orders.follow(dragged)
+    assert torch.equal(orders.orders().goal.position, opened.ends.goal.state().position)  # type: ignore[union-attr]
     assert dragged.flight is not None and not dragged.flight_is_stale
-    free = after(dragged, q.EndReport(q.EndQuestion(Which.GOAL, there), None))
-    helm.follow(free)
-    assert torch.equal(helm.orders().goal.position, there.state().position)  # type: ignore[union-attr]
+    free = after(dragged, m.QueryAnswered(EndFitQuery(Which.GOAL, there), EndFit(None)))
+    orders.follow(free)
+    assert torch.equal(orders.orders().goal.position, there.state().position)  # type: ignore[union-attr]
 
 
 def test_each_gust_is_felt_once(opened: Session) -> None:
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None
     assert flying.place is not None
-    helm = Helm(flying.job, flying.place)
-    helm.follow(after(flying, m.Gust()))
-    assert [helm.orders().gust for _ in range(3)] == [GUST, None, None]
+    orders = FlightOrders(flying.job, flying.place)
+    orders.follow(after(flying, m.Gust()))
+    assert [orders.orders().gust for _ in range(3)] == [GUST, None, None]
 
 
 def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened: Session) -> None:

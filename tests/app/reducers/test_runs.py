@@ -1,4 +1,4 @@
-"""Stored flights and the timeline in the session, without a browser and without a disk but for the shelf."""
+"""Stored flights and the timeline in the session, without a browser and without a disk but for the store."""
 
 import math
 from dataclasses import replace
@@ -7,10 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import JobFinished
+from app.jobs.events import JobFinished, PlaceOpened
+from app.queries.catalog import pending_queries
+from app.queries.query import Resources
+from app.queries.run_list import RunListQuery
+from app.queries.stored_run import StoredRunQuery
 from app.reducers.root import reduce
 from app.state import actions as m
-from app.state.pending_queries import questions_of
 from app.state.run_actions import (
     CompareRun,
     DeleteRun,
@@ -20,55 +23,61 @@ from app.state.run_actions import (
     RenameRun,
     Scrub,
 )
-from app.state.run_queries import RunsQuestion, report
 from app.state.session import JobKind, Session
-from app.storage.run_store import Shelf
+from app.storage.run_store import RunStore
+from app.worker.backend import NavigationBackend
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.robots.state import RigidState
 from tests.app.doubles import balls_place, flight_step
 from tests.app.storage.stored_runs import ENDS, put
 
+_OF_RUNS = RunListQuery | StoredRunQuery
+
 
 @pytest.fixture
-def shelf(tmp_path: Path) -> Shelf:
-    shelf = Shelf(tmp_path)
-    put(shelf, "first", date="2026-01-01T00:00:00+00:00")
-    put(shelf, "second", date="2026-01-02T00:00:00+00:00")
-    return shelf
+def store(tmp_path: Path) -> RunStore:
+    store = RunStore(tmp_path)
+    put(store, "first", date="2026-01-01T00:00:00+00:00")
+    put(store, "second", date="2026-01-02T00:00:00+00:00")
+    return store
 
 
-def served(session: Session, shelf: Shelf, *messages: m.Message) -> Session:
-    """The session after messages, the worker having done all errands after each of them."""
-    for message in messages:
-        session = reduce(session, message)
-        while errands := [question for question in questions_of(session) if isinstance(question, RunsQuestion)]:
-            session = reduce(session, report(shelf, errands[0]))
+def served(session: Session, store: RunStore, *actions: m.Action) -> Session:
+    """The session after actions, the worker having read and changed the stored runs after each of them."""
+    backend = NavigationBackend(runs=store)
+    for action in actions:
+        session = reduce(session, action)
+        for change in session.runs.changes:
+            session = reduce(session, backend.change(change))
+        while asked := [query for query in pending_queries(session) if isinstance(query, _OF_RUNS)]:
+            assert session.place is not None
+            session = reduce(session, m.QueryAnswered(asked[0], asked[0].answer(Resources(session.place, store))))
     return session
 
 
 @pytest.fixture
-def session(shelf: Shelf) -> Session:
-    """A session in its place, which knows the shelf."""
+def session(store: RunStore) -> Session:
+    """A session in its place, which knows the store."""
     opening = Session.opening("balls")
     assert opening.job is not None
     job = opening.job.id
-    return served(opening, shelf, m.Reported(job, m.PlaceOpened(balls_place())), m.Reported(job, JobFinished("open")))
+    return served(opening, store, m.Reported(job, PlaceOpened(balls_place())), m.Reported(job, JobFinished("open")))
 
 
-def test_the_shelf_is_listed_once_the_place_is_open_and_again_after_each_job(session: Session, shelf: Shelf) -> None:
+def test_the_store_is_listed_once_the_place_is_open_and_again_after_each_job(session: Session, store: RunStore) -> None:
     assert [entry.name for entry in session.runs.entries] == ["second", "first"]
-    put(shelf, "third", date="2026-01-03T00:00:00+00:00")
-    flying = served(session, shelf, m.StartFlight())
+    put(store, "third", date="2026-01-03T00:00:00+00:00")
+    flying = served(session, store, m.StartFlight())
     assert [entry.name for entry in flying.runs.entries] == ["third", "second", "first"]
-    shelf.delete("third")
-    landed = served(flying, shelf, m.Cancel())
+    store.delete("third")
+    landed = served(flying, store, m.Cancel())
     assert len(landed.runs.entries) == 2
-    shelf.delete("second")
-    assert len(served(landed, shelf, ListRuns()).runs.entries) == 1
+    store.delete("second")
+    assert len(served(landed, store, ListRuns()).runs.entries) == 1
 
 
-def test_an_opened_flight_is_shown_from_its_start_between_its_ends(session: Session, shelf: Shelf) -> None:
-    opened = served(session, shelf, OpenRun("first"))
+def test_an_opened_flight_is_shown_from_its_start_between_its_ends(session: Session, store: RunStore) -> None:
+    opened = served(session, store, OpenRun("first"))
     assert opened.flight is not None and len(opened.flight.steps) == 17
     assert opened.ends == ENDS and not opened.flight_is_stale
     assert opened.flight.summary["outcome"] == "collided"
@@ -76,19 +85,19 @@ def test_an_opened_flight_is_shown_from_its_start_between_its_ends(session: Sess
     assert shown is not None and len(shown.steps) == 1
 
 
-def test_an_opened_flight_does_not_show_what_was_found_in_another(session: Session, shelf: Shelf) -> None:
-    finding = served(session, shelf, OpenRun("first"), Scrub(8), m.FindRobot())
+def test_an_opened_flight_does_not_show_what_was_found_in_another(session: Session, store: RunStore) -> None:
+    finding = served(session, store, OpenRun("first"), Scrub(8), m.FindRobot())
     assert finding.job is not None
     pose = RigidState.stack([RigidState.at_rest((0.1, 0.2, 0.3))]).pose
     step = RelocaliseStep(1.0, pose, torch.ones(1), torch.zeros(1), RelocaliseOutcome.FOUND)
     end = JobFinished("localize", {"outcome": "found", "advice": "one place looks like the picture"})
-    found = served(finding, shelf, m.Reported(finding.job.id, step), m.Reported(finding.job.id, end))
+    found = served(finding, store, m.Reported(finding.job.id, step), m.Reported(finding.job.id, end))
     assert found.search is not None and found.search.at == 9
-    assert served(found, shelf, OpenRun("second")).search is None
+    assert served(found, store, OpenRun("second")).search is None
 
 
-def test_the_timeline_shows_any_time_step_and_keeps_within_the_flight(session: Session, shelf: Shelf) -> None:
-    opened = served(session, shelf, OpenRun("first"))
+def test_the_timeline_shows_any_time_step_and_keeps_within_the_flight(session: Session, store: RunStore) -> None:
+    opened = served(session, store, OpenRun("first"))
     for asked, at in ((5, 5), (16, 16), (99, 16), (-3, 0), (7.4, 7), (math.nan, 0), ("x", 0)):
         shown = reduce(opened, Scrub(asked)).shown_flight  # type: ignore[arg-type]
         assert shown is not None and opened.flight is not None
@@ -97,8 +106,8 @@ def test_the_timeline_shows_any_time_step_and_keeps_within_the_flight(session: S
         assert (shown.outcome is not None) == (at == 16)
 
 
-def test_the_timeline_runs_as_fast_as_the_flight_did_and_stops_at_its_end(session: Session, shelf: Shelf) -> None:
-    running = served(session, shelf, OpenRun("first"), PlayBack(True))
+def test_the_timeline_runs_as_fast_as_the_flight_did_and_stops_at_its_end(session: Session, store: RunStore) -> None:
+    running = served(session, store, OpenRun("first"), PlayBack(True))
     assert running.moves
     later = reduce(running, m.Tick(0.35))
     assert later.runs.timeline.at == 3 and later.moves
@@ -110,9 +119,9 @@ def test_the_timeline_runs_as_fast_as_the_flight_did_and_stops_at_its_end(sessio
     assert reduce(ended, PlayBack(True)).runs.timeline.at == 0, "what is at its end begins again"
 
 
-def test_the_timeline_of_an_old_flight_does_not_cut_a_new_one(session: Session, shelf: Shelf) -> None:
-    scrubbed = served(session, shelf, OpenRun("first"), Scrub(4))
-    flying = served(scrubbed, shelf, m.StartFlight())
+def test_the_timeline_of_an_old_flight_does_not_cut_a_new_one(session: Session, store: RunStore) -> None:
+    scrubbed = served(session, store, OpenRun("first"), Scrub(4))
+    flying = served(scrubbed, store, m.StartFlight())
     assert flying.job is not None
     flying = reduce(flying, m.Reported(flying.job.id, flight_step(flying.ends, 0)))
     assert flying.shown_flight is flying.flight
@@ -120,58 +129,58 @@ def test_the_timeline_of_an_old_flight_does_not_cut_a_new_one(session: Session, 
     assert reduce(reduce(scrubbed, PlayBack(True)), m.StartFlight()).flight is not None
 
 
-def test_the_view_from_the_robot_follows_the_timeline(session: Session, shelf: Shelf) -> None:
-    opened = served(session, shelf, OpenRun("first"))
+def test_the_view_from_the_robot_follows_the_timeline(session: Session, store: RunStore) -> None:
+    opened = served(session, store, OpenRun("first"))
     keys = set()
     for at in (3, 4):
-        (question,) = [q for q in questions_of(reduce(opened, Scrub(at))) if hasattr(q, "states")]
-        keys.add(question.key)
-        assert question.states[0] is opened.flight.steps[at].belief.mean  # type: ignore[union-attr]
+        (query,) = [query for query in pending_queries(reduce(opened, Scrub(at))) if hasattr(query, "states")]
+        keys.add(query.key)
+        assert query.states[0] is opened.flight.steps[at].belief.mean  # type: ignore[union-attr]
     assert len(keys) == 2
 
 
-def test_a_flight_cannot_be_opened_while_another_is_under_way(session: Session, shelf: Shelf) -> None:
-    flying = served(session, shelf, m.StartFlight())
-    refused = served(flying, shelf, OpenRun("first"))
+def test_a_flight_cannot_be_opened_while_another_is_under_way(session: Session, store: RunStore) -> None:
+    flying = served(session, store, m.StartFlight())
+    refused = served(flying, store, OpenRun("first"))
     assert refused.flight is flying.flight and refused.notices[-1].bad
 
 
-def test_a_flight_from_another_place_opens_that_place_first(session: Session, shelf: Shelf) -> None:
-    put(shelf, "far away", place="pyramids")
-    known = served(session, shelf, ListRuns())
-    opening = served(known, shelf, OpenRun("far away"))
+def test_a_flight_from_another_place_opens_that_place_first(session: Session, store: RunStore) -> None:
+    put(store, "far away", place="pyramids")
+    known = served(session, store, ListRuns())
+    opening = served(known, store, OpenRun("far away"))
     assert opening.job is not None and opening.job.kind is JobKind.OPEN and opening.what == "pyramids"
     place = replace(balls_place(), name="pyramids")
-    there = served(opening, shelf, m.Reported(opening.job.id, m.PlaceOpened(place)))
+    there = served(opening, store, m.Reported(opening.job.id, PlaceOpened(place)))
     assert there.flight is not None and there.ends == ENDS
     gone = reduce(opening, m.Cancel())
     assert gone.what == "balls" and not gone.runs.wanted
 
 
-def test_a_flight_of_another_robot_brings_its_robot(session: Session, shelf: Shelf) -> None:
-    put(shelf, "driven", robot="couch")
-    opened = served(session, shelf, ListRuns(), OpenRun("driven"))
+def test_a_flight_of_another_robot_brings_its_robot(session: Session, store: RunStore) -> None:
+    put(store, "driven", robot="couch")
+    opened = served(session, store, ListRuns(), OpenRun("driven"))
     assert opened.place is not None and opened.place.robot.name == opened.choice.robot == "couch"
-    put(shelf, "odd", robot="balloon")
-    refused = served(session, shelf, ListRuns(), OpenRun("odd"))
+    put(store, "odd", robot="balloon")
+    refused = served(session, store, ListRuns(), OpenRun("odd"))
     assert refused.flight is None and "balloon" in refused.notices[-1].body
 
 
-def test_a_second_flight_is_compared_until_that_is_ended(session: Session, shelf: Shelf) -> None:
-    both = served(session, shelf, OpenRun("first"), CompareRun("second"))
+def test_a_second_flight_is_compared_until_that_is_ended(session: Session, store: RunStore) -> None:
+    both = served(session, store, OpenRun("first"), CompareRun("second"))
     assert both.runs.compared is not None and both.runs.compared.entry.name == "second"
     assert both.runs.opened is not None and both.runs.opened.record is both.flight
     assert reduce(both, CompareRun(None)).runs.compared is None
-    put(shelf, "far away", place="pyramids")
-    refused = served(both, shelf, ListRuns(), CompareRun("far away"))
+    put(store, "far away", place="pyramids")
+    refused = served(both, store, ListRuns(), CompareRun("far away"))
     assert refused.runs.compared is both.runs.compared and "pyramids" in refused.notices[-1].body
 
 
-def test_renaming_and_deleting_reach_the_shelf_and_what_is_shown(session: Session, shelf: Shelf) -> None:
-    opened = served(session, shelf, OpenRun("first"), RenameRun("first", "best"))
-    assert [entry.name for entry in shelf.entries()] == ["second", "best"]
+def test_renaming_and_deleting_reach_the_store_and_what_is_shown(session: Session, store: RunStore) -> None:
+    opened = served(session, store, OpenRun("first"), RenameRun("first", "best"))
+    assert [entry.name for entry in store.entries()] == ["second", "best"]
     assert opened.runs.opened is not None and opened.runs.opened.entry.name == "best"
-    gone = served(opened, shelf, DeleteRun("best"))
+    gone = served(opened, store, DeleteRun("best"))
     assert [entry.name for entry in gone.runs.entries] == ["second"] and gone.runs.opened is None
     assert gone.flight is opened.flight, "what is in sight stays in sight"
 
@@ -182,9 +191,9 @@ def test_renaming_and_deleting_reach_the_shelf_and_what_is_shown(session: Sessio
      RenameRun("first", "second"), DeleteRun(".."), DeleteRun("")],
 )  # fmt: skip
 def test_what_cannot_be_done_is_told_without_paths_and_changes_nothing(
-    session: Session, shelf: Shelf, command: m.Command
+    session: Session, store: RunStore, command: m.Command
 ) -> None:
-    told = served(session, shelf, command)
-    assert told.notices[-1].bad and str(shelf.folder) not in told.notices[-1].body
+    told = served(session, store, command)
+    assert told.notices[-1].bad and str(store.folder) not in told.notices[-1].body
     assert told.flight is None and told.runs.entries == session.runs.entries and not told.runs.wanted
-    assert [entry.name for entry in shelf.entries()] == ["second", "first"]
+    assert [entry.name for entry in store.entries()] == ["second", "first"]

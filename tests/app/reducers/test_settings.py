@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 
 from app.jobs import compare_planners as compare
-from app.jobs.events import JobFinished
+from app.jobs.events import JobFinished, PlannerCompared, PlannerResult
 from app.jobs.plan import PlanRequest
 from app.page.panels.plan import chart_data, compared, describe
 from app.places.ends import End, Ends
+from app.queries.catalog import pending_queries
+from app.queries.clearance import ClearanceQuery
+from app.queries.query import Resources
 from app.reducers.root import reduce
 from app.state import actions as m
-from app.state.pending_queries import questions_of
-from app.state.plan_settings import PlanningSettings
-from app.state.queries import Profile, ProfileQuestion
-from app.state.records import CostHistory, Rival
+from app.state.plan_settings import PlanSettings
+from app.state.records import CostHistory
 from app.state.session import JobKind, Session
-from app.worker.backend import NavigationWork
-from app.worker.place_queries import profile
+from app.worker.backend import NavigationBackend
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.fast import FastPlanConfig
-from tests.app.doubles import balls_place
+from tests.app.doubles import balls_place, plan_step
 from tests.app.sessions import after, planned, reports
 
 PLACE = balls_place()
@@ -32,46 +32,47 @@ FROM, TO = (-0.7, 0.5, 0.5), (0.7, -0.5, 0.5)
 @pytest.mark.parametrize(
     ("settings", "name", "bad"),
     [
-        (m.Settings.PLANNING, "duration_s", math.nan),
-        (m.Settings.PLANNING, "duration_s", 1e9),
+        (m.Settings.PLAN, "duration_s", math.nan),
+        (m.Settings.PLAN, "duration_s", 1e9),
         (m.Settings.WEIGHTS, "collision", -1.0),
         (m.Settings.WEIGHTS, "samples_per_step", 0),
         (m.Settings.WEIGHTS, "margin", math.inf),
-        (m.Settings.FLYING, "seed", -1),
-        (m.Settings.FLYING, "position_noise_m", math.nan),
-        (m.Settings.FLYING, "pace", 1e9),
-        (m.Settings.LOOK, "opacity", -0.1),
-        (m.Settings.LOOK, "slice", math.nan),
-        (m.Settings.LOOK, "ellipsoid", 0.0),
+        (m.Settings.FLIGHT, "seed", -1),
+        (m.Settings.FLIGHT, "position_noise_m", math.nan),
+        (m.Settings.FLIGHT, "pace", 1e9),
+        (m.Settings.VIEW, "opacity", -0.1),
+        (m.Settings.VIEW, "slice", math.nan),
+        (m.Settings.VIEW, "ellipsoid", 0.0),
     ],
 )
 def test_numbers_that_make_no_sense_are_refused_with_a_notice(
     opened: Session, settings: m.Settings, name: str, bad: float
 ) -> None:
     told = after(opened, m.Adjust(settings, name, bad))
-    assert (told.planning, told.flying, told.look) == (opened.planning, opened.flying, opened.look)
+    for record in ("plan_settings", "flight_settings", "view_settings"):
+        assert getattr(told, record) == getattr(opened, record)
     assert told.trouble is not None and told.trouble.title == "Not taken"
 
 
 def test_two_numbers_that_are_changed_at_once_are_both_changed(opened: Session) -> None:
     heavy = m.Adjust(m.Settings.WEIGHTS, "collision", 5.0)
-    told = after(opened, heavy, m.Adjust(m.Settings.PLANNING, "duration_s", 3.0))
-    assert told.planning == PlanningSettings(3.0, weights=CostWeights(collision=5.0))
+    told = after(opened, heavy, m.Adjust(m.Settings.PLAN, "duration_s", 3.0))
+    assert told.plan_settings == PlanSettings(3.0, weights=CostWeights(collision=5.0))
 
 
 def test_weights_reach_the_planner_and_untouched_ones_leave_its_own_settings() -> None:
     own = FastPlanConfig()
-    assert PlanningSettings().config("fast", None) is None
-    assert PlanningSettings().config("fast", own) is own
-    heavy = PlanningSettings(weights=CostWeights(collision=7.0))
+    assert PlanSettings().config("fast", None) is None
+    assert PlanSettings().config("fast", own) is own
+    heavy = PlanSettings(weights=CostWeights(collision=7.0))
     config = heavy.config("minsnap", None)
     assert config is not None and config.weights.collision == 7.0
 
 
 def test_the_session_plans_for_the_duration_that_was_asked_for(opened: Session) -> None:
-    slow = after(opened, m.Adjust(m.Settings.PLANNING, "duration_s", 3.0), m.StartPlan())
+    slow = after(opened, m.Adjust(m.Settings.PLAN, "duration_s", 3.0), m.StartPlan())
     assert slow.job is not None and slow.place is not None
-    *_, last = NavigationWork().begin(slow, slow.job)
+    *_, last = NavigationBackend().begin(slow, slow.job)
     assert isinstance(last, JobFinished) and last.summary["duration_s"] == pytest.approx(3.0)
 
 
@@ -79,39 +80,40 @@ def test_a_comparison_runs_each_planner_and_says_why_one_refuses() -> None:
     routes = [PlanRequest(Ends(End(FROM), End(TO)), planner=name) for name in ("fast", "minsnap")]
     refused = PlanRequest(Ends(End((0.0, 0.0, 0.3)), End(TO)), planner="fast")
     events = list(compare.run([*routes, refused], PLACE))
-    rivals = [event.rival for event in events if isinstance(event, m.Compared)]
-    assert [rival.planner for rival in rivals] == ["fast", "minsnap", "fast"]
-    assert rivals[0].motion is not None and rivals[0].summary["cost"]["total"] > 0
-    assert rivals[2].motion is None and "occupied" in rivals[2].complaint
+    comparison = [event.result for event in events if isinstance(event, PlannerCompared)]
+    assert [result.planner for result in comparison] == ["fast", "minsnap", "fast"]
+    assert comparison[0].motion is not None and comparison[0].summary["cost"]["total"] > 0
+    assert comparison[2].motion is None and "occupied" in comparison[2].complaint
     assert isinstance(events[-1], JobFinished)
-    told = compared(tuple(rivals[:2]))
+    told = compared(tuple(comparison[:2]))
     assert "minsnap" in told and "–" in told, "no mesh, no overlap"
 
 
 def test_rivals_are_collected_and_forgotten_when_a_new_plan_begins(opened: Session) -> None:
     session = after(planned(opened), m.StartComparison())
     assert session.job is not None and session.job.kind is JobKind.COMPARE
-    session = reports(session, m.Compared(Rival("rrt", None, {}, "no way")), JobFinished("compare"))
-    assert [rival.planner for rival in session.rivals] == ["rrt"] and session.job is None
+    session = reports(session, PlannerCompared(PlannerResult("rrt", None, {}, "no way")), JobFinished("compare"))
+    assert [result.planner for result in session.comparison] == ["rrt"] and session.job is None
     assert session.plan is not None, "the plan that is flown stays"
-    assert after(session, m.StartPlan()).rivals == ()
+    assert after(session, m.StartPlan()).comparison == ()
 
 
 def test_the_page_asks_once_how_near_a_finished_plan_comes(opened: Session) -> None:
     session = planned(opened)
-    (asked,) = [question for question in questions_of(session) if isinstance(question, ProfileQuestion)]
-    known = reduce(session, Profile(asked, np.zeros((3, 8))))
-    assert asked not in questions_of(known)
+    (asked,) = [query for query in pending_queries(session) if isinstance(query, ClearanceQuery)]
+    known = reduce(session, m.QueryAnswered(asked, np.zeros((3, 8))))
+    assert asked not in pending_queries(known)
 
 
 def test_a_profile_has_clearance_and_bound_of_each_step() -> None:
     events = compare.run([PlanRequest(Ends(End(FROM), End(TO)), steps=10)], PLACE)
-    (rival,) = [event.rival for event in events if isinstance(event, m.Compared)]
-    assert rival.motion is not None
-    time, clearance, bound = profile(PLACE, ProfileQuestion(1, rival.motion)).rows
+    (result,) = [event.result for event in events if isinstance(event, PlannerCompared)]
+    assert result.motion is not None
+    last = replace(plan_step(Ends(), 0), motion=result.motion)
+    time, clearance, bound = ClearanceQuery(last).answer(Resources(PLACE))
     assert np.allclose(time, 0.1 * np.arange(1, 11))
-    assert clearance.min() == pytest.approx(100 * rival.summary["safety"]["min_clearance_m"], abs=0.2)
-    assert bound.max() == pytest.approx(100 * rival.summary["safety"]["bound_per_step_max"], rel=1e-3, abs=1e-6)
+    assert clearance.min() == pytest.approx(100 * result.summary["safety"]["min_clearance_m"], abs=0.2)
+    assert bound.max() == pytest.approx(100 * result.summary["safety"]["bound_per_step_max"], rel=1e-3, abs=1e-6)
 
 
 def test_limits_are_told_with_their_units_and_violated_ones_marked(opened: Session) -> None:

@@ -7,14 +7,14 @@ import msgspec
 import pytest
 from websockets.sync.client import ClientConnection
 
-from app.security.guarded_server import guarded_server
+from app.page_server import page_server
 from tests.app.security.hostile import CAMERA, Page, connect_as_viser, free_port, until
 
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[Page]:
     """One server for all tests of this file: who harms it harms the tests that come later."""
-    server = guarded_server("127.0.0.1", free_port(), None)
+    server = page_server("127.0.0.1", free_port(), None)
     gui, page = server.gui, Page(server)
     page.widgets = {
         "number": gui.add_number("n", 0.5, min=0.0, max=1.0),

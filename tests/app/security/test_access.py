@@ -10,8 +10,9 @@ import pytest
 import viser
 from websockets.exceptions import InvalidStatus
 
-from app.security.guarded_server import TokenError, guarded_server
-from app.security.token_bucket import Purse
+from app.page_server import page_server
+from app.security.guarded_server import TokenError
+from app.security.token_bucket import TokenBucket
 from tests.app.security.hostile import address, connect_as_viser, free_port
 
 TOKEN = "open-sesame_1"
@@ -20,7 +21,7 @@ TOKEN = "open-sesame_1"
 @pytest.fixture(scope="module")
 def guarded() -> Iterator[viser.ViserServer]:
     """A server with a token."""
-    server = guarded_server("127.0.0.1", free_port(), TOKEN)
+    server = page_server("127.0.0.1", free_port(), TOKEN)
     yield server
     server.stop()
 
@@ -28,7 +29,7 @@ def guarded() -> Iterator[viser.ViserServer]:
 @pytest.fixture(scope="module")
 def local() -> Iterator[viser.ViserServer]:
     """A server without a token, at this machine alone."""
-    server = guarded_server("127.0.0.1", free_port(), None)
+    server = page_server("127.0.0.1", free_port(), None)
     yield server
     server.stop()
 
@@ -83,17 +84,17 @@ def test_no_path_leads_out_of_the_page(local: viser.ViserServer, path: str) -> N
 
 def test_hosts_that_others_reach_need_a_token() -> None:
     with pytest.raises(TokenError, match="--token"):
-        guarded_server("0.0.0.0", free_port(), None)
+        page_server("0.0.0.0", free_port(), None)
 
 
 @pytest.mark.parametrize("token", ["", "a b", "a;b", "ä", "a\nb"])
 def test_a_token_that_cannot_travel_in_an_address_is_refused(token: str) -> None:
     with pytest.raises(TokenError, match="letters"):
-        guarded_server("127.0.0.1", free_port(), token)
+        page_server("127.0.0.1", free_port(), token)
 
 
 def test_too_many_connections_in_a_moment_are_refused_and_a_moment_later_they_are_not() -> None:
-    server = guarded_server("127.0.0.1", free_port(), None)
+    server = page_server("127.0.0.1", free_port(), None)
     try:
         with pytest.raises(InvalidStatus, match="503"):
             for _ in range(200):
@@ -105,14 +106,14 @@ def test_too_many_connections_in_a_moment_are_refused_and_a_moment_later_they_ar
 
 
 def test_the_servers_banner_does_not_reach_the_output(capsys: pytest.CaptureFixture[str]) -> None:
-    server = guarded_server("127.0.0.1", free_port(), None)
+    server = page_server("127.0.0.1", free_port(), None)
     assert capsys.readouterr().out == ""
     server.stop()
 
 
 def test_a_purse_gives_what_it_holds_and_fills_again_but_not_over() -> None:
     clock = [0.0]
-    purse = Purse(10, 2, now=lambda: clock[0])
+    purse = TokenBucket(10, 2, now=lambda: clock[0])
     assert purse.spend(10) and not purse.spend(1)
     clock[0] = 1.0
     assert purse.spend(2) and not purse.spend(0.1)

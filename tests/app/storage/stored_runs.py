@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from app.places.ends import End, Ends
-from app.storage.run_metadata import About
-from app.storage.run_store import Shelf
+from app.storage.run_metadata import RunMetadata
+from app.storage.run_store import RunStore
 from app.storage.step_log import logged
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.steps import NavigationStep
@@ -14,13 +14,13 @@ from tests.export.flights import flown
 ENDS = Ends(End((1.0, 0.0, 0.3), 3.0), End((0.0, 0.9, 0.5)))
 
 
-def about(place: str = "balls", **changes: object) -> About:
+def about(place: str = "balls", **changes: object) -> RunMetadata:
     """What is known of a flight at take-off."""
     known = {"source": place, "robot": "quadrotor", "planner": "fast", "estimator": "paper", "seed": 3}
-    return About(**{"place": place, "dt": 0.1, "ends": ENDS} | known | changes)  # type: ignore[arg-type]
+    return RunMetadata(**{"place": place, "dt": 0.1, "ends": ENDS} | known | changes)  # type: ignore[arg-type]
 
 
-def put(shelf: Shelf, name: str, steps: Sequence[NavigationStep] | None = None, **changes: object) -> Path:
+def put(shelf: RunStore, name: str, steps: Sequence[NavigationStep] | None = None, **changes: object) -> Path:
     """Put a flight on the shelf."""
     folder = shelf.folder / name
     folder.mkdir(parents=True)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from app.storage.output_files import OutputError
-from app.storage.run_store import RunNameError, Shelf, checked
-from app.storage.step_log import FILE, Log
+from app.storage.run_store import RunNameError, RunStore, checked
+from app.storage.step_log import FILE, StepLog
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.navigation.episode import Episode
 from tests.app.storage.stored_runs import about, put
@@ -21,19 +21,19 @@ BAD_NAMES = ["", ".", "..", "../x", "a/b", "a\\b", "/etc", ".hidden", "a" * 81, 
 
 
 @pytest.fixture
-def shelf(tmp_path: Path) -> Shelf:
-    return Shelf(tmp_path / "runs")
+def shelf(tmp_path: Path) -> RunStore:
+    return RunStore(tmp_path / "runs")
 
 
-def test_flights_are_listed_with_the_newest_first(shelf: Shelf) -> None:
+def test_flights_are_listed_with_the_newest_first(shelf: RunStore) -> None:
     put(shelf, "old", date="2026-01-01T00:00:00+00:00")
     put(shelf, "new", date="2026-02-01T00:00:00+00:00")
     assert [entry.name for entry in shelf.entries()] == ["new", "old"]
     entry = shelf.entries()[0]
-    assert (entry.outcome, entry.steps, entry.about.seed) == ("collided", 16, 3)
+    assert (entry.outcome, entry.steps, entry.metadata.seed) == ("collided", 16, 3)
 
 
-def test_an_empty_shelf_and_folders_of_other_things_list_nothing(shelf: Shelf) -> None:
+def test_an_empty_shelf_and_folders_of_other_things_list_nothing(shelf: RunStore) -> None:
     assert shelf.entries() == ()
     (shelf.folder / "plan").mkdir(parents=True)
     (shelf.folder / "plan" / "trajectory.json").write_text("{}")
@@ -43,9 +43,9 @@ def test_an_empty_shelf_and_folders_of_other_things_list_nothing(shelf: Shelf) -
     assert shelf.entries() == ()
 
 
-def test_a_flight_without_an_end_is_flying_while_it_is_written_and_interrupted_after(shelf: Shelf) -> None:
+def test_a_flight_without_an_end_is_flying_while_it_is_written_and_interrupted_after(shelf: RunStore) -> None:
     folder = shelf.new("balls")
-    log = Log(folder, about(), Episode.metrics)
+    log = StepLog(folder, about(), Episode.metrics)
     for step in flown()[:6]:
         log.append(step)
     (entry,) = shelf.entries()
@@ -58,7 +58,7 @@ def test_a_flight_without_an_end_is_flying_while_it_is_written_and_interrupted_a
     assert (entry.outcome, entry.steps) == ("interrupted", 5)
 
 
-def test_new_flights_of_one_second_have_folders_of_their_own(shelf: Shelf) -> None:
+def test_new_flights_of_one_second_have_folders_of_their_own(shelf: RunStore) -> None:
     made = {shelf.new("../a place/with: odd name") for _ in range(5)}
     assert len(made) == 5 and all(folder.parent == shelf.folder for folder in made)
     assert all(checked(folder.name) for folder in made)
@@ -67,10 +67,10 @@ def test_new_flights_of_one_second_have_folders_of_their_own(shelf: Shelf) -> No
 def test_a_shelf_that_cannot_be_written_says_so(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot write into the folder of flights: let NERFNAV_RUNS name another"):
-        Shelf(tmp_path / "file").new("balls")
+        RunStore(tmp_path / "file").new("balls")
 
 
-def test_a_renamed_flight_keeps_everything(shelf: Shelf) -> None:
+def test_a_renamed_flight_keeps_everything(shelf: RunStore) -> None:
     put(shelf, "first")
     shelf.rename("first", "My best flight")
     assert [entry.name for entry in shelf.entries()] == ["My best flight"]
@@ -79,7 +79,7 @@ def test_a_renamed_flight_keeps_everything(shelf: Shelf) -> None:
 
 
 @pytest.mark.parametrize("name", BAD_NAMES)
-def test_bad_names_are_refused_everywhere(shelf: Shelf, name: str) -> None:
+def test_bad_names_are_refused_everywhere(shelf: RunStore, name: str) -> None:
     put(shelf, "first")
     for refused in (
         lambda: shelf.rename("first", name),
@@ -92,14 +92,14 @@ def test_bad_names_are_refused_everywhere(shelf: Shelf, name: str) -> None:
     assert [entry.name for entry in shelf.entries()] == ["first"]
 
 
-def test_a_name_that_is_taken_is_refused(shelf: Shelf) -> None:
+def test_a_name_that_is_taken_is_refused(shelf: RunStore) -> None:
     put(shelf, "first")
     put(shelf, "second")
     with pytest.raises(RunNameError, match="already something called 'second'"):
         shelf.rename("first", "second")
 
 
-def test_a_deleted_flight_is_gone_and_nothing_else_is(shelf: Shelf, tmp_path: Path) -> None:
+def test_a_deleted_flight_is_gone_and_nothing_else_is(shelf: RunStore, tmp_path: Path) -> None:
     put(shelf, "first")
     put(shelf, "second")
     (tmp_path / "precious").write_text("x")
@@ -110,8 +110,8 @@ def test_a_deleted_flight_is_gone_and_nothing_else_is(shelf: Shelf, tmp_path: Pa
         shelf.delete("first")
 
 
-def test_a_link_that_leads_out_of_the_shelf_is_no_flight(shelf: Shelf, tmp_path: Path) -> None:
-    outside = put(Shelf(tmp_path / "elsewhere"), "flight")
+def test_a_link_that_leads_out_of_the_shelf_is_no_flight(shelf: RunStore, tmp_path: Path) -> None:
+    outside = put(RunStore(tmp_path / "elsewhere"), "flight")
     shelf.folder.mkdir()
     (shelf.folder / "link").symlink_to(outside)
     assert shelf.entries() == ()
@@ -120,7 +120,7 @@ def test_a_link_that_leads_out_of_the_shelf_is_no_flight(shelf: Shelf, tmp_path:
     assert (outside / FILE).is_file()
 
 
-def test_a_folder_that_holds_no_flight_is_never_deleted(shelf: Shelf) -> None:
+def test_a_folder_that_holds_no_flight_is_never_deleted(shelf: RunStore) -> None:
     (shelf.folder / "photos").mkdir(parents=True)
     (shelf.folder / "photos" / "one.jpg").write_text("x")
     with pytest.raises(UnknownNameError):
@@ -128,7 +128,7 @@ def test_a_folder_that_holds_no_flight_is_never_deleted(shelf: Shelf) -> None:
     assert (shelf.folder / "photos" / "one.jpg").exists()
 
 
-def test_a_program_that_is_killed_in_flight_leaves_all_steps_so_far(shelf: Shelf, field_file: Path) -> None:
+def test_a_program_that_is_killed_in_flight_leaves_all_steps_so_far(shelf: RunStore, field_file: Path) -> None:
     words = [
         "fly", str(field_file), "--start", "-0.6", "-0.6", "0.5", "--goal", "0.6", "-0.6", "0.5",
         "--config.filter.descent.iterations", "5",

@@ -10,8 +10,8 @@ import torch
 from app.storage import step_log as log_module
 from app.storage.file_lock import is_held
 from app.storage.output_files import OutputError
-from app.storage.run_metadata import About
-from app.storage.step_log import Log, count_steps, logged, read_steps
+from app.storage.run_metadata import RunMetadata
+from app.storage.step_log import StepLog, count_steps, logged, read_steps
 from nerfnav.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.recovery import Recovery
@@ -60,13 +60,13 @@ def test_recoveries_are_kept(tmp_path: Path) -> None:
 
 
 def test_each_step_is_on_disk_before_the_next_one_begins(tmp_path: Path) -> None:
-    log = Log(tmp_path, about(), Episode.metrics)
+    log = StepLog(tmp_path, about(), Episode.metrics)
     for count, step in enumerate(flown()[:4]):
         log.append(step)
         assert len(read_steps(tmp_path)) == count + 1 and count_steps(tmp_path) == count
-        assert About.load(tmp_path).outcome is None
+        assert RunMetadata.load(tmp_path).outcome is None
     log.close()
-    assert About.load(tmp_path).outcome == "stopped"
+    assert RunMetadata.load(tmp_path).outcome == "stopped"
 
 
 @pytest.mark.parametrize("cut", [1, 40, 2000])
@@ -112,11 +112,11 @@ def test_a_new_flight_replaces_the_one_that_was_in_its_folder(tmp_path: Path) ->
 
 
 def test_two_flights_cannot_be_written_into_one_folder(tmp_path: Path) -> None:
-    log = Log(tmp_path, about(), Episode.metrics)
+    log = StepLog(tmp_path, about(), Episode.metrics)
     log.append(flown()[0])
     assert is_held(tmp_path / log_module.FILE)
     with pytest.raises(OutputError, match="another flight is being written"):
-        Log(tmp_path, about(), Episode.metrics)
+        StepLog(tmp_path, about(), Episode.metrics)
     assert len(read_steps(tmp_path)) == 1, "the first flight must not suffer"
     log.close()
 
@@ -127,26 +127,26 @@ def test_an_error_on_the_way_keeps_what_was_flown(tmp_path: Path) -> None:
         for step in flown()[:5]:
             log.append(step)
         raise RuntimeError("the motor has stopped")
-    assert len(read_steps(tmp_path)) == 5 and About.load(tmp_path).outcome == "stopped"
+    assert len(read_steps(tmp_path)) == 5 and RunMetadata.load(tmp_path).outcome == "stopped"
     assert not is_held(tmp_path / log_module.FILE)
 
 
 def test_what_is_known_of_a_flight_reads_back(tmp_path: Path) -> None:
     known = about(task="through the gap", open_loop=True, outcome="reached", metrics={"steps": 3})
     known.save(tmp_path)
-    assert About.load(tmp_path) == known
+    assert RunMetadata.load(tmp_path) == known
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": "nerfnav run", "version": 99}'])
 def test_an_unreadable_record_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "run.json").write_text(content)
     with pytest.raises(InvalidInputError, match="no readable nerfnav run"):
-        About.load(tmp_path)
+        RunMetadata.load(tmp_path)
 
 
 def test_a_full_disk_is_told_without_saying_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "run").mkdir()
-    log = Log(tmp_path / "run", about(), Episode.metrics)
+    log = StepLog(tmp_path / "run", about(), Episode.metrics)
 
     def refuse(*_: object) -> None:
         raise OSError(28, "No space left on device")

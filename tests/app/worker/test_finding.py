@@ -12,8 +12,8 @@ from app.page.panels import estimate
 from app.state import actions as m
 from app.state.records import SearchRecord
 from app.state.session import JobKind, Session
-from app.worker.backend import NavigationWork
-from app.worker.flight_orders import Helm
+from app.worker.backend import NavigationBackend
+from app.worker.flight_orders import FlightOrders
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
@@ -80,7 +80,7 @@ def test_what_was_found_is_in_sight_near_the_time_of_its_picture() -> None:
 def test_carrying_and_finding_are_counted_in_flight_and_each_reaches_the_flight_once(opened: Session) -> None:
     session = flying(opened, 3)
     assert session.in_flight and session.job is not None and session.place is not None
-    helm = Helm(session.job, session.place)
+    helm = FlightOrders(session.job, session.place)
     asked = after(session, m.CarryAway(), m.FindRobot(), m.Gust())
     assert asked.job is not None and (asked.job.kidnaps, asked.job.searches, asked.job.gusts) == (1, 1, 1)
     helm.follow(asked)
@@ -95,7 +95,7 @@ def test_the_robot_is_carried_to_where_it_fits_not_far_from_where_it_is(opened: 
     session = flying(opened, 4)
     assert session.job is not None and session.place is not None and session.flight is not None
     job, place = replace(session.job, id=session.job.id), session.place
-    helm = Helm(job, place)
+    helm = FlightOrders(job, place)
     for _ in range(seed):
         helm.orders()
     helm.follow(after(session, *[m.CarryAway()] * (seed + 1)))
@@ -108,7 +108,7 @@ def test_the_robot_is_carried_to_where_it_fits_not_far_from_where_it_is(opened: 
 def test_the_worker_looks_for_the_robot_in_the_picture_that_the_session_has(opened: Session) -> None:
     session = after(flown(opened), m.FindRobot())
     assert session.job is not None
-    events = NavigationWork(shelf=None).begin(session, session.job)
+    events = NavigationBackend(runs=None).begin(session, session.job)
     assert isinstance(next(events), JobStarted)
     with pytest.raises(InvalidInputError, match="pictures of 200 x 200 x 3"):  # the picture of these tests is smaller
         list(events)

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from app.jobs.events import JobCancelled, JobFailed, JobFinished, Progress
+from app.jobs.events import JobCancelled, JobFailed, JobFinished, PlaceOpened, Progress, SurfaceShaped
+from app.queries.catalog import pending_queries
 from app.reducers.root import reduce
 from app.state import actions as m
-from app.state.pending_queries import questions_of
 from app.state.session import JobKind, Session
 from app.worker.worker import Worker
 from nerfnav.errors import NerfnavError
@@ -77,7 +77,7 @@ def loop_for() -> Iterator[Callable[[ScriptedWork], Loop]]:
 def test_the_worker_opens_the_place_and_answers_the_page(loop_for: Callable[[ScriptedWork], Loop]) -> None:
     work = ScriptedWork()
     loop = loop_for(work)
-    loop.until(lambda: loop.session.place is not None and questions_of(loop.session) == ())
+    loop.until(lambda: loop.session.place is not None and pending_queries(loop.session) == ())
     loop.settle()
     assert len(work.asked) == len(set(work.asked)) == 3
 
@@ -159,7 +159,7 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
     loop = loop_for(work)
     loop.settle()
     loop.take(m.StartPlan(), m.MoveEnd(m.Which.GOAL, m.End((0.5, -0.5, 0.5))))
-    loop.until(lambda: questions_of(loop.session) == ())
+    loop.until(lambda: pending_queries(loop.session) == ())
     assert loop.session.job is not None
 
 
@@ -180,7 +180,7 @@ def test_a_place_that_cannot_be_opened_is_told(loop_for: Callable[[ScriptedWork]
 def test_a_flight_is_no_faster_than_its_pace(loop_for: Callable[[ScriptedWork], Loop]) -> None:
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(6)]
     loop = loop_for(ScriptedWork({JobKind.FLY: [*steps, JobFinished("fly")]}))
-    loop.take(m.Adjust(m.Settings.FLYING, "pace", 2.0), m.StartFlight())
+    loop.take(m.Adjust(m.Settings.FLIGHT, "pace", 2.0), m.StartFlight())
     began = time.monotonic()
     loop.until(lambda: loop.session.job is None)
     assert time.monotonic() - began >= 5 * 0.1 / 2.0 - 0.01
@@ -193,7 +193,7 @@ def test_warming_up_is_left_when_somebody_plans() -> None:
         return Progress("compiling", 0.6)
 
     warming = [compiling] * 1000
-    opening = [m.PlaceOpened(balls_place()), m.SurfaceShaped(b"glTF"), *warming, JobFinished("open")]
+    opening = [PlaceOpened(balls_place()), SurfaceShaped(b"glTF"), *warming, JobFinished("open")]
     plan = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
     loop = Loop(ScriptedWork({JobKind.OPEN: opening, JobKind.PLAN: plan}))
     try:

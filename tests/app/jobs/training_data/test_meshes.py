@@ -13,7 +13,7 @@ import trimesh
 from app.cli.main import main
 from app.jobs.events import JobFinished, Progress
 from app.jobs.train import StoppedError, TrainRequest, run
-from app.jobs.training_data.gather import Material, Photographs, gather
+from app.jobs.training_data.gather import Photographs, TrainingData, gather
 from app.places.place import open_place
 from nerfnav.errors import FieldFileError, InvalidInputError, NerfnavError
 from nerfnav.field.checkpoint import load_field
@@ -231,7 +231,7 @@ def test_a_short_budget_makes_a_coarse_field(tmp_path: Path) -> None:
     assert 0.008 < voxels[0] < voxels[1] < voxels[2] < 0.05
 
 
-def _material(request: TrainRequest) -> Material:
+def _material(request: TrainRequest) -> TrainingData:
     """What is trained from, of ten photographs."""
     gathering = gather(replace(request, photographs=Photographs(10)))
     while True:

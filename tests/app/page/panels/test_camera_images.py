@@ -9,7 +9,7 @@ from app.page.panels.camera import compose
 from app.page.panels.camera_images import beside, difference, with_pixels
 from app.page.panels.flight_charts import error_curves, time_curves
 from app.page.theme import BELIEF, HIT
-from app.state.queries import View, ViewQuestion
+from app.queries.robot_view import RobotViewQuery
 from app.state.records import FlightRecord
 from tests.app.doubles import filter_step, flight_step
 from tests.app.page.test_panels_and_layers import ENDS
@@ -42,11 +42,10 @@ def test_compared_pixels_are_marked_and_rejected_ones_are_red() -> None:
 
 def test_a_flight_shows_picture_field_and_difference_and_ends_show_the_field_alone() -> None:
     flight = FlightRecord(ENDS).with_step(flight_step(ENDS, 0)).with_step(flight_step(ENDS, 1))
-    seen = View(ViewQuestion(("flight", 1, 2), ()), (GREY,))
-    caption, picture = compose(seen, flight)
+    seen, ends = RobotViewQuery(("flight", 1, 2), ()), RobotViewQuery(("ends", ENDS), ())
+    caption, picture = compose((GREY,), seen.step_of(flight))
     assert "difference" in caption and picture.shape == (20, 3 * 30 + 12, 3)
-    ends = View(ViewQuestion(("ends", ENDS), ()), (GREY, GREY))
-    assert compose(ends, flight)[1].shape == (20, 66, 3)
+    assert compose((GREY, GREY), ends.step_of(flight))[1].shape == (20, 66, 3)
 
 
 def test_curves_tell_error_expectation_and_times() -> None:

@@ -7,23 +7,21 @@ import numpy as np
 import pytest
 import torch
 
-from app.places.ends import End, Which
+from app.places.ends import End, Ends, Which
 from app.places.place import Place
-from app.state.queries import (
-    EndQuestion,
-    EyeQuestion,
-    PointQuestion,
-    ProfileQuestion,
-    SliceQuestion,
-    Space,
-    SpaceQuestion,
-)
+from app.queries.clearance import ClearanceQuery
+from app.queries.click_landing import ClickLandingQuery
+from app.queries.density_slice import DensitySliceQuery
+from app.queries.end_fit import EndFitQuery
+from app.queries.field_view import FieldViewQuery
+from app.queries.query import Resources
+from app.queries.space import Space, SpaceQuery
+from app.state.session import Click
 from app.state.view_settings import Eye
-from app.worker import place_queries as sensing
 from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.occupancy import OccupancyConfig, body_density
 from nerfnav.robots.state import Motion, RigidState
-from tests.app.doubles import balls_place
+from tests.app.doubles import balls_place, plan_step
 
 PLACE = balls_place()
 UNSEEN = slice(6, 16), slice(32, 44), slice(4, 16)
@@ -42,7 +40,7 @@ def partly_seen() -> tuple[Place, np.ndarray, np.ndarray]:
 
 
 def test_an_end_in_a_ball_is_refused_and_the_offer_is_free() -> None:
-    report = sensing.end_report(PLACE, EndQuestion(Which.GOAL, End((0.0, 0.0, 0.3))))
+    report = EndFitQuery(Which.GOAL, End((0.0, 0.0, 0.3))).answer(Resources(PLACE))
     assert report.problem is not None and "the goal is in occupied space" in report.problem
     assert report.offer is not None
     density = body_density(PLACE.field, PLACE.robot.body, report.offer.state())
@@ -51,53 +49,54 @@ def test_an_end_in_a_ball_is_refused_and_the_offer_is_free() -> None:
 
 
 def test_a_free_end_is_no_problem_and_there_is_no_offer() -> None:
-    report = sensing.end_report(PLACE, EndQuestion(Which.START, End((-0.7, 0.6, 0.5))))
+    report = EndFitQuery(Which.START, End((-0.7, 0.6, 0.5))).answer(Resources(PLACE))
     assert report.problem is None and report.offer is None
 
 
 def test_a_click_on_a_ball_puts_the_robot_on_top_of_it() -> None:
-    landed = sensing.landing(PLACE, PointQuestion(Which.START, (0.0, 0.0, 2.0), (0.0, 0.0, -3.0)))
-    assert landed.position is not None
-    x, y, z = landed.position
+    landed = ClickLandingQuery(Click(Which.START, (0.0, 0.0, 2.0), (0.0, 0.0, -3.0))).answer(Resources(PLACE))
+    assert landed is not None
+    x, y, z = landed
     assert (x, y) == (0.0, 0.0)
     assert 0.5 < z < 0.65, "the ball ends at 0.5 m"
 
 
 def test_a_click_into_the_sky_lands_nowhere() -> None:
-    assert sensing.landing(PLACE, PointQuestion(Which.START, (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))).position is None
+    click = Click(Which.START, (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
+    assert ClickLandingQuery(click).answer(Resources(PLACE)) is None
 
 
 def test_the_field_from_a_tabs_camera_shows_a_ball_in_front_of_it_at_its_distance() -> None:
     # x right, y down, z forward: looks along the world's x from beside the first ball
     wxyz = (0.5, -0.5, 0.5, -0.5)
     eye = Eye((-0.9, 0.0, 0.3), wxyz, math.radians(60), 1.5)
-    view = sensing.eye_view(PLACE, EyeQuestion(0, eye, 60))
+    view = FieldViewQuery(0, eye, 60).answer(Resources(PLACE))
     assert view.image.shape == (40, 60, 3) and view.depth.shape == (40, 60)
     assert view.depth[20, 30] == pytest.approx(0.7, abs=0.06)
     assert view.depth[0, 0] > 100, "there is nothing in the corner"
 
 
 def test_occupied_space_is_shown_by_its_outside() -> None:
-    view = sensing.space_view(PLACE, SpaceQuestion(Space.OCCUPIED))
+    view = SpaceQuery(Space.OCCUPIED).answer(Resources(PLACE))
     assert view.centers.shape[1] == 3 and len(view.centers) > 50
     distance = np.linalg.norm(view.centers - np.array([0.0, 0.0, 0.3]), axis=1)
     assert distance.min() > 0.1, "the middle of a ball is hidden by what is around it"
 
 
 def test_a_slice_is_bright_where_the_field_is_dense() -> None:
-    view = sensing.slice_view(PLACE, SliceQuestion(0.3 / 0.8))
-    rows, columns, channels = view.image.shape
+    image = DensitySliceQuery(0.3 / 0.8).answer(Resources(PLACE))
+    rows, columns, channels = image.shape
     assert channels == 4
-    middle, corner = view.image[rows // 2, columns // 2], view.image[0, 0]
+    middle, corner = image[rows // 2, columns // 2], image[0, 0]
     assert middle[3] > 200 and corner[3] < 80
     assert torch.tensor(middle[:3].astype(int)).sum() > torch.tensor(corner[:3].astype(int)).sum()
 
 
 def test_space_that_no_camera_saw_is_shown_where_the_field_knows_of_any() -> None:
-    asked = SpaceQuestion(Space.UNKNOWN)
-    assert len(sensing.space_view(PLACE, asked).centers) == 0
+    asked = SpaceQuery(Space.UNKNOWN)
+    assert len(asked.answer(Resources(PLACE)).centers) == 0
     place, lower, upper = partly_seen()
-    view = sensing.space_view(place, asked)
+    view = asked.answer(Resources(place))
     assert len(view.centers) > 50
     assert (view.centers >= lower - 1e-5).all() and (view.centers <= upper + 1e-5).all()
 
@@ -105,10 +104,11 @@ def test_space_that_no_camera_saw_is_shown_where_the_field_knows_of_any() -> Non
 def test_what_no_camera_saw_is_occupied_and_near_as_it_is_for_planners() -> None:
     place, lower, upper = partly_seen()
     middle = 0.5 * (lower + upper)
-    occupied, as_seen = (sensing.space_view(one, SpaceQuestion(Space.OCCUPIED)) for one in (place, PLACE))
+    occupied, as_seen = (SpaceQuery(Space.OCCUPIED).answer(Resources(one)) for one in (place, PLACE))
     near = [(np.abs(view.centers - middle) < 0.6 * (upper - lower)).all(1).sum() for view in (occupied, as_seen)]
     assert near[0] > 50 and near[1] == 0
     states = RigidState.stack([RigidState.at_rest(tuple(middle.tolist()))] * 2)
-    still = ProfileQuestion(0, Motion(states, torch.zeros(1, 4), 0.1))
-    (_, inside, _), (_, outside, _) = (sensing.profile(one, still).rows for one in (place, PLACE))
+    motion = Motion(states, torch.zeros(1, 4), 0.1)
+    still = ClearanceQuery(replace(plan_step(Ends(), 0), motion=motion))
+    (_, inside, _), (_, outside, _) = (still.answer(Resources(one)) for one in (place, PLACE))
     assert inside[0] == 0 < outside[0]

@@ -1,0 +1,15 @@
+"""The viser server that the page is on: behind the guard of security/, with the page's name and limits."""
+
+import viser
+
+from app.page.theme import branded
+from app.places.uploads import MOST_BYTES
+from app.security.guarded_server import PagePolicy, guarded_server
+
+
+def page_server(host: str, port: int, token: str | None = None) -> viser.ViserServer:
+    """The server at `host`:`port`, listening; hosts that other machines reach must have a token.
+
+    Raises NerfnavError where it cannot listen there, or must not without a token.
+    """
+    return guarded_server(host, port, token, PagePolicy(branded, MOST_BYTES))

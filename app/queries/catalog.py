@@ -1,0 +1,44 @@
+"""Catalog of queries: a new kind is a file beside this one and a line here."""
+
+from typing import Any
+
+from app.queries.clearance import ClearanceQuery
+from app.queries.click_landing import ClickLandingQuery
+from app.queries.density_slice import DensitySliceQuery
+from app.queries.end_fit import EndFitQuery
+from app.queries.experiments import ExperimentsQuery
+from app.queries.field_view import FieldViewQuery
+from app.queries.following_plan import FollowingPlanQuery
+from app.queries.query import Query
+from app.queries.robot_view import RobotViewQuery
+from app.queries.run_list import RunListQuery
+from app.queries.space import SpaceQuery
+from app.queries.stored_run import StoredRunQuery
+from app.state.session import Session
+
+_KINDS: list[type[Query[Any]]] = [
+    StoredRunQuery,
+    RunListQuery,
+    ClickLandingQuery,
+    EndFitQuery,
+    FollowingPlanQuery,
+    DensitySliceQuery,
+    SpaceQuery,
+    FieldViewQuery,
+    RobotViewQuery,
+    ClearanceQuery,
+    ExperimentsQuery,
+]
+
+
+def register(kind: type[Query[Any]]) -> None:
+    """Let the worker answer one more kind of query, after the others."""
+    if kind not in _KINDS:
+        _KINDS.append(kind)
+
+
+def pending_queries(session: Session) -> tuple[Query[Any], ...]:
+    """What is not known yet, the most urgent first."""
+    if session.place is None:
+        return ()
+    return tuple(query for kind in _KINDS for query in kind.pending(session))

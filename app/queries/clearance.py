@@ -1,0 +1,63 @@
+"""Query: how near does a plan come to what is dense, step by step?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+
+from app.places.place import planning_place
+from app.queries.query import Query, Resources
+from app.state.records import PlanRecord
+from app.state.session import Session
+from nerfnav.field.unknown import Unknown
+from nerfnav.planner.costs import collision_per_step
+from nerfnav.planner.safety import SafetyConfig, clearance_of
+from nerfnav.planner.steps import PlanStep
+from nerfnav.robots.state import Motion
+
+
+@dataclass(frozen=True)
+class ClearanceQuery(Query[np.ndarray]):
+    """How near does a plan come? Rows of (3, n): time [s], clearance [cm], collision bound [%]."""
+
+    step: PlanStep = field(compare=False)
+    """The last iteration of the plan."""
+
+    def __eq__(self, other: object) -> bool:
+        """Plans are told apart as objects: `step` is kept, so that no other one can take its address."""
+        return isinstance(other, ClearanceQuery) and self.step is other.step
+
+    def __hash__(self) -> int:
+        return hash((ClearanceQuery, id(self.step)))
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["ClearanceQuery"]:
+        """Of a plan that is finished, while nothing else is computed."""
+        plan = session.plan
+        if plan is not None and plan.latest is not None and plan.outcome is not None and session.job is None:
+            query = cls(plan.latest)
+            if not query.is_answered(session):
+                yield query
+
+    @classmethod
+    def rows_of(cls, plan: PlanRecord | None, session: Session) -> np.ndarray | None:
+        """The result, if it is that of this plan."""
+        asked = cls.asked_in(session)
+        known = plan is not None and asked is not None and asked.step is plan.latest
+        return cls.result_in(session) if known else None
+
+    @torch.no_grad()
+    def answer(self, resources: Resources) -> np.ndarray:
+        """Take the densities around the body at each step, as plans do."""
+        place = planning_place(resources.place, Unknown.OCCUPIED)
+        motion, body, config = self.step.motion, place.robot.body, SafetyConfig()
+        bound = collision_per_step(place.field, motion, body, config.samples_per_step)
+        steps = [
+            Motion(motion.states[k : k + 2], motion.actions[k : k + 1], motion.dt) for k in range(len(motion.actions))
+        ]
+        room = [clearance_of(place.field, step, body, config) for step in steps]
+        # where nothing is within reach, that is how much room there is at least
+        clearance = np.array([config.reach if free is None else free for free in room])
+        times = motion.dt * (1 + np.arange(len(room)))
+        return np.stack([times, 100 * clearance, 100 * bound.numpy()])

@@ -1,0 +1,53 @@
+"""Query: where does a click into the scene land?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import torch
+
+from app.places.ends import End
+from app.queries.query import Query, Resources
+from app.reducers.common import moved, noticed
+from app.state.session import Click, Session
+from nerfnav.field.render import render_rays
+
+LEAST_OPACITY = 0.5
+"""Of a ray that has met something."""
+_ROOM_M = 0.05  # kept below the body
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ClickLandingQuery(Query[Vector | None]):
+    """Where does the end go that is put where a click points? The result is a position [m], None where nothing is."""
+
+    click: Click
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["ClickLandingQuery"]:
+        """While an end waits for its click to land."""
+        if session.clicked is not None:
+            yield cls(session.clicked)
+
+    def answer(self, resources: Resources) -> Vector | None:
+        """Where the robot would stand or hover if it were put on what the ray of the click meets."""
+        place = resources.place
+        origin = torch.tensor(self.click.origin)
+        direction = torch.nn.functional.normalize(torch.tensor(self.click.direction), dim=0)
+        rendering = render_rays(place.field, origin[None], direction[None])
+        if rendering.opacity.item() < LEAST_OPACITY:
+            return None
+        met = origin + rendering.depth.item() * direction
+        # as high above it as the body and what it keeps clear of
+        x, y, z = (met + torch.tensor([0.0, 0.0, 0.5 * place.robot.body.extents[2] + _ROOM_M])).tolist()
+        return x, y, z
+
+    def apply(self, session: Session, result: Vector | None) -> Session:
+        """The session with the end there, unless another click came."""
+        if session.place is None or session.clicked != self.click:
+            return session
+        told, which = replace(session, clicked=None), self.click.which
+        if result is None:
+            return noticed(told, "Nothing there", f"The click met nothing to put the {which.value} on.", bad=True)
+        return moved(told, session.place, which, End(result, session.ends.of(which).yaw))

@@ -1,0 +1,61 @@
+"""Query: does the robot fit at an end?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from app.places.ends import End, Which
+from app.places.place import occupancy_of, planning_place
+from app.queries.query import Query, Resources
+from app.state.session import Session
+from nerfnav.field.unknown import Unknown
+from nerfnav.geometry import so3
+from nerfnav.planner.ends import fits, nearest_free_pose
+from nerfnav.planner.occupancy import OccupancyConfig
+
+
+@dataclass(frozen=True)
+class EndFit:
+    """Whether the robot fits at an end."""
+
+    problem: str | None
+    """One sentence, or None where all is well."""
+    offer: End | None = None
+    """The nearest end at which the robot fits, where it does not fit here."""
+
+
+@dataclass(frozen=True)
+class EndFitQuery(Query[EndFit]):
+    """Does the robot fit here?"""
+
+    which: Which
+    end: End
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["EndFitQuery"]:
+        """Of each end that was not looked at where it is now."""
+        for which in Which:
+            if which not in session.problems:
+                yield cls(which, session.ends.of(which))
+
+    def answer(self, resources: Resources) -> EndFit:
+        """Ask the density at all body points, as plans do."""
+        place = planning_place(resources.place, Unknown.OCCUPIED)
+        body, state, name = place.robot.body, self.end.state(), self.which.value
+        occupancy = occupancy_of(place, OccupancyConfig())
+        if fits(place.field, body, state, occupancy.config.threshold):
+            return EndFit(None)
+        nearest = nearest_free_pose(place.field, body, state, occupancy)
+        if nearest is None:
+            return EndFit(f"the {name} is in occupied space, far from any free point.")
+        x, y, z = nearest.position.tolist()
+        problem = f"the {name} is in occupied space; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
+        return EndFit(problem, End((x, y, z), so3.yaw_of(nearest.rotation).item()))
+
+    def apply(self, session: Session, result: EndFit) -> Session:
+        """The session with what is wrong with the end, unless it was moved meanwhile."""
+        if session.ends.of(self.which) != self.end:
+            return session
+        known = replace(session, problems={**session.problems, self.which: result.problem})
+        if result.offer is None:
+            return known
+        return replace(known, offers={**session.offers, self.which: result.offer})

@@ -1,0 +1,75 @@
+"""Query: what does the field look like from a tab's own camera?"""
+
+import math
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+import viser.transforms as tf
+
+from app.queries.click_landing import LEAST_OPACITY
+from app.queries.query import Query, Resources
+from app.state.session import Session
+from app.state.view_settings import Backdrop, Eye
+from nerfnav.field.render import render_image
+from nerfnav.geometry.camera import Camera, Pose
+
+WIDTHS = (240, 720)
+"""Of the renderings for a tab [pixels]: one at once, one for who looks longer."""
+_FAR = 150.0  # [m] where there is nothing: as far as the page can tell
+_FROM_CV = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # the page's cameras look along +z, ours along -z
+
+
+@dataclass(frozen=True)
+class FieldView:
+    """The field from a tab's own camera."""
+
+    image: np.ndarray = field(compare=False)
+    """(height, width, 3), sRGB bytes."""
+    depth: np.ndarray = field(compare=False)
+    """Distance along the camera's axis [m], (height, width)."""
+
+
+@dataclass(frozen=True)
+class FieldViewQuery(Query[FieldView]):
+    """What does the field look like from there?"""
+
+    client: int
+    """Which tab."""
+    eye: Eye
+    width: int
+    """Of the picture [pixels]."""
+
+    @property
+    def slot(self) -> Hashable:
+        """One for each tab."""
+        return FieldViewQuery, self.client
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["FieldViewQuery"]:
+        """For each tab, while the field itself is the backdrop: coarse at first, then finer."""
+        if session.view_settings.backdrop is not Backdrop.RENDER:
+            return
+        for client, eye in session.eyes.items():
+            asked = cls.asked_in(session, (cls, client))
+            if asked is None or asked.eye != eye:
+                yield cls(client, eye, WIDTHS[0])
+            elif asked.width < WIDTHS[-1]:
+                yield cls(client, eye, WIDTHS[-1])
+
+    def answer(self, resources: Resources) -> FieldView:
+        """Render the field with its depth."""
+        eye, width = self.eye, self.width
+        height = max(1, round(width / eye.aspect))
+        across = 2 * math.degrees(math.atan(eye.aspect * math.tan(eye.fov / 2)))
+        camera = Camera.from_fov(width, height, across)
+        rotation = torch.from_numpy(tf.SO3(np.array(eye.wxyz)).normalize().as_matrix()).float() @ _FROM_CV
+        rendering = render_image(resources.place.field, camera, Pose(rotation, torch.tensor(eye.position)))
+        along = -camera.directions(camera.pixels())[:, 2].reshape(height, width)
+        depth = torch.where(rendering.opacity > LEAST_OPACITY, rendering.depth * along, _FAR)
+        return FieldView(rendering.image.numpy(), depth.numpy())
+
+    def apply(self, session: Session, result: FieldView) -> Session:
+        """The session with the rendering, unless its tab is gone."""
+        return super().apply(session, result) if self.client in session.eyes else session

@@ -1,0 +1,58 @@
+"""Query: what does the field look like to the robot's camera?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from app.jobs.fly import CAMERA
+from app.places.place import Place
+from app.queries.query import Query, Resources
+from app.state.records import FlightRecord
+from app.state.session import Session
+from nerfnav.field.render import render_image
+from nerfnav.geometry.camera import FORWARD_MOUNT
+from nerfnav.navigation.steps import NavigationStep
+from nerfnav.robots.state import RigidState
+
+RobotView = tuple[np.ndarray, ...]
+"""One picture for each state, (height, width, 3), sRGB bytes."""
+
+
+@dataclass(frozen=True)
+class RobotViewQuery(Query[RobotView]):
+    """What does the field look like from where the robot believes to be, or from the ends?"""
+
+    key: tuple[Any, ...]
+    """What the view is of; two queries of one key have the same answer."""
+    states: tuple[RigidState, ...] = field(compare=False)
+    """From where it looks."""
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["RobotViewQuery"]:
+        """From the belief of the time step that is shown; without a flight, from start and goal."""
+        flight, ends = session.shown_flight, session.ends
+        if flight is not None and flight.steps:
+            key = ("flight", session.jobs_begun, session.runs.asked, len(flight.steps))
+            query = cls(key, (flight.steps[-1].belief.mean,))
+        else:
+            query = cls(("ends", ends), (ends.start.state(), ends.goal.state()))
+        if not query.is_answered(session):
+            yield query
+
+    def answer(self, resources: Resources) -> RobotView:
+        """Render the field from each state."""
+        return tuple(view_from(resources.place, state) for state in self.states)
+
+    def step_of(self, flight: FlightRecord | None) -> NavigationStep | None:
+        """The time step of the flight that the view is of."""
+        kind, *key = self.key
+        if kind != "flight" or flight is None or not 0 < key[-1] <= len(flight.steps):
+            return None
+        return flight.steps[key[-1] - 1]
+
+
+def view_from(place: Place, state: RigidState) -> np.ndarray:
+    """The field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes."""
+    return render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT)).image.numpy()

@@ -1,0 +1,30 @@
+"""Query: which runs are stored?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from app.queries.query import Query, Resources
+from app.state.session import Session
+from app.storage.run_metadata import StoredRun
+
+
+@dataclass(frozen=True)
+class RunListQuery(Query[tuple[StoredRun, ...]]):
+    """Which runs are stored, as of now? The newest first."""
+
+    stamp: tuple[int, ...]
+    """Changes whenever the list may have changed."""
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["RunListQuery"]:
+        """Again whenever a job has begun or ended, a run was changed, or somebody looks."""
+        if session.runs.listed != session.run_list_stamp:
+            yield cls(session.run_list_stamp)
+
+    def answer(self, resources: Resources) -> tuple[StoredRun, ...]:
+        """Read the folder of runs."""
+        return () if resources.runs is None else resources.runs.entries()
+
+    def apply(self, session: Session, result: tuple[StoredRun, ...]) -> Session:
+        """The session with the list."""
+        return replace(session, runs=replace(session.runs, entries=result, listed=self.stamp))

@@ -1,0 +1,80 @@
+"""Query: where is space that is occupied, or that no camera saw?"""
+
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+import torch
+
+from app.places.place import Place, occupancy_of, planning_place
+from app.queries.query import Query, Resources
+from app.state.session import Session
+from nerfnav.field.unknown import Unknown
+from nerfnav.field.voxel import VoxelField
+from nerfnav.planner.occupancy import OccupancyConfig
+
+
+class Space(Enum):
+    """Parts of space that can be shown."""
+
+    OCCUPIED = "where the robot does not fit"
+    UNKNOWN = "what no camera saw"
+
+
+@dataclass(frozen=True)
+class SpaceVoxels:
+    """The outermost voxels of a part of space."""
+
+    centers: np.ndarray = field(compare=False)
+    """Their centres (n, 3) [m]."""
+    spacing: float = field(compare=False)
+    """Their edge [m]."""
+
+
+@dataclass(frozen=True)
+class SpaceQuery(Query[SpaceVoxels]):
+    """Where is such space?"""
+
+    space: Space
+
+    @property
+    def slot(self) -> Hashable:
+        """One for each part of space."""
+        return SpaceQuery, self.space
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["SpaceQuery"]:
+        """Of what is to be drawn."""
+        wanted = {Space.OCCUPIED: session.view_settings.occupied, Space.UNKNOWN: session.view_settings.unknown}
+        yield from (query for space in Space if wanted[space] and not (query := cls(space)).is_answered(session))
+
+    def answer(self, resources: Resources) -> SpaceVoxels:
+        """Find the voxels that have a neighbour which is not in there."""
+        return _unknown(resources.place) if self.space is Space.UNKNOWN else _occupied(resources.place)
+
+
+def _occupied(place: Place) -> SpaceVoxels:
+    occupancy = occupancy_of(planning_place(place, Unknown.OCCUPIED), OccupancyConfig())
+    indices = torch.from_numpy(np.argwhere(_shell(occupancy.by_heading.any(0).numpy())))
+    return SpaceVoxels(occupancy.centers(indices).numpy(), occupancy.spacing.mean().item())
+
+
+def _unknown(place: Place) -> SpaceVoxels:
+    """What no camera saw, at every second node: that is as much as a page draws at once."""
+    field = place.field
+    if not isinstance(field, VoxelField) or field.unknown is None:
+        return SpaceVoxels(np.zeros((0, 3), np.float32), 0.0)
+    inside = _shell(field.unknown.cpu().numpy()[::2, ::2, ::2])
+    centers = field.box.lower.cpu().numpy() + 2 * np.argwhere(inside) * field.spacing.cpu().numpy()
+    return SpaceVoxels(centers.astype(np.float32), 2 * field.spacing.mean().item())
+
+
+def _shell(inside: np.ndarray) -> np.ndarray:
+    """Voxels (nx, ny, nz) that are inside and have a neighbour that is not."""
+    padded = np.pad(inside, 1, constant_values=True)  # the wall of the box is no surface
+    core = np.ones_like(inside)
+    for axis in range(3):
+        for step in (-1, 1):
+            core &= np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1]
+    return inside & ~core

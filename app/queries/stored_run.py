@@ -1,0 +1,63 @@
+"""Query: what was flown in a stored run?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from app.queries.query import Query, Resources
+from app.reducers.common import noticed
+from app.reducers.runs import compared, opened
+from app.state.records import FlightRecord
+from app.state.runs import RunRequest, StoredFlight
+from app.state.session import Session
+from app.storage.run_store import RunStore
+from app.text import sentence
+from nerfnav.errors import NerfnavError
+
+
+@dataclass(frozen=True)
+class StoredRunResult:
+    """A stored run, or why it cannot be read."""
+
+    flight: StoredFlight | None = field(default=None, compare=False)
+    problem: str | None = None
+    """One sentence."""
+
+
+@dataclass(frozen=True)
+class StoredRunQuery(Query[StoredRunResult]):
+    """What was flown?"""
+
+    request: RunRequest
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["StoredRunQuery"]:
+        """Of each run that a person has asked for."""
+        yield from map(cls, session.runs.wanted)
+
+    def answer(self, resources: Resources) -> StoredRunResult:
+        """Read the steps of the run from the disk."""
+        if resources.runs is None:
+            return StoredRunResult(problem="No runs are kept here.")
+        try:
+            return StoredRunResult(stored_flight(resources.runs, self.request.name))
+        except NerfnavError as error:
+            return StoredRunResult(problem=sentence(resources.runs.without_folder(str(error))))
+
+    def apply(self, session: Session, result: StoredRunResult) -> Session:
+        """The session with the flight shown, or beside the one that is; nothing, where nobody waits any more."""
+        if self.request not in session.runs.wanted:
+            return session
+        left = tuple(other for other in session.runs.wanted if other != self.request)
+        session = replace(session, runs=replace(session.runs, wanted=left))
+        if result.flight is None:
+            verb = "compare" if self.request.compare else "open"
+            return noticed(session, f"Could not {verb}", result.problem or "", bad=True)
+        return (compared if self.request.compare else opened)(session, result.flight)
+
+
+def stored_flight(store: RunStore, name: str) -> StoredFlight:
+    """A run as the session has flights that were just flown. Raises NerfnavError where it cannot be read."""
+    entry, steps = store.entry(name), store.steps(name)
+    metadata = entry.metadata
+    record = FlightRecord(metadata.ends, steps, plan=steps[-1].plan, summary=metadata.metrics)
+    return StoredFlight(entry, record)
