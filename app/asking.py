@@ -17,9 +17,8 @@ from app.questions import (
 )
 from app.runs.changes import runs_questions
 from app.session import Session
+from nerfnav.planner import planners
 
-REAL_TIME = ("fast",)
-"""Planners that are quick enough to plan again while the hand still holds an end."""
 WIDTHS = (240, 720)
 """Of the field's renderings for a tab [pixels]: one at once, one for who looks longer."""
 
@@ -47,7 +46,7 @@ def _wants_plan_again(session: Session) -> bool:
     if session.flight is not None and session.flight.steps:
         return False
     free = len(session.problems) == len(Which) and not any(session.problems.values())
-    return session.plan_is_stale and session.job is None and free and session.choice.planner in REAL_TIME
+    return session.plan_is_stale and session.job is None and free and planners.load(session.choice.planner).real_time
 
 
 def _of_robot(session: Session) -> Iterator[Question]:

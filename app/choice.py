@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-from app.registry import ESTIMATORS, PLANNERS, named
+from app.registry import ESTIMATORS, named
 from nerfnav import robots
+from nerfnav.planner import planners
 
 
 @dataclass(frozen=True)
@@ -13,12 +14,12 @@ class Choice:
     robot: str = "quadrotor"
     """One of `nerfnav.robots.names()`."""
     planner: str = "fast"
-    """One of `app.registry.PLANNERS`."""
+    """One of `nerfnav.planner.planners.names()`."""
     estimator: str = "fast"
     """One of `app.registry.ESTIMATORS`."""
 
     def check(self) -> None:
         """Raise UnknownNameError, which lists what exists, for a name that nothing has."""
         robots.load(self.robot)
-        named("planner", self.planner, PLANNERS)
+        planners.load(self.planner)
         named("estimator", self.estimator, ESTIMATORS)

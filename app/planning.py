@@ -3,10 +3,10 @@
 import math
 from dataclasses import dataclass, field, fields, replace
 
-from app.jobs.plan import PlanSettings
-from app.registry import PLAN_CONFIGS
 from nerfnav.errors import InvalidInputError
+from nerfnav.planner import planners
 from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.planner import PlannerConfig
 
 _SHORTEST_S, _LONGEST_S = 0.5, 20.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
@@ -34,8 +34,8 @@ class PlanningSettings:
             if not (math.isfinite(value) and least <= value <= largest):
                 raise InvalidInputError(f"{part.name.replace('_', ' ')} must be from {least:g} to {largest:g}")
 
-    def config(self, planner: str, own: PlanSettings | None) -> PlanSettings | None:
+    def config(self, planner: str, own: PlannerConfig | None) -> PlannerConfig | None:
         """The planner's settings with these weights; `own` where nobody changed the weights."""
         if self.weights == CostWeights():
             return own
-        return replace(PLAN_CONFIGS[planner]() if own is None else own, weights=self.weights)
+        return replace(planners.load(planner).config() if own is None else own, weights=self.weights)

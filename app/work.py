@@ -36,12 +36,9 @@ from app.trials import drawer as trials
 from app.trials.state import TrialsQuestion
 from nerfnav.errors import NerfnavError
 from nerfnav.navigation.replan import NavigateConfig
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner import planners
+from nerfnav.planner.planner import PlannerConfig
 from nerfnav.planner.steps import PlanStep
-
-RIVALS = ("fast", "minsnap", "rrt", "paper")
-"""Planners that are compared, the quick ones first."""
 
 
 @dataclass
@@ -50,10 +47,10 @@ class NavigationWork:
 
     open: Callable[[str], Iterator[Any]] = scene.run
     """The job that opens a place."""
-    plans: Mapping[str, PlanConfig | FastPlanConfig] = field(default_factory=dict)
+    plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
     """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
-    """How a flight is flown; its `plan` gives way to the above, its noise to what the session has."""
+    """How a flight is flown; its noise is what the session has."""
     shelf: Shelf | None = field(default_factory=Shelf)
     """Where flights are kept; None keeps none."""
     _helm: Helm | None = None
@@ -64,7 +61,7 @@ class NavigationWork:
             return self.open(session.what)
         assert session.place is not None, "nothing but opening is asked for before the place is open"
         if job.kind is JobKind.COMPARE:
-            routes = [self._route(session, job.ends, name) for name in RIVALS]
+            routes = [self._route(session, job.ends, name) for name in planners.names()]
             return compare.run(routes, session.place)
         if job.kind is JobKind.EXPERIMENT:
             return self._experiment(session)

@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, make_dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 from app.commands.screen import follow, show
-from app.commands.values import PLANNER, Route
-from app.jobs.plan import PlanSettings
+from app.commands.values import Route, planner_of
 from app.jobs.plan import run as run_job
-from app.registry import PLAN_CONFIGS, named
+from nerfnav.planner.planner import PlannerConfig
 
 
 @dataclass(frozen=True)
@@ -27,12 +25,8 @@ class Arguments(Route):
 
 def arguments_for(words: Sequence[str]) -> type[Any]:
     """The arguments with the settings of the planner that the words ask for, as --config."""
-    planner = PLANNER
-    for word, following in pairwise([*words, ""]):
-        if word == "--planner" or word.startswith("--planner="):
-            planner = word.partition("=")[2] or following
-    make = named("planner", planner, PLAN_CONFIGS)
-    settings = ("config", type(make()), field(default_factory=make))
+    own = planner_of(words).config()
+    settings = ("config", type(own), field(default=own))
     chosen = make_dataclass("Arguments", [settings], bases=(Arguments,), frozen=True)
     chosen.__doc__ = Arguments.__doc__
     return chosen
@@ -41,7 +35,7 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
 def run(arguments: Any) -> None:
     """Plan, and print the numbers of the plan."""
     place = arguments.open()
-    settings: PlanSettings = arguments.config
+    settings: PlannerConfig = arguments.config
     request = replace(
         arguments.request(place, settings),
         shortest=arguments.duration == "auto",

@@ -7,7 +7,8 @@ from app.layers.nodes import Bodies, Line, Trail, positions, quaternions
 from app.layers.shapes import robot_shape
 from app.records import PlanRecord, Rival
 from app.session import Session
-from app.theme import PLAN, RIVAL_COLORS, STALE
+from app.theme import PLAN, STALE
+from nerfnav.planner.planners import PLANNERS
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion
 
@@ -22,7 +23,9 @@ class PlanLayer:
         self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
-        self._rivals = {name: Line(server, f"/plan/{name}", color, 0.008) for name, color in RIVAL_COLORS.items()}
+        self._rivals = {
+            name: Line(server, f"/plan/{name}", entry.color, 0.008) for name, entry in PLANNERS.items()
+        }
         self._compared: tuple[Rival, ...] = ()
         self._robot: Robot | None = None
         self._shown: tuple[int, bool, bool] | None = None

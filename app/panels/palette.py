@@ -26,10 +26,10 @@ from app.messages import (
     StartPlan,
     StepOnce,
 )
-from app.registry import PLANNERS
 from app.session import JobKind, Session
 from app.steering import may_find
 from nerfnav import robots
+from nerfnav.planner.planners import PLANNERS
 
 
 @dataclass(frozen=True)

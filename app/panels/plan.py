@@ -11,11 +11,11 @@ from app.panels.chart import Chart
 from app.panels.choice import ChoiceList
 from app.panels.planning import PlanningPanel
 from app.records import CostHistory, PlanRecord, Rival
-from app.registry import PLANNERS
 from app.session import JobKind, Session
-from app.theme import HIT, RIVAL_COLORS, STALE, START, TRUTH
+from app.theme import HIT, STALE, START, TRUTH
 from app.widgets import legend, note, number, table, warning
 from app.wording import capital, sentence
+from nerfnav.planner.planners import PLANNERS
 
 _LEAST_COST = 1e-3  # of what the logarithmic axis shows
 _TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))
@@ -100,7 +100,7 @@ def compared(rivals: tuple[Rival, ...]) -> str:
         told = "–" if overlap is None else f"{1e6 * overlap:.1f}"
         numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {told} · {rival.summary['wall_s']:.3g}"
         rows.append((rival.planner, numbers))
-    lines = legend((RIVAL_COLORS[rival.planner], rival.planner) for rival in rivals if rival.motion is not None)
+    lines = legend((PLANNERS[rival.planner].color, rival.planner) for rival in rivals if rival.motion is not None)
     return table(rows) + lines
 
 
