@@ -22,6 +22,14 @@ class UnknownNameError(NerfnavError):
         super().__init__(f"there is no {kind} named {name!r}; known are: {', '.join(sorted(known))}")
 
 
+class NameTakenError(NerfnavError):
+    """A name under which something else is registered already."""
+
+    def __init__(self, kind: str, name: str) -> None:
+        """Say that there is a `kind` of that `name`."""
+        super().__init__(f"there is a {kind} named {name!r} already: give yours another name")
+
+
 class FieldFileError(NerfnavError):
     """A file that is not a readable nerfnav field."""
 

@@ -13,11 +13,11 @@ from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.train import TrainConfig, train
 from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.planners import PaperPlanner
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.planner.optimize import PlanConfig, plan
+from nerfnav.planner.planners.paper import PaperPlanner
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.world.capture import CaptureConfig, capture, split
 from nerfnav.world.contact import contact_check, judge

@@ -1,15 +1,17 @@
 """nerfnav fly: the whole loop, with a simulated camera."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from app.cli.route_arguments import Route
+from app.cli.route_arguments import Route, planner_of
 from app.cli.terminal import follow, note, show
 from app.jobs.fly import FlyRequest
 from app.jobs.fly import run as run_job
 from app.storage.run_store import RunStore
 from nerfnav.navigation.replan import NavigateConfig
+from nerfnav.planner import planners
 
 
 @dataclass(frozen=True)
@@ -28,17 +30,31 @@ class Arguments(Route):
     out: Path | None = None
     """Folder for the flight: run.json, steps.jsonl, pictures, and at the end episode.npz, episode.json,
     trajectory.csv, trajectory.json; by default a new one in runs/ (or where NERFNAV_RUNS points)."""
-    config: NavigateConfig = field(default_factory=NavigateConfig)
 
 
-def run(arguments: Arguments) -> None:
+def arguments_for(words: Sequence[str]) -> type[Any]:
+    """The arguments with --config: how the flight is flown, and as --config.plan and --config.replan the settings of
+    the planner that the words ask for."""
+    entry = planner_of(words)
+    own = {"plan": entry.config(), "replan": entry.again(entry.config())}
+    planning = [(name, type(settings), field(default=settings)) for name, settings in own.items()]
+    config = make_dataclass("Config", planning, bases=(NavigateConfig,), frozen=True)
+    config.__doc__ = NavigateConfig.__doc__
+    chosen = make_dataclass("Arguments", [("config", config, field(default=config()))], bases=(Arguments,), frozen=True)
+    chosen.__doc__ = Arguments.__doc__
+    return chosen
+
+
+def run(arguments: Any) -> None:
     """Fly, and print the numbers of the flight."""
-    place = arguments.open()
-    config = arguments.config
+    place, asked = arguments.open(), arguments.config
+    config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
+    entry = planners.load(arguments.planner)
+    again = None if asked.replan == entry.again(entry.config()) else asked.replan  # unsaid, it follows the first plan
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
     request = FlyRequest(
-        arguments.request(place, arguments.config.plan),
+        replace(arguments.request(place, asked.plan), again=again),
         estimator=arguments.estimator,
         open_loop=arguments.open_loop,
         seed=arguments.seed,

@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, make_dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
-from app.cli.route_arguments import PLANNER, Route
+from app.cli.route_arguments import Route, planner_of
 from app.cli.terminal import follow, show
-from app.jobs.plan import PlannerConfig
 from app.jobs.plan import run as run_job
-from app.registry import PLAN_CONFIGS, named
+from nerfnav.planner.planner import PlannerConfig
 
 
 @dataclass(frozen=True)
@@ -27,12 +25,8 @@ class Arguments(Route):
 
 def arguments_for(words: Sequence[str]) -> type[Any]:
     """The arguments with the settings of the planner that the words ask for, as --config."""
-    planner = PLANNER
-    for word, following in pairwise([*words, ""]):
-        if word == "--planner" or word.startswith("--planner="):
-            planner = word.partition("=")[2] or following
-    make = named("planner", planner, PLAN_CONFIGS)
-    settings = ("config", type(make()), field(default_factory=make))
+    own = planner_of(words).config()
+    settings = ("config", type(own), field(default=own))
     chosen = make_dataclass("Arguments", [settings], bases=(Arguments,), frozen=True)
     chosen.__doc__ = Arguments.__doc__
     return chosen

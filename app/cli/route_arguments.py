@@ -1,19 +1,21 @@
 """Arguments that several subcommands share."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
 from app.cli.number_arguments import in_words, numbers
-from app.jobs.plan import PlannerConfig, PlanRequest
+from app.jobs.plan import PlanRequest
 from app.places.ends import End, Ends
 from app.places.place import Place, open_place
-from app.registry import PLAN_CONFIGS, named
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.unknown import Unknown
-from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner import planners
+from nerfnav.planner.planner import PlannerConfig, PlannerEntry
 
 
 def _end_numbers(words: list[str]) -> tuple[float, ...]:
@@ -29,6 +31,15 @@ EndNumbers = Annotated[tuple[float, ...] | None, in_words("X Y Z [YAW]", _end_nu
 
 PLANNER = "fast"
 """Which planner is used where none is named."""
+
+
+def planner_of(words: Sequence[str]) -> PlannerEntry:
+    """The planner that the words of a command line ask for. Raises UnknownNameError, which lists the known ones."""
+    planner = PLANNER
+    for word, following in pairwise([*words, ""]):
+        if word == "--planner" or word.startswith("--planner="):
+            planner = word.partition("=")[2] or following
+    return planners.load(planner)
 
 
 @dataclass(frozen=True)
@@ -69,14 +80,13 @@ class Route:
 
     def request(self, place: Place, config: PlannerConfig) -> PlanRequest:
         """What is asked of the planner."""
-        own = named("planner", self.planner, PLAN_CONFIGS)()
         return PlanRequest(
             self._ends(place),
             steps=self.steps,
             dt=self.dt,
             planner=self.planner,
             unknown=Unknown(self.unknown),
-            config=None if config in (own, PlanConfig.paper()) else config,
+            config=config,
         )
 
     def task_name(self, place: Place) -> str | None:

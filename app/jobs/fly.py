@@ -11,7 +11,7 @@ from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.export import TRAJECTORY
 from app.jobs.plan import PlanRequest
 from app.places.place import Place, occupancy_of, planning_place, searcher_of
-from app.registry import ESTIMATORS, PLANNERS, named
+from app.registry import ESTIMATORS, named
 from app.storage.output_files import prepare_folder, write_text
 from app.storage.run_metadata import RunMetadata
 from app.storage.step_log import logged
@@ -23,10 +23,10 @@ from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate, with_room
+from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
 from nerfnav.navigation.simulator import CameraFunction, ContactFunction, Simulator
 from nerfnav.navigation.steps import LoopEvent, NavigationStep
-from nerfnav.planner.optimize import PlanConfig
+from nerfnav.planner import planners
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots.state import Motion
 
@@ -39,7 +39,7 @@ class FlyRequest:
     """What to fly."""
 
     route: PlanRequest
-    """From where to where, and how the first plan is made; its `out` is not used."""
+    """From where to where, and how plans are made; its `out` is not used."""
     plan: Motion | None = None
     """The first plan where it is already made, from the route's start to its goal."""
     estimator: str = "fast"
@@ -49,7 +49,7 @@ class FlyRequest:
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
     config: NavigateConfig = field(default_factory=NavigateConfig)
-    """How the flight is flown; its `plan` gives way to the settings of the route."""
+    """How the flight is flown."""
     orders: Callable[[], Orders] = Orders
     """Asked at each time step for what has changed on the way."""
     source: str = ""
@@ -125,15 +125,16 @@ def _about(request: FlyRequest, place: Place) -> RunMetadata:
 
 def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     route, seen_as = request.route, planning_place(place, request.route.unknown)
-    planner = named("planner", route.planner, PLANNERS)
     estimator = named("estimator", request.estimator, ESTIMATORS)
-    settings = route.settings
-    again = request.config.replan if isinstance(settings, PlanConfig) else with_room(settings)
+    occupancy = occupancy_of(seen_as, route.settings.occupancy)
+    planner = planners.load(route.planner).planner(
+        seen_as.field, place.robot, route.settings, route.again, occupancy
+    )
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
-        planner(seen_as.field, place.robot, settings, again, occupancy_of(seen_as, settings.occupancy)),
+        planner,
         estimator(place.field, place.robot, CAMERA, config=config.filter),
         searcher_of(place, CAMERA, config.filter.color_noise),
     )

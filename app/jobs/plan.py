@@ -10,19 +10,20 @@ from app.jobs.stopwatch import Stopwatch
 from app.jobs.validation import require_positive, require_probability
 from app.places.ends import Ends
 from app.places.place import Place, occupancy_of, planning_place
-from app.registry import PLAN_CONFIGS, PLANNERS, PlannerConfig, named
 from app.storage.output_files import json_line, prepare_folder, write_text
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.tables import csv_text, json_text, motion_table
 from nerfnav.field.unknown import Unknown
-from nerfnav.navigation.planners import Planner
+from nerfnav.planner import planners
 from nerfnav.planner.chance import within_chance
 from nerfnav.planner.duration import shortest_plan
 from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.planner import Planner, PlannerConfig
 from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.route import Route
 from nerfnav.planner.safety import Safety, safety_of
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion
 
@@ -41,6 +42,8 @@ class PlanRequest:
     """Name of the planner."""
     config: PlannerConfig | None = None
     """Its settings; None: its own."""
+    again: PlannerConfig | None = None
+    """Its settings when the plan is redone at each step of a flight; None: the above with room for what pushes it."""
     shortest: bool = False
     """Whether to find the shortest duration that keeps the robot's limits, in place of `steps`."""
     max_collision: float | None = None
@@ -58,9 +61,10 @@ class PlanRequest:
     @property
     def settings(self) -> PlannerConfig:
         """How the planner works. Raises NerfnavError for an unknown planner, or settings of another one."""
-        own = named("planner", self.planner, PLAN_CONFIGS)()
-        if self.config is not None and type(self.config) is not type(own):
-            raise InvalidInputError(f"these settings are not those of the planner {self.planner!r}: leave them out")
+        own = planners.load(self.planner).config()
+        for given in (self.config, self.again):
+            if given is not None and type(given) is not type(own):
+                raise InvalidInputError(f"these settings are not those of the planner {self.planner!r}: leave them out")
         return own if self.config is None else self.config
 
     def lasting(self, seconds: float) -> "PlanRequest":
@@ -75,14 +79,14 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
 
     Raises NerfnavError where the request cannot be worked with.
     """
-    planner, place = named("planner", request.planner, PLANNERS), planning_place(place, request.unknown)
+    entry, place = planners.load(request.planner), planning_place(place, request.unknown)
     out = None if request.out is None else prepare_folder(request.out)
     yield JobStarted("plan")
     yield Progress("finding a way", 0.0)
     clock, last = Stopwatch(), None
     with clock.running():
         occupancy = occupancy_of(place, request.settings.occupancy)
-    finder = planner(place.field, place.robot, first=request.settings, occupancy=occupancy)
+    finder = entry.planner(place.field, place.robot, request.settings, occupancy=occupancy)
     for step in clock.time(_steps(request, place, finder, occupancy)):
         last = step
         yield step
@@ -99,9 +103,9 @@ def _steps(
     """Plan as often as the request asks for: for the duration, then for the bound on collisions."""
     start, goal, dt, last = request.ends.start.state(), request.ends.goal.state(), request.dt, None
     if request.shortest:
-        steps = shortest_plan(lambda count: finder.plan(start, goal, count, dt), place.robot)
+        steps = shortest_plan(lambda count: finder.plan(Route(start, goal, count, dt)), place.robot)
     else:
-        steps = finder.plan(start, goal, request.steps, dt)
+        steps = finder.plan(Route(start, goal, request.steps, dt))
     for last in steps:
         if last.outcome is None:
             yield last
@@ -122,11 +126,7 @@ def summary_of(step: PlanStep, place: Place, wall_s: float, max_collision: float
         "outcome": step.outcome.name.lower() if step.outcome else None,
         "iterations": step.iteration + 1,
         "wall_s": wall_s,
-        "cost": {
-            "collision": step.cost.collision,
-            "control": step.cost.control,
-            "total": step.cost.total,
-        },
+        "cost": _cost(step.cost),
         "collision_probability_bound": safety.bound,
         "mesh_overlap_m3": mesh_overlap_m3(place, motion),
         "max_thrust_n": _max_thrust_n(place, motion),
@@ -135,6 +135,14 @@ def summary_of(step: PlanStep, place: Place, wall_s: float, max_collision: float
         "limits": _limits(place, motion),
         "safety": _safety(safety, step, max_collision),
     }
+
+
+def _cost(cost: PlanCost) -> dict[str, Any]:
+    """The terms of J, and of those that were added to Eq. 2 the time that each takes."""
+    told: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
+    if cost.added:
+        told["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
+    return told
 
 
 def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:

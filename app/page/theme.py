@@ -23,10 +23,6 @@ CANDIDATE: Rgb = (255, 214, 102)
 HIT: Rgb = (248, 72, 72)
 OTHER_TRUTH: Rgb = (196, 236, 255)
 OTHER_PLAN: Rgb = (158, 165, 255)
-RIVAL_COLORS: dict[str, Rgb] = {
-    "fast": PLAN, "paper": (196, 130, 255), "minsnap": (250, 204, 21), "rrt": (45, 212, 191)
-}  # fmt: skip
-"""Of planners that are compared."""
 MUTED = "#9aa0ae"
 """Of secondary text."""
 _NIGHT_TOP: Rgb = (38, 43, 56)

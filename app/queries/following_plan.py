@@ -10,11 +10,13 @@ from app.jobs.events import JobFinished
 from app.jobs.plan import PlanRequest
 from app.places.ends import Ends, Which
 from app.queries.query import Query, Resources
-from app.registry import REAL_TIME, Choice, PlannerConfig
+from app.registry import Choice
 from app.state.plan_settings import PlanSettings
 from app.state.records import PlanRecord
 from app.state.session import Session
 from nerfnav.errors import NerfnavError
+from nerfnav.planner import planners
+from nerfnav.planner.planner import PlannerConfig
 from nerfnav.planner.steps import PlanStep
 
 
@@ -42,7 +44,7 @@ class FollowingPlanQuery(Query[FollowingPlan]):
         if session.flight is not None and session.flight.steps:
             return
         free = len(session.problems) == len(Which) and not any(session.problems.values())
-        if session.plan_is_stale and session.job is None and free and session.choice.planner in REAL_TIME:
+        if session.plan_is_stale and session.job is None and free and planners.load(session.choice.planner).real_time:
             yield cls(session.ends, session.choice, session.plan_settings)
 
     def answer(self, resources: Resources) -> FollowingPlan:

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Self, TypeVar
 
 from app.places.place import Place
-from app.registry import PlannerConfig
 from app.state.session import Session
 from app.storage.run_store import RunStore
+from nerfnav.planner.planner import PlannerConfig
 
 Result = TypeVar("Result")
 

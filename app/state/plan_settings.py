@@ -3,9 +3,10 @@
 import math
 from dataclasses import dataclass, field, fields, replace
 
-from app.registry import PLAN_CONFIGS, PlannerConfig
 from nerfnav.errors import InvalidInputError
+from nerfnav.planner import planners
 from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.planner import PlannerConfig
 
 _SHORTEST_S, _LONGEST_S = 0.5, 20.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
@@ -37,4 +38,4 @@ class PlanSettings:
         """The planner's settings with these weights; `own` where nobody changed the weights."""
         if self.weights == CostWeights():
             return own
-        return replace(PLAN_CONFIGS[planner]() if own is None else own, weights=self.weights)
+        return replace(planners.load(planner).config() if own is None else own, weights=self.weights)

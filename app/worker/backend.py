@@ -24,11 +24,8 @@ from app.text import sentence
 from app.worker.flight_orders import FlightOrders
 from nerfnav.errors import NerfnavError
 from nerfnav.navigation.replan import NavigateConfig
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.optimize import PlanConfig
-
-RIVALS = ("fast", "minsnap", "rrt", "paper")
-"""Planners that are compared, the quick ones first."""
+from nerfnav.planner import planners
+from nerfnav.planner.planner import PlannerConfig
 
 
 @dataclass
@@ -37,10 +34,10 @@ class NavigationBackend:
 
     open: Callable[[str], Iterator[Any]] = open_place.run
     """The job that opens a place."""
-    plans: Mapping[str, PlanConfig | FastPlanConfig] = field(default_factory=dict)
+    plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
     """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
-    """How a flight is flown; its `plan` gives way to the above, its noise to what the session has."""
+    """How a flight is flown; its noise is what the session has."""
     runs: RunStore | None = field(default_factory=RunStore)
     """Where flights are kept; None keeps none."""
     _helm: FlightOrders | None = None
@@ -51,7 +48,7 @@ class NavigationBackend:
             return self.open(session.what)
         assert session.place is not None, "nothing but opening is asked for before the place is open"
         if job.kind is JobKind.COMPARE:
-            requests = [self._request(session, job.ends, name) for name in RIVALS]
+            requests = [self._request(session, job.ends, name) for name in planners.names()]
             return compare_planners.run(requests, session.place)
         if job.kind is JobKind.EXPERIMENT:
             return self._experiment(session)

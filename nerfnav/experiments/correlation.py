@@ -29,6 +29,7 @@ from nerfnav.planner.costs import CostWeights, collision_per_step
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.optimize import PlanConfig, replan
 from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.route import Route
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
 from nerfnav.robots.state import Motion
@@ -74,7 +75,7 @@ def watch(arena: Arena, item: Watch) -> list[Row]:
     start = _bad_start(arena, item)
     if start is None:
         return []
-    problem = PlanProblem(arena.field, _ROBOT, start.start, start.goal, start.steps, start.dt)
+    problem = PlanProblem(arena.field, _ROBOT, start.start, start.route.goal, start.steps, start.route.dt)
     config = PlanConfig(iterations=item.iterations, weights=CostWeights(samples_per_step=_SAMPLES, margin=0.0))
     rows = []
     for step in replan(problem, start, config):
@@ -157,7 +158,7 @@ def _bad_start(arena: Arena, item: Watch) -> Trajectory | None:
     x, y, z = _ROBOT.body.extents
     for share in torch.linspace(0, 1, _SHARES + 1):
         free = _ROBOT.encode(around + share * (through - around), start, goal, _DT)
-        trajectory = Trajectory(free, start, goal, _STEPS, _DT)
+        trajectory = Trajectory(free, Route(start, goal, _STEPS, _DT))
         report = judge(arena.scene, _ROBOT.body, trajectory.motion(_ROBOT).states)
         if report.max_overlap_m3 >= item.depth * x * y * z:
             return trajectory

@@ -20,9 +20,10 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import Row, Study, TrialDone, run_trials
 from nerfnav.experiments.views import CAMERA
 from nerfnav.geometry.camera import FORWARD_MOUNT
-from nerfnav.navigation.planners import FastPlanner
-from nerfnav.navigation.replan import with_room
 from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.planner import with_room
+from nerfnav.planner.planners.fast import FastPlanner
+from nerfnav.planner.route import Route
 from nerfnav.planner.steps import last_step
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.world.contact import contact_check
@@ -97,4 +98,4 @@ def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
 def _plan(arena: Arena, task: Task) -> Motion:
     """The flight as it was planned, with room for noise."""
     planner = FastPlanner(arena.field, robots.load("quadrotor"), with_room(FastPlanConfig()))
-    return last_step(planner.plan(task.start_state, task.goal_state, STEPS, DT)).motion
+    return last_step(planner.plan(Route(task.start_state, task.goal_state, STEPS, DT))).motion

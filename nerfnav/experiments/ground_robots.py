@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 import trimesh
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -26,10 +27,12 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.geometry import so3
+from nerfnav.planner import terms
 from nerfnav.planner.costs import collision_probability_bound
 from nerfnav.planner.fast import plan_fast
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import PlanStep, last_step
+from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.state import Motion
 from nerfnav.world.contact import judge
@@ -102,15 +105,19 @@ def drive(arena: Arena, item: Drive) -> tuple[Row, Way] | None:
 def plan_of(arena: Arena, item: Drive) -> PlanStep:
     """The fast planner's plan."""
     start, goal = item.task.start_state, item.task.goal_state
-    terms = (lambda motion: heading_held(motion, start.rotation),) if item.held else ()
-    problem = PlanProblem(arena.field, robots.load(item.task.robot), start, goal, _STEPS, _DT, terms)
+    counted = (*terms.counted(), HEADING_HELD) if item.held else terms.counted()
+    problem = PlanProblem(arena.field, robots.load(item.task.robot), start, goal, _STEPS, _DT, counted)
     return last_step(plan_fast(problem))
 
 
-def heading_held(motion: Motion, rotation: Tensor) -> Tensor:
-    """What it costs to turn away from an attitude: weighted squared angles, summed over time."""
-    turned = so3.local(rotation.to(motion.states.rotation).expand_as(motion.states.rotation), motion.states.rotation)
-    return _HELD * turned.square().sum()
+def heading_held(_: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
+    """What it costs to turn away from the first attitude: squared angles [rad^2], summed over time."""
+    rotation = motion.states.rotation
+    turned = so3.local(rotation[..., :1, :, :].expand_as(rotation), rotation)
+    return turned.square().sum((-2, -1))
+
+
+HEADING_HELD = CostTerm("heading held", heading_held, _HELD)
 
 
 def lateral_speed(motion: Motion) -> float:

@@ -18,11 +18,12 @@ from matplotlib.figure import Figure
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import bars, panels
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.navigation.baselines import MinSnapPlanner, RRTPlanner
-from nerfnav.navigation.planners import FastPlanner, Planner
+from nerfnav.planner import planners
 from nerfnav.planner.clearance import BallCheck
 from nerfnav.planner.costs import collision_per_step, control
 from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.planner import Planner
+from nerfnav.planner.route import Route
 from nerfnav.planner.rrt import RRTConfig, ball_check
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.quadrotor import Quadrotor
@@ -67,7 +68,7 @@ def fly(arena: Arena, flight: Flight) -> Row:
     """Plan one flight and judge it."""
     contender = _contender(arena, flight)
     begun = time.perf_counter()
-    *_, last = contender.plan(flight.task.start_state, flight.task.goal_state, _STEPS, _DT)
+    *_, last = contender.plan(Route(flight.task.start_state, flight.task.goal_state, _STEPS, _DT))
     return _row(arena, flight, last, 1e3 * (time.perf_counter() - begun))
 
 
@@ -125,9 +126,9 @@ def _contender(arena: Arena, flight: Flight) -> Planner:
     occupancy, check = _maps(arena)
     if flight.planner == "rrt":
         tree = RRTConfig(seed=flight.seed)
-        return RRTPlanner(arena.field, _ROBOT, tree, occupancy=occupancy, check=check)
-    maker = {"nerfnav": FastPlanner, "minsnap": MinSnapPlanner}[flight.planner]
-    return maker(arena.field, _ROBOT, occupancy=occupancy)
+        return planners.load("rrt").make(arena.field, _ROBOT, tree, occupancy=occupancy, check=check)
+    known_as = {"nerfnav": "fast"}.get(flight.planner, flight.planner)
+    return planners.load(known_as).make(arena.field, _ROBOT, occupancy=occupancy)
 
 
 @lru_cache(maxsize=2)

@@ -12,12 +12,15 @@ from nerfnav.export.ros.mcap import mcap
 from nerfnav.export.ros.rosbag2 import rosbag2
 from nerfnav.export.tables import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
+from nerfnav.registry import Registry
 
 
 @dataclass(frozen=True)
-class Format:
+class ExportFormat:
     """A format."""
 
+    name: str
+    """What users call it, as in `--format`."""
     ending: str
     """Of its files."""
     purpose: str
@@ -30,16 +33,29 @@ class Format:
     """Whether the surface of the place goes into it."""
 
 
-FORMATS: dict[str, Format] = {
-    "csv": Format("csv", "a table for spreadsheets", lambda made: Exported(csv_text(made.table).encode())),
-    "json": Format("json", "the table with units and frames", lambda made: Exported(json_text(made.table).encode())),
-    "tum": Format("tum", "the true path for trajectory evaluation", tum),
-    "tum-estimate": Format("tum", "the estimated path for trajectory evaluation", tum_estimate, True),
-    "px4": Format("csv", "setpoints in NED for PX4's offboard mode", px4),
-    "crazyflie": Format("csv", "polynomials for the Crazyflie's high-level commander", crazyflie),
-    "mcap": Format("mcap", "ROS 2 messages for Foxglove and ros2 bag", mcap),
-    "rosbag2": Format("zip", "a ROS 2 bag, zipped", rosbag2),
-    "gltf": Format("glb", "the path and the moving robot for Blender", gltf),
-    "html": Format("html", "a replay that opens in any browser, without a server", replay, True, True),
-}
+def _csv(made: Recording) -> Exported:
+    return Exported(csv_text(made.table).encode())
+
+
+def _json(made: Recording) -> Exported:
+    return Exported(json_text(made.table).encode())
+
+
+FORMATS: Registry[ExportFormat] = Registry("format", (
+    ExportFormat("csv", "csv", "a table for spreadsheets", _csv),
+    ExportFormat("json", "json", "the table with units and frames", _json),
+    ExportFormat("tum", "tum", "the true path for trajectory evaluation", tum),
+    ExportFormat("tum-estimate", "tum", "the estimated path for trajectory evaluation", tum_estimate, True),
+    ExportFormat("px4", "csv", "setpoints in NED for PX4's offboard mode", px4),
+    ExportFormat("crazyflie", "csv", "polynomials for the Crazyflie's high-level commander", crazyflie),
+    ExportFormat("mcap", "mcap", "ROS 2 messages for Foxglove and ros2 bag", mcap),
+    ExportFormat("rosbag2", "zip", "a ROS 2 bag, zipped", rosbag2),
+    ExportFormat("gltf", "glb", "the path and the moving robot for Blender", gltf),
+    ExportFormat("html", "html", "a replay that opens in any browser, without a server", replay, True, True),
+))  # fmt: skip
 """Name to format."""
+
+
+def register(form: ExportFormat) -> None:
+    """Make a format known by its name. Raises NameTakenError where another one has it."""
+    FORMATS.register(form)

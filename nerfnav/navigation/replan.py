@@ -8,7 +8,6 @@ While pictures disagree with the belief, the plan is to come to rest (see naviga
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -20,33 +19,20 @@ from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.navigation.orders import Course, Orders
-from nerfnav.navigation.planners import Planner
 from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, Relocaliser, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.minsnap import MinSnapConfig
-from nerfnav.planner.optimize import PlanConfig
-from nerfnav.planner.rrt import RRTConfig
+from nerfnav.planner.planner import Planner
+from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import Motion, RigidState
-
-Config = TypeVar("Config", bound=PlanConfig | FastPlanConfig | MinSnapConfig | RRTConfig)
-_ROOM, _CARE = 0.04, 3.0
-"""Room around the body [m] and weight of collision when a plan is redone in flight."""
 
 
 @dataclass(frozen=True)
 class NavigateConfig:
-    """How a flight is flown."""
+    """How a flight is flown; how it is planned is the pilot's planner's own."""
 
-    plan: PlanConfig = field(default_factory=PlanConfig.paper)
-    """How the first plan is made (for the paper's planner)."""
-    replan: PlanConfig = field(default_factory=lambda: with_room(PlanConfig.paper_replan()))
-    """How the plan is redone at each step (for the paper's planner): with 4 cm of room around the body, twice the
-    2 cm by which a step is disturbed, and three times the weight of collision (paper: none, 1). With the state known
-    to millimetres, 9 of 160 flights through Stonehenge then touched something; 21 with 3 cm and a weight of 1."""
     filter: FilterConfig = field(default_factory=FilterConfig)
     """How the state is estimated; in open loop, `process_noise` alone counts."""
     noise: StateNoise = field(default_factory=StateNoise)
@@ -67,9 +53,7 @@ class NavigateConfig:
     @classmethod
     def paper(cls) -> "NavigateConfig":
         """The paper's assumptions: covariance 0.1 I at the start and for the process noise."""
-        return cls(
-            replan=PlanConfig.paper_replan(), filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1)
-        )
+        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1))
 
 
 @dataclass(frozen=True)
@@ -158,7 +142,7 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
     motion, spent_ms, outcome = mission.plan, 0.0, None
     if motion is None:
         planned, spent_ms = yield from timed(
-            flight.pilot.planner.plan(start, mission.goal, mission.steps, mission.dt)
+            flight.pilot.planner.plan(Route(start, mission.goal, mission.steps, mission.dt))
         )
         motion = planned.motion
         if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
@@ -166,7 +150,7 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
     if outcome is None and not config.open_loop:
         steps = motion.actions.shape[-2]
         planned, again_ms = yield from timed(
-            flight.pilot.planner.replan(motion, mean, mission.goal, steps, executed=0)
+            flight.pilot.planner.replan(motion, Route(mean, mission.goal, steps, motion.dt), executed=0)
         )
         motion, spent_ms = planned.motion, spent_ms + again_ms
     return NavigationStep(0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome)
@@ -189,8 +173,9 @@ def _advance(
     else:
         elsewhere = recovery is Recovery.RELOCALISED or course.since >= max(doubt.made, 1)
         left = mission.steps if elsewhere else max(doubt.steps_left, flight.config.minimum_horizon)
+        way = doubt.way
         planned, replan_ms = yield from timed(
-            flight.pilot.planner.replan(doubt.way, belief.mean, course.goal, left, executed=1)
+            flight.pilot.planner.replan(way, Route(belief.mean, course.goal, left, way.dt), executed=1)
         )
         plan, restart = planned.motion, planned.restart
     return NavigationStep(
@@ -256,11 +241,6 @@ def _judge(step: NavigationStep, flight: _Flight, course: Course, held: int) -> 
     most = config.timeout_factor * mission.steps
     late = step.index - course.since - min(held, most) >= most
     return EpisodeOutcome.TIMEOUT if late or config.open_loop else None
-
-
-def with_room(config: Config) -> Config:
-    """The same for a robot in flight, which will be pushed: see `NavigateConfig.replan`."""
-    return replace(config, weights=replace(config.weights, margin=_ROOM, collision=_CARE))
 
 
 def _is_finite(motion: Motion) -> bool:

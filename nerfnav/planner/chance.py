@@ -69,5 +69,5 @@ def _risk(problem: PlanProblem, step: PlanStep) -> float:
 def _restated(problem: PlanProblem, step: PlanStep, weights: CostWeights, iteration: int) -> PlanStep:
     """The same plan with its J under the weights that the user knows."""
     with torch.no_grad():
-        cost = problem.terms(step.motion, weights).numbers()
+        cost = problem.cost(step.motion, weights).numbers()
     return replace(step, iteration=iteration, cost=cost)

@@ -1,4 +1,4 @@
-"""The terms of Eq. 2: pure functions of a field and a motion, one for each, all of shape "*batch".
+"""The sums of Eq. 2: pure functions of a field and a motion, one for each, all of shape "*batch".
 
 Notation: rho density [1/m], b a body point, x_b(t) = p_t + R_t b its place in the world, u the action, Gamma diagonal.
 
@@ -7,7 +7,7 @@ Notation: rho density [1/m], b a body point, x_b(t) = p_t + R_t b its place in t
 s(b) is the distance that body point b itself travels in the step (rotation moves the corners of a body whose centre
 rests). Paper Eq. 1 prints >= between the collision probability and the sum; Boole's inequality gives <=.
 
-To add a term: write a function of the same shape here, give it a weight in CostWeights, and add it in `evaluate`.
+How they become terms of J, and how to add another one: see terms/.
 """
 
 from dataclasses import dataclass
@@ -18,9 +18,7 @@ from torch import Tensor
 
 from nerfnav.field.field import Field
 from nerfnav.geometry.box import Box
-from nerfnav.planner.steps import PlanCost
 from nerfnav.robots.body import Body
-from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion
 
 _STANDSTILL = 1e-12
@@ -51,39 +49,6 @@ class CostWeights:
     margin: float = 0.01
     """How much larger than the body the body points reach [m]: about a voxel, since a field's surfaces are no more
     exact than that. 0 in the paper. Flights keep more room, for they are disturbed."""
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The weighted terms of J as differentiable tensors."""
-
-    collision: Float[Tensor, "*batch"]
-    """Density met on the way."""
-    control: Float[Tensor, "*batch"]
-    """Effort."""
-    limits: Float[Tensor, "*batch"]
-    """Penalties that keep the motion well defined and inside the box."""
-    extra: Float[Tensor, "*batch"] | None = None
-    """What a problem adds to J."""
-
-    @property
-    def total(self) -> Float[Tensor, "*batch"]:
-        """J."""
-        terms = self.collision + self.control + self.limits
-        return terms if self.extra is None else terms + self.extra
-
-    def numbers(self) -> PlanCost:
-        """The same as plain numbers; for one motion only."""
-        added = 0.0 if self.extra is None else self.extra.item()
-        return PlanCost(self.collision.item(), self.control.item(), self.limits.item(), added)
-
-
-def evaluate(field: Field, robot: Robot, motion: Motion, weights: CostWeights) -> Terms:
-    """All terms of J, weighted."""
-    gamma = motion.actions.new_tensor(robot.action_weights)
-    met = collision_per_step(field, motion, robot.body_with_room(weights.margin), weights.samples_per_step).sum(-1)
-    strayed = weights.limits * robot.limits(motion) + weights.outside * outside(field.box, motion)
-    return Terms(weights.collision * met, weights.control * control(motion, gamma), strayed)
 
 
 def body_points_world(motion: Motion, body: Body) -> Float[Tensor, "*batch times b 3"]:

@@ -19,7 +19,7 @@ import torch
 from nerfnav.planner.astar import SearchConfig
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_finite
-from nerfnav.planner.objective import Evaluation, Extra, Objective
+from nerfnav.planner.objective import Evaluation, Objective
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guesses
 from nerfnav.planner.quasi_newton import NewtonConfig, minimise, preconditioner
@@ -27,7 +27,6 @@ from nerfnav.planner.safety import verdict
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.limits import limit_uses
-from nerfnav.robots.maps import flat_map
 
 _FIRMER = (10.0, 100.0)
 """How much more limits weigh, in turn, for a plan that ends beyond them."""
@@ -137,22 +136,21 @@ class _Desk:
     """What the searches between one start and one goal share."""
 
     def __init__(self, problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig) -> None:
-        robot, ends = problem.robot, trajectory
-        self._flat = flat_map(robot, ends.start, ends.goal, ends.steps, ends.dt)
-        self._trajectory, self._config, self._count = trajectory, config, 0
-        start, goal = ends.start.to(torch.float64), ends.goal.to(torch.float64)
-        extra = Extra(problem.extra_terms, lambda free: robot.motion(free, start, goal, ends.steps, ends.dt))
-        weights, scout = config.weights, config.scout
-        self._extra = terms = extra if problem.extra_terms else None
-        self.objective = Objective(problem.field, robot, self._flat, weights, extra=terms)
+        route, weights, scout = trajectory.route, config.weights, config.scout
+        self._flat = problem.robot.flat_map(route.start, route.goal, route.steps, route.dt)
+        self._problem, self._trajectory, self._config, self._count = problem, trajectory, config, 0
         light = replace(
             weights, collision=scout.collision * weights.collision, samples_per_step=scout.samples_per_step
         )
-        self._light = Objective(problem.field, robot, self._flat, light, scout.points, terms)
         fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)
-        self._problem, self._weights = problem, weights
-        self._fine = Objective(problem.field, robot, self._flat, fine, extra=terms)
-        self.scales = robot.free_scales(trajectory.free).double().numpy()
+        self.objective, self._fine = self._weighing(weights), self._weighing(fine)
+        self._light = self._weighing(light, scout.points)
+        self.scales = problem.robot.free_scales(trajectory.free).double().numpy()
+
+    def _weighing(self, weights: CostWeights, points: int | None = None) -> Objective:
+        """J with other weights, and with a coarser body."""
+        context = replace(self._problem.context(weights), points=points)
+        return Objective(context, self._trajectory.route, self._problem.terms, self._flat)
 
     def search(self, free: np.ndarray, inverse: np.ndarray) -> Iterator[tuple[Evaluation, bool]]:
         """The search with the full J."""
@@ -175,8 +173,8 @@ class _Desk:
         tried = reached
         for firmer in (1.0, *_FIRMER):
             if firmer > 1:
-                weights = replace(self._weights, limits=firmer * self._weights.limits)
-                firm = Objective(self._problem.field, self._problem.robot, self._flat, weights, extra=self._extra)
+                weights = self._config.weights
+                firm = self._weighing(replace(weights, limits=firmer * weights.limits))
                 inverse = preconditioner(firm.effort_gradient, tried.free, self.scales, self._config.newton.prior)
                 tried = _last(minimise(firm, tried.free, self.scales, self._config.newton, inverse))
             self._flat.forward(tried.free)

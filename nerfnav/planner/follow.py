@@ -1,13 +1,17 @@
 """Plans that follow waypoints as they are, without an optimisation: what the baselines end with."""
 
+from collections.abc import Iterator
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots.state import Motion
 
 
 def step_along(
@@ -15,7 +19,7 @@ def step_along(
 ) -> PlanStep:
     """The plan that follows waypoints (x, y, z [m], yaw [rad]) as nearly as ends and dynamics allow, with its J."""
     free = problem.robot.encode(waypoints, problem.start, problem.goal, problem.dt)
-    trajectory = Trajectory(free, problem.start, problem.goal, problem.steps, problem.dt)
+    trajectory = Trajectory(free, problem.route)
     return step_of(problem, trajectory, weights, outcome)
 
 
@@ -23,5 +27,15 @@ def step_of(problem: PlanProblem, trajectory: Trajectory, weights: CostWeights, 
     """A trajectory as it is, with its J."""
     with torch.no_grad():
         motion = trajectory.motion(problem.robot)
-        cost = problem.terms(motion, weights).numbers()
+        cost = problem.cost(motion, weights).numbers()
     return PlanStep(0, trajectory, motion, cost, outcome)
+
+
+def carried_on(problem: PlanProblem, last: Motion, executed: int, weights: CostWeights) -> Iterator[PlanStep]:
+    """The rest of a plan, drawn back to from where the robot is; neither baseline has more to say in flight.
+
+    A new minimum-snap curve at each step would be worse: whatever noise makes of the velocity swings it out.
+    """
+    start, goal, robot = problem.start, problem.goal, problem.robot
+    trajectory = hot_start(last, start, goal, robot, executed=executed, steps=problem.steps)
+    yield step_of(problem, trajectory, weights, PlanOutcome.CONVERGED)

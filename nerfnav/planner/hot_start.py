@@ -6,6 +6,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
+from nerfnav.planner.route import Route
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.robot import Robot
@@ -38,7 +39,7 @@ def hot_start(
     positions[:astray] += away[:astray, None] * (rolled - positions[:astray])
     index = torch.arange(steps + 1).clamp_max(left)
     waypoints = torch.cat([positions[index], unwrapped(so3.yaw_of(planned.rotation))[index, None]], -1)
-    return Trajectory(robot.encode(waypoints, start, goal, motion.dt), start, goal, steps, motion.dt)
+    return Trajectory(robot.encode(waypoints, start, goal, motion.dt), Route(start, goal, steps, motion.dt))
 
 
 def _rolled_out(

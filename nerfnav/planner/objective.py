@@ -1,26 +1,22 @@
-"""J and its gradient by the free numbers, compiled: what the fast planner minimises.
+"""J and its gradient by the free numbers: what the fast planner minimises.
 
-The terms are those of costs.py, which stays the reference; tests hold both equal.
+    forward: free -> motion    each term: motion -> its value and derivative    backward: dJ / d motion -> dJ / d free
+
+The terms are those of terms/: compiled where they bring a kernel, else by autograd. Their torch values stay the
+reference; tests hold both equal.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
+from time import perf_counter
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from nerfnav.field.field import FastDensity, Field, density_and_gradient
-from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.kernels import collision as kernels
-from nerfnav.planner.steps import PlanCost
+from nerfnav.planner.route import Route
+from nerfnav.planner.steps import OWN, PlanCost, TermCost
+from nerfnav.planner.terms.autograd import AutogradKernel
+from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion
-
-ExtraTerm = Callable[[Motion], Tensor]
-"""A motion to a differentiable number that is added to J."""
 
 
 @dataclass(frozen=True)
@@ -35,101 +31,71 @@ class Evaluation:
     """dJ / d free (k)."""
 
 
-@dataclass(frozen=True)
-class Extra:
-    """Terms that are not compiled, by autograd: slower by a millisecond or more."""
+@dataclass
+class _Timed:
+    """A term that was added, and how long it takes."""
 
-    terms: tuple[ExtraTerm, ...]
-    """What to add to J."""
-    motion: Callable[[Tensor], Motion]
-    """Free numbers to a motion, both in double precision."""
+    name: str
+    kernel: Kernel
+    seconds: float = 0.0
+    calls: int = 0
 
-    def __call__(self, free: np.ndarray) -> tuple[float, np.ndarray]:
-        """Their sum and its derivative by the free numbers (k)."""
-        at = torch.from_numpy(free.copy()).requires_grad_()
-        motion = self.motion(at)
-        total = torch.stack([term(motion).double() for term in self.terms]).sum()
-        if not total.requires_grad:
-            return total.item(), np.zeros_like(free)
-        (gradient,) = torch.autograd.grad(total, at)
-        return total.item(), gradient.numpy()
+    def __call__(self, flat: FlatMap, by: Adjoint) -> TermCost:
+        """Its weighted value; adds its derivatives."""
+        begun = perf_counter()
+        value = self.kernel(flat, by)
+        self.seconds, self.calls = self.seconds + perf_counter() - begun, self.calls + 1
+        return TermCost(self.name, value, 1e3 * self.seconds / self.calls)
 
 
 class Objective:
-    """J of Eq. 2 for one robot between fixed ends in one field."""
+    """J of one robot along one route in one field."""
 
     def __init__(
-        self,
-        field: Field,
-        robot: Robot,
-        flat_map: FlatMap,
-        weights: CostWeights,
-        points: int | None = None,
-        extra: Extra | None = None,
+        self, context: TermContext, route: Route, terms: Iterable[CostTerm], flat: FlatMap | None = None
     ) -> None:
-        """Weigh the motions of `flat_map` as `weights` say, with all or only so many well spread body points."""
-        self._map, self._weights, self._extra = flat_map, weights, extra
-        fast = isinstance(field, FastDensity)  # asked once: it takes as long as the densities of a coarse body
-        self._density = field.density_and_gradient if fast else partial(density_and_gradient, field)
-        points_body = robot.body_with_room(weights.margin).points_body.double().numpy()
-        self._points_body = points_body if points is None else well_spread(points_body, points)
-        parts = weights.samples_per_step
-        self._fractions = (np.arange(parts) + 0.5) / parts
-        self._gamma = weights.control * np.array(robot.action_weights)
-        self._box = tuple(edge.double().cpu().numpy() for edge in (field.box.lower, field.box.upper))
-        self._world, self._samples = np.empty((0, 0, 3)), np.empty((0, 0, 0, 3))
+        """Sum up `terms` for motions along `route`; `flat` saves making the robot's flatness map again."""
+        self._map = flat or context.robot.flat_map(route.start, route.goal, route.steps, route.dt)
+        self._own: list[tuple[int, Kernel]] = []
+        self._added: list[_Timed] = []
+        self._cheap: list[Kernel] = []
+        for term in terms:
+            kernel = _kernel_of(term, context, route)
+            if term.name in OWN:
+                self._own.append((OWN[term.name], kernel))
+            else:
+                self._added.append(_Timed(term.name, kernel))
+            if term.preconditions:
+                self._cheap.append(kernel)
 
     def __call__(self, free: np.ndarray) -> Evaluation:
         """J with all its terms."""
-        by_position, by_rotation, by_action = self._forward(free)
-        limits, effort = self._penalties(by_position, by_rotation, by_action)
-        met = self._collision(by_position, by_rotation)
-        gradient = self._map.backward(by_position, by_rotation, by_action)
-        added = 0.0
-        if self._extra is not None:
-            added, slope = self._extra(free)
-            gradient = gradient + slope
-        return Evaluation(free, PlanCost(met, effort, limits, added), gradient)
+        flat, by, own = self._map, self._forward(free), [0.0, 0.0, 0.0]
+        for place, kernel in self._own:
+            own[place] += kernel(flat, by)
+        added = tuple([timed(flat, by) for timed in self._added])
+        return Evaluation(free, PlanCost(own[0], own[1], own[2], added), self._backward(by))
 
     def effort_gradient(self, free: np.ndarray) -> np.ndarray:
-        """The gradient of J without the collision and extra terms: cheap, and most of the curvature of J."""
+        """The gradient of the terms for preconditioning alone: cheap, and most of the curvature of J."""
         by = self._forward(free)
-        self._penalties(*by)
-        return self._map.backward(*by)
+        for kernel in self._cheap:
+            kernel(self._map, by)
+        return self._backward(by)
 
-    def _forward(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        self._map.forward(free)
-        position = self._map.position
-        return np.zeros_like(position), np.zeros_like(position), np.zeros_like(self._map.action)
+    def _forward(self, free: np.ndarray) -> Adjoint:
+        flat = self._map
+        flat.forward(free)
+        times = len(flat.position)
+        # np.zeros takes a fifth of the time of np.zeros_like, and this is asked for some hundred times in a plan
+        return Adjoint(free, np.zeros((times, 3)), np.zeros((times, 3)), np.zeros(flat.action.shape))
 
-    def _penalties(
-        self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray
-    ) -> tuple[float, float]:
-        effort = kernels.control(self._map.action, self._gamma, by_action)
-        strayed = kernels.outside(self._map.position, *self._box, self._weights.outside, by_position)
-        return strayed + self._map.limits(self._weights.limits), effort
-
-    def _collision(self, by_position: np.ndarray, by_rotation: np.ndarray) -> float:
-        motion, count = self._map, len(self._points_body)
-        times, parts = len(motion.position), len(self._fractions)
-        if len(self._world) != times:
-            self._world, self._samples = np.empty((times, count, 3)), np.empty((times - 1, count, parts, 3))
-        kernels.spread(
-            motion.position, motion.rotation, self._points_body, self._fractions, self._world, self._samples
-        )
-        density, slope = self._density(self._samples.reshape(-1, 3))
-        return kernels.collision(
-            motion.rotation, self._points_body, self._fractions, self._world, density.reshape(self._samples.shape[:3]),
-            slope.reshape(self._samples.shape), self._weights.collision, by_position, by_rotation,
-        )  # fmt: skip
+    def _backward(self, by: Adjoint) -> np.ndarray:
+        gradient = self._map.backward(by.position, by.rotation, by.action)
+        return gradient if by.by_free is None else gradient + by.by_free
 
 
-def well_spread(points: np.ndarray, count: int) -> np.ndarray:
-    """So many of the points (n, 3), each the farthest from those before it, the outermost first (Gonzalez, 1985)."""
-    distance = -np.square(points - points.mean(0)).sum(-1)
-    chosen = [int(distance.argmin())]
-    distance = np.square(points - points[chosen[0]]).sum(-1)
-    while len(chosen) < min(count, len(points)):
-        chosen.append(int(distance.argmax()))
-        distance = np.minimum(distance, np.square(points - points[chosen[-1]]).sum(-1))
-    return np.ascontiguousarray(points[chosen])
+def _kernel_of(term: CostTerm, context: TermContext, route: Route) -> Kernel:
+    if term.kernel is None:
+        return AutogradKernel(term, context, route)
+    return term.kernel(context, term.weighed(context.weights))

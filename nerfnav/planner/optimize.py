@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
-from nerfnav.planner.costs import CostWeights, Terms
+from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
 from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.terms.evaluate import Evaluated
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.state import Motion
 
@@ -84,7 +85,7 @@ def descend(problem: PlanProblem, trajectory: Trajectory, config: PlanConfig) ->
     last_ones = max(_SETTLING_ITERATIONS, config.iterations // 10)
     for iteration in range(config.iterations):
         motion = trajectory.with_free(free).motion(problem.robot)
-        terms = problem.terms(motion, config.weights)
+        terms = problem.cost(motion, config.weights)
         now = _record(iteration, trajectory.with_free(free.detach().clone()), motion, terms)
         if not torch.isfinite(terms.total):
             yield replace(best or now, iteration=iteration, outcome=PlanOutcome.DIVERGED)
@@ -108,9 +109,9 @@ def _step(
 ) -> PlanStep:
     with torch.no_grad():
         motion = trajectory.motion(problem.robot)
-        terms = problem.terms(motion, config.weights)
+        terms = problem.cost(motion, config.weights)
     return replace(_record(iteration, trajectory, motion, terms), outcome=outcome)
 
 
-def _record(iteration: int, trajectory: Trajectory, motion: Motion, terms: Terms) -> PlanStep:
+def _record(iteration: int, trajectory: Trajectory, motion: Motion, terms: Evaluated) -> PlanStep:
     return PlanStep(iteration, trajectory, motion.detach(), terms.numbers())

@@ -1,7 +1,7 @@
 """What is to be planned, and where every planner starts: the ends checked, and a first way between them."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from enum import Enum
 
 import torch
@@ -9,10 +9,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.field import Field
+from nerfnav.planner import terms
 from nerfnav.planner.astar import SearchConfig, find_paths, smooth_path, waypoints_along
-from nerfnav.planner.costs import CostWeights, Terms, evaluate
+from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_ends, check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.route import Route
+from nerfnav.planner.terms.evaluate import Evaluated, evaluate
+from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
@@ -41,16 +45,21 @@ class PlanProblem:
     """Number of time steps; 20 in the paper."""
     dt: float = 0.1
     """Length of a step [s]; 0.1 in the paper."""
-    extra_terms: tuple[Callable[[Motion], Tensor], ...] = ()
-    """What is added to J: any differentiable functions of a motion. They cost the fast planner a millisecond or more
-    at each iteration."""
+    terms: tuple[CostTerm, ...] = dataclass_field(default_factory=terms.counted)
+    """What J is the sum of: those of Eq. 2 and all that were registered, unless others are given."""
 
-    def terms(self, motion: Motion, weights: CostWeights) -> Terms:
-        """The terms of J for a motion, with those that the problem adds."""
-        terms = evaluate(self.field, self.robot, motion, weights)
-        if not self.extra_terms:
-            return terms
-        return replace(terms, extra=torch.stack([term(motion) for term in self.extra_terms]).sum())
+    @property
+    def route(self) -> Route:
+        """From where to where, and in how many steps."""
+        return Route(self.start, self.goal, self.steps, self.dt)
+
+    def context(self, weights: CostWeights) -> TermContext:
+        """What the terms are told."""
+        return TermContext(self.field, self.robot, weights)
+
+    def cost(self, motion: Motion, weights: CostWeights) -> Evaluated:
+        """The terms of J for a motion."""
+        return evaluate(self.terms, self.context(weights), motion)
 
 
 @dataclass(frozen=True)
@@ -117,4 +126,4 @@ def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> 
 def _along(problem: PlanProblem, path: Float[Tensor, "n c"]) -> Trajectory:
     waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps)
     free = problem.robot.encode(waypoints, problem.start, problem.goal, problem.dt)
-    return Trajectory(free, problem.start, problem.goal, problem.steps, problem.dt)
+    return Trajectory(free, problem.route)

@@ -28,6 +28,7 @@ from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.tracking import Reference, TrackingConfig, track
+from nerfnav.planner.trajectory import motion_of
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion
@@ -111,7 +112,7 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
     planned = step_along(problem, waypoints, config.weights, PlanOutcome.CONVERGED)
     flown = follow(problem.robot, problem, waypoints, config.tracking)
     with torch.no_grad():
-        cost = problem.terms(flown, config.weights).numbers()
+        cost = problem.cost(flown, config.weights).numbers()
     return replace(planned, motion=flown, cost=cost)
 
 
@@ -119,7 +120,7 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
 def follow(robot: Robot, problem: PlanProblem, waypoints: Float[Tensor, "times 4"], config: TrackingConfig) -> Motion:
     """The motion of a robot along waypoints; of one without a controller, that of its flatness map."""
     free = robot.encode(waypoints, problem.start, problem.goal, problem.dt)
-    return robot.motion(free, problem.start, problem.goal, problem.steps, problem.dt).detach()
+    return motion_of(robot, free, problem.route).detach()
 
 
 @follow.register(Quadrotor)

@@ -1,7 +1,7 @@
 """What a planner yields: a frozen record of every iteration, the last of which carries the outcome."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from enum import Enum
 
 from nerfnav.planner.trajectory import Trajectory
@@ -31,6 +31,23 @@ class Restart(Enum):
 
 
 @dataclass(frozen=True)
+class TermCost:
+    """What one term of J comes to, weight included."""
+
+    name: str
+    """The term's."""
+    value: float
+    """Weight times value."""
+    ms: float = field(compare=False)
+    """Time that it takes [ms], measured: its value and gradient, the mean so far, where the fast planner evaluates it;
+    its value alone, once, elsewhere."""
+
+
+OWN = {"collision": 0, "control": 1, "limits": 2, "outside": 2}
+"""Terms of Eq. 2, and which number of a PlanCost has them."""
+
+
+@dataclass(frozen=True)
 class PlanCost:
     """The terms of J (paper Eq. 2), summed over the trajectory, weights included."""
 
@@ -39,14 +56,25 @@ class PlanCost:
     control: float
     """Sum of u' Gamma u."""
     limits: float
-    """Penalties that keep the motion well defined, such as the thrust floor."""
-    extra: float = 0.0
-    """What the planner was asked to weigh besides."""
+    """Penalties that keep the motion well defined, such as the thrust floor, and inside the box."""
+    added: tuple[TermCost, ...] = ()
+    """What was added to Eq. 2, term by term."""
+
+    @classmethod
+    def of(cls, terms: Iterable[TermCost]) -> "PlanCost":
+        """The report of evaluated terms."""
+        own, added = [0.0, 0.0, 0.0], []
+        for term in terms:
+            if term.name in OWN:
+                own[OWN[term.name]] += term.value
+            else:
+                added.append(term)
+        return cls(own[0], own[1], own[2], tuple(added))
 
     @property
     def total(self) -> float:
         """J."""
-        return self.collision + self.control + self.limits + self.extra
+        return self.collision + self.control + self.limits + sum(term.value for term in self.added)
 
 
 @dataclass(frozen=True)

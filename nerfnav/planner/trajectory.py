@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.planner.route import Route
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.structs import TensorStruct
@@ -16,19 +17,28 @@ class Trajectory(TensorStruct):
 
     free: Float[Tensor, " k"]
     """The robot's free numbers, see `Robot.motion`."""
-    start: RigidState
-    """Met exactly at time 0."""
-    goal: RigidState
-    """Met exactly at the last time."""
-    steps: int
-    """Number of time steps."""
-    dt: float
-    """Length of a step [s]."""
+    route: Route
+    """Its ends and its time steps."""
+
+    @property
+    def start(self) -> RigidState:
+        """Met exactly at time 0."""
+        return self.route.start
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps."""
+        return self.route.steps
 
     def motion(self, robot: Robot) -> Motion:
         """The states and actions that this trajectory stands for."""
-        return robot.motion(self.free, self.start, self.goal, self.steps, self.dt)
+        return motion_of(robot, self.free, self.route)
 
     def with_free(self, free: Float[Tensor, " k"]) -> "Trajectory":
         """The same ends with other free numbers."""
         return replace(self, free=free)
+
+
+def motion_of(robot: Robot, free: Float[Tensor, "*batch k"], route: Route) -> Motion:
+    """The motion along a route that free numbers stand for."""
+    return robot.motion(free, route.start, route.goal, route.steps, route.dt)

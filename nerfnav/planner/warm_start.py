@@ -116,7 +116,7 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
     if left == 0:
         return 0.0
     with torch.no_grad():
-        total = problem.terms(rest, config.weights).total.item()
+        total = problem.cost(rest, config.weights).total.item()
     return total * max(1.0, problem.steps / left)
 
 

@@ -1,21 +1,25 @@
 """Robots: how flat outputs become motion, how actions move the state, and what the body is made of."""
 
-from nerfnav.errors import UnknownNameError
+from nerfnav.registry import Registry
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
 
-_ROBOTS: dict[str, type[Robot]] = {robot.name: robot for robot in (Quadrotor, Couch, DiffDrive)}
+ROBOTS: Registry[type[Robot]] = Registry("robot", (Quadrotor, Couch, DiffDrive))
+"""Name to robot."""
 
 
 def names() -> tuple[str, ...]:
     """What `load` knows."""
-    return tuple(_ROBOTS)
+    return tuple(ROBOTS)
 
 
 def load(name: str) -> Robot:
     """The robot of that name with its default constants; raises UnknownNameError that lists the known ones."""
-    if name not in _ROBOTS:
-        raise UnknownNameError("robot", name, _ROBOTS)
-    return _ROBOTS[name]()
+    return ROBOTS[name]()
+
+
+def register(robot: type[Robot]) -> None:
+    """Make a class of robots, which needs no arguments, known by its name. Raises NameTakenError for a taken one."""
+    ROBOTS.register(robot)

@@ -25,6 +25,8 @@ ROUNDS = 20
 """At most so many steps to the goal; five or six are the rule."""
 ARRIVED = 1e-6
 """Distance to the goal [m] from which one more round leaves nothing but rounding."""
+EXACT = 1e-4
+"""Distance to the goal [m] that is rounding."""
 MU, LEAST = 1e-3, 1e-15
 """The damping's share of what is missed, and its smallest value [m^2]: at standstill J W J' has no inverse."""
 SMALL = 0.02

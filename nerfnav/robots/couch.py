@@ -12,8 +12,6 @@ states the first two poses follow from the start, the last one and the last velo
     free = (x_2, y_2, .. x_{N-1}, y_{N-1}, psi_2 .. psi_{N-1}),  3 (N - 2) numbers
 """
 
-from dataclasses import dataclass
-from typing import final
 
 import torch
 from jaxtyping import Float
@@ -22,9 +20,12 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
+from nerfnav.robots.couch_config import CouchConfig
+from nerfnav.robots.couch_map import CouchMap
+from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrapped
 from nerfnav.robots.limits import length, penalty, speed
-from nerfnav.robots.robot import Limit, Robot
+from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import shortened
 
@@ -32,30 +33,6 @@ _FREE_POSITION, _FREE_YAW = 0.15, 0.5
 """How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
 
 
-@dataclass(frozen=True)
-class CouchConfig:
-    """A couch in the paper's scale: three times as long as wide."""
-
-    mass: float = 1.0
-    """m [kg]."""
-    extents: tuple[float, float, float] = (0.3, 0.1, 0.1)
-    """Edge lengths of the body [m]."""
-    point_counts: tuple[int, int, int] = (13, 5, 5)
-    """Body points along each edge at which density is asked for: 2.5 cm apart."""
-    max_speed: float = 3.0
-    """[m/s]"""
-    max_yaw_rate: float = 6.0
-    """[rad/s]"""
-    max_force: float = 15.0
-    """[N]"""
-
-    @property
-    def inertia(self) -> float:
-        """J of a solid box [kg m^2]."""
-        return self.mass * (self.extents[0] ** 2 + self.extents[1] ** 2) / 12
-
-
-@final
 class Couch(Robot):
     """A ground robot with three numbers to choose: force [N] along the world's x and y, torque [N m]."""
 
@@ -70,11 +47,7 @@ class Couch(Robot):
         self.body = Body.box(config.extents, config.point_counts)
         torque = config.inertia * config.max_force / config.mass / (0.5 * config.extents[0])
         self.action_weights = (config.max_force**-2, config.max_force**-2, torque**-2)
-        self.bounds = (
-            Limit("speed", "m/s", upper=config.max_speed),
-            Limit("yaw rate", "rad/s", -config.max_yaw_rate, config.max_yaw_rate),
-            Limit("force", "N", upper=config.max_force),
-        )
+        self.bounds = config.bounds
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 3"], dt: float) -> RigidState:
         """The state after `dt` [s] under (force x, force y [N], torque [N m]), which are held meanwhile."""
@@ -125,6 +98,11 @@ class Couch(Robot):
             spatial(position, start.position[..., 2]), spatial(velocity, 0.0), so3.from_yaw(yaw), about_z(yaw_rate)
         )
         return Motion(states, torch.cat([force, torque[..., None]], -1), dt)
+
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
+        """See Robot; None for a robot that was given other bounds than those of its config."""
+        known = self.bounds == self.config.bounds
+        return CouchMap(self.config, start, goal, steps, dt) if known else None
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float

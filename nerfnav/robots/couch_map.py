@@ -5,7 +5,7 @@ from typing import final
 import numpy as np
 import torch
 
-from nerfnav.robots.couch import Couch
+from nerfnav.robots.couch_config import CouchConfig
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import heading
 from nerfnav.robots.kernels import couch as kernels
@@ -16,10 +16,9 @@ from nerfnav.robots.state import RigidState
 class CouchMap(FlatMap):
     """Free numbers of a couch to its motion, and back."""
 
-    def __init__(self, robot: Couch, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
-        """Map free numbers of `robot` between `start` and `goal`."""
-        self.dt, config = dt, robot.config
-        self._count = robot.free_numbers(steps)
+    def __init__(self, config: CouchConfig, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
+        """Map the free numbers of a robot with these constants between `start` and `goal`."""
+        self.dt, self._count = dt, 3 * (steps - 2)
         self._ends = np.stack([_end(state) for state in (start, goal)])
         self._constants = np.array([config.mass, config.inertia, dt, start.position[2].item()])
         self._bounds = np.array([config.max_speed, config.max_yaw_rate, config.max_force])

@@ -16,8 +16,7 @@ and the two equations that are left, p_N = goal, are met by moving the free numb
 there (arcs.py), a smooth map wherever the robot moves at all. Forward and reverse are signs of s.
 """
 
-from dataclasses import dataclass, replace
-from typing import final
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -25,41 +24,32 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots.arcs import TYPICAL_SPEED, TYPICAL_TURN, Path, chord, closed, displacements, unit
+from nerfnav.robots.arcs import EXACT, TYPICAL_SPEED, TYPICAL_TURN, Path, chord, closed, displacements, unit
 from nerfnav.robots.body import Body
-from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrapped
+from nerfnav.robots.diffdrive_config import DiffDriveConfig
+from nerfnav.robots.diffdrive_map import DiffDriveMap
+from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots.ground import (
+    about_z,
+    check_ground_ends,
+    forward_speed,
+    heading,
+    on_the_ground,
+    row,
+    spatial,
+    wrapped,
+)
 from nerfnav.robots.headings import headings_along, unwrapped
 from nerfnav.robots.limits import penalty
-from nerfnav.robots.robot import Limit, Robot
+from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 
 _ALONG = 0.8
 """Share of a path along its waypoints' headings from which on these are taken as they are."""
-EXACT = 1e-4
-"""Distance to the goal [m] that is rounding."""
 _SLIDING = 1e-3
 """Speed across the heading [m/s] that counts as none."""
 
 
-@dataclass(frozen=True)
-class DiffDriveConfig:
-    """A small robot on two wheels."""
-
-    extents: tuple[float, float, float] = (0.14, 0.12, 0.08)
-    """Edge lengths of the body [m]."""
-    point_counts: tuple[int, int, int] = (7, 6, 4)
-    """Body points along each edge at which density is asked for: 2.5 cm apart."""
-    max_speed: float = 3.0
-    """Forward or reverse [m/s]."""
-    max_yaw_rate: float = 8.0
-    """[rad/s]"""
-    max_acceleration: float = 12.0
-    """[m/s^2]"""
-    max_yaw_acceleration: float = 60.0
-    """[rad/s^2]"""
-
-
-@final
 class DiffDrive(Robot):
     """A ground robot with two numbers to choose: forward and yaw acceleration."""
 
@@ -73,13 +63,7 @@ class DiffDrive(Robot):
         self.config = config = DiffDriveConfig() if config is None else config
         self.body = Body.box(config.extents, config.point_counts)
         self.action_weights = (config.max_acceleration**-2, config.max_yaw_acceleration**-2)
-        bounds = {
-            ("speed", "m/s"): config.max_speed,
-            ("yaw rate", "rad/s"): config.max_yaw_rate,
-            ("acceleration", "m/s^2"): config.max_acceleration,
-            ("yaw acceleration", "rad/s^2"): config.max_yaw_acceleration,
-        }
-        self.bounds = tuple(Limit(*named, -most, most) for named, most in bounds.items())
+        self.bounds = config.bounds
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 2"], dt: float) -> RigidState:
         """The state after `dt` [s]; a velocity across the heading, which wheels do not have, is lost."""
@@ -150,6 +134,11 @@ class DiffDrive(Robot):
 
         return path
 
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
+        """See Robot; None for a robot that was given other bounds than those of its config."""
+        known = self.bounds == self.config.bounds
+        return DiffDriveMap(self.config, start, goal, steps, dt) if known else None
+
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
     ) -> Float[Tensor, " k"]:
@@ -195,8 +184,3 @@ class DiffDrive(Robot):
         for which, state in (("start", start), ("goal", goal)):
             if bool((state.rotation[..., 1] * state.velocity).sum(-1).abs().max() > _SLIDING):
                 raise InvalidInputError(f"a differential drive cannot slide: its {which} moves across its heading")
-
-
-def forward_speed(state: RigidState) -> Float[Tensor, "*batch"]:
-    """s [m/s], negative in reverse."""
-    return (state.rotation[..., 0] * state.velocity).sum(-1)

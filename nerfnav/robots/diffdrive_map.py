@@ -6,10 +6,10 @@ from typing import final
 import numpy as np
 import torch
 
-from nerfnav.robots.arcs import ROUNDS
-from nerfnav.robots.diffdrive import EXACT, DiffDrive, forward_speed
+from nerfnav.robots.arcs import EXACT, ROUNDS
+from nerfnav.robots.diffdrive_config import DiffDriveConfig
 from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.ground import heading
+from nerfnav.robots.ground import forward_speed, heading
 from nerfnav.robots.kernels import arcs
 from nerfnav.robots.kernels import diffdrive as kernels
 from nerfnav.robots.state import RigidState
@@ -19,16 +19,16 @@ from nerfnav.robots.state import RigidState
 class DiffDriveMap(FlatMap):
     """Free numbers of a differential drive to its motion, and back."""
 
-    def __init__(self, robot: DiffDrive, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
-        """Map free numbers of `robot` between `start` and `goal`."""
-        self.dt, config = dt, robot.config
+    def __init__(self, config: DiffDriveConfig, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
+        """Map the free numbers of a robot with these constants between `start` and `goal`."""
+        self.dt = dt
         start, goal = start.to(torch.float64), goal.to(torch.float64)
         self._ends = np.array([_end(state) for state in (start, goal)])
         self._goal = goal.position.numpy()
         self._bounds = np.array(
             [config.max_speed, config.max_yaw_rate, config.max_acceleration, config.max_yaw_acceleration]
         )
-        self._iterates = np.empty((ROUNDS + 1, robot.free_numbers(steps)))
+        self._iterates = np.empty((ROUNDS + 1, 2 * steps - 3))
         self._speeds = np.empty(steps + 1)
         self.position, self.velocity, self.rate = np.zeros((3, steps + 1, 3))
         self.position[:, 2], self.velocity[0] = start.position[2].item(), start.velocity.numpy()

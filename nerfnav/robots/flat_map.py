@@ -7,13 +7,13 @@ The adjoint of an attitude R is a vector g in its body tangent: R -> R Exp(delta
 """
 
 from abc import ABC, abstractmethod
-from typing import final
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 
 
@@ -55,11 +55,24 @@ class FlatMap(ABC):
         return Motion(RigidState(*states), action, self.dt)
 
 
+@runtime_checkable
+class FlatRobot(Protocol):
+    """What is asked of a robot for its map by autograd; see `Robot`."""
+
+    def motion(self, free: Tensor, start: RigidState, goal: RigidState, steps: int, dt: float) -> Motion:
+        """The motion that the free numbers stand for."""
+        ...
+
+    def limits(self, motion: Motion) -> Tensor:
+        """How far a motion strays to where it is not well defined."""
+        ...
+
+
 @final
 class TorchFlatMap(FlatMap):
     """Any robot's map by autograd: slower, and the reference for the compiled ones."""
 
-    def __init__(self, robot: Robot, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
+    def __init__(self, robot: FlatRobot, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
         """Map free numbers of `robot` between `start` and `goal`."""
         self._robot, self._steps, self.dt = robot, steps, dt
         self._start, self._goal = start.to(torch.float64), goal.to(torch.float64)

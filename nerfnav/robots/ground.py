@@ -63,3 +63,8 @@ def heading(state: RigidState) -> Float[Tensor, "*batch"]:
 def row(value: Tensor, batch: torch.Size) -> Tensor:
     """A number or vector as one entry of a (batch, time, ...) table."""
     return value.expand(torch.Size([*batch, *value.shape])).unsqueeze(len(batch))
+
+
+def forward_speed(state: RigidState) -> Float[Tensor, "*batch"]:
+    """s [m/s], negative in reverse."""
+    return (state.rotation[..., 0] * state.velocity).sum(-1)

@@ -18,8 +18,6 @@ While R_0 and R_1 are fixed the robot only chooses its thrust: f_0 and f_1 give 
     free = (f_0, f_1, p_4 .. p_{N-1}, yaw_2 .. yaw_{N-1}),  2 + 3 (N - 4) + (N - 2) numbers
 """
 
-from dataclasses import dataclass
-from typing import final
 
 import torch
 from jaxtyping import Float
@@ -28,8 +26,11 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
+from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.limits import length, penalty, speed
-from nerfnav.robots.robot import Limit, Robot
+from nerfnav.robots.quadrotor_config import QuadrotorConfig
+from nerfnav.robots.quadrotor_map import QuadrotorMap
+from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import Wish, shortened, thrust_and_attitude, tipped, upward
 
@@ -37,45 +38,6 @@ _FREE_POSITION, _FREE_YAW = 0.15, 0.5
 """How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""
 
 
-@dataclass(frozen=True)
-class QuadrotorConfig:
-    """A quadrotor of the paper's size, 10 x 10 x 4 cm.
-
-    The paper's simulated robot weighs about 1 kg, four times what flies at this size with a camera and a computer.
-    """
-
-    mass: float = 0.25
-    """m [kg]."""
-    inertia: tuple[float, float, float] = (2.4e-4, 2.4e-4, 4.2e-4)
-    """Diagonal of J [kg m^2]: that of a solid box of this mass and size."""
-    extents: tuple[float, float, float] = (0.1, 0.1, 0.04)
-    """Edge lengths of the body [m], as in the paper."""
-    point_counts: tuple[int, int, int] = (5, 5, 2)
-    """Body points along each edge at which density is asked for: 2.5 cm apart, top and bottom."""
-    gravity: float = 9.81
-    """[m/s^2]"""
-    max_thrust: float = 6.0
-    """[N]: about two and a half times the weight, as small racers have."""
-    max_tilt: float = 1.2
-    """Angle between the body's z axis and the vertical [rad]."""
-    max_speed: float = 3.0
-    """[m/s]"""
-    max_rate: float = 12.0
-    """Length of the body rate [rad/s]."""
-    thrust_floor: float = 0.2
-    """Upward part of the thrust that motions should keep, as a share of the weight: at zero thrust and upside down
-    the attitude is not defined by the waypoints."""
-    angular_acceleration: float = 20.0
-    """Angular acceleration that costs as much as carrying the weight [rad/s^2]: sets Gamma of the torques."""
-    braking: float = 5.0
-    """Deceleration for each m/s of velocity while it holds [1/s]; with steps of 0.1 s, more swings back."""
-    max_braking: float = 8.0
-    """Largest deceleration while it holds [m/s^2]: a tilt of about 40 degrees."""
-    levelling: float = 0.8
-    """Share of the error of the attitude that it takes away in one step while it holds."""
-
-
-@final
 class Quadrotor(Robot):
     """A flying body with four numbers to choose: thrust [N] and torque [N m]."""
 
@@ -87,15 +49,10 @@ class Quadrotor(Robot):
         """A quadrotor with the given constants (default: those of QuadrotorConfig)."""
         self.config = QuadrotorConfig() if config is None else config
         self.body = Body.box(self.config.extents, self.config.point_counts)
-        self.weight = self.config.mass * self.config.gravity
+        self.weight = self.config.weight
         torques = (edge * self.config.angular_acceleration for edge in self.config.inertia)
         self.action_weights = (self.weight**-2, *(torque**-2 for torque in torques))
-        self.bounds = (
-            Limit("thrust", "N", upper=self.config.max_thrust),
-            Limit("tilt", "rad", upper=self.config.max_tilt),
-            Limit("speed", "m/s", upper=self.config.max_speed),
-            Limit("body rate", "rad/s", upper=self.config.max_rate),
-        )
+        self.bounds = self.config.bounds
 
     def step(self, state: RigidState, action: Float[Tensor, "*batch 4"], dt: float) -> RigidState:
         """The state after `dt` [s] under (thrust [N], torque [N m]), which is held meanwhile."""
@@ -174,6 +131,11 @@ class Quadrotor(Robot):
         forces = torch.cat([free[..., :2], self.config.mass * thrust], -1)
         actions = torch.cat([forces[..., None], self._torques(rate, dt)], -1)
         return Motion(RigidState(positions[..., :-1, :], velocity, rotation, rate), actions, dt)
+
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
+        """See Robot; None for a robot that was given other bounds or another weight than those of its config."""
+        known = (self.bounds, self.weight) == (self.config.bounds, self.config.weight)
+        return QuadrotorMap(self.config, start, goal, steps, dt) if known else None
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float

@@ -8,7 +8,7 @@ from nerfnav.geometry import so3
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.kernels import quadrotor as kernels
 from nerfnav.robots.kernels import quadrotor_limits as limit_kernels
-from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from nerfnav.robots.state import RigidState
 
 
@@ -16,18 +16,17 @@ from nerfnav.robots.state import RigidState
 class QuadrotorMap(FlatMap):
     """Free numbers of a quadrotor to its motion, and back."""
 
-    def __init__(self, robot: Quadrotor, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
-        """Map free numbers of `robot` between `start` and `goal`."""
+    def __init__(self, config: QuadrotorConfig, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
+        """Map the free numbers of a robot with these constants between `start` and `goal`."""
         self.dt = dt
-        config = robot.config
         self._bounds = np.array(
-            [robot.weight, config.thrust_floor, config.max_thrust, config.max_tilt, config.max_speed, config.max_rate]
+            [config.weight, config.thrust_floor, config.max_thrust, config.max_tilt, config.max_speed, config.max_rate]
         )
         ends = [part for state in (start, goal) for part in (state.position, state.velocity, state.body_rate)]
         self._ends = np.stack([part.double().numpy() for part in ends])
         second = so3.retract(start.rotation.double(), start.body_rate.double() * dt)
         self._attitudes = np.stack([start.rotation.double().numpy(), second.numpy(), goal.rotation.double().numpy()])
-        self._constants = np.array([robot.config.mass, *robot.config.inertia, robot.config.gravity, dt])
+        self._constants = np.array([config.mass, *config.inertia, config.gravity, dt])
         self._beyond = np.empty((steps + 2, 3))
         self.position = self._beyond[:-1]
         self.velocity = np.empty((steps + 1, 3))

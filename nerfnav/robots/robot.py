@@ -8,12 +8,15 @@ change `free` without constraints.
 from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.robots.body import Body
+from nerfnav.robots.flat_map import FlatMap, TorchFlatMap
 from nerfnav.robots.state import Motion, RigidState
 
 
@@ -30,11 +33,16 @@ class Limit:
     upper: float | None = None
     """Largest value allowed."""
 
+_NO_PART_OF_THE_MAP = frozenset(
+    ("__init__", "hold", "steer", "encode", "free_scales", "check_ends", "settled", "with_body", "body_with_room")
+)
+"""What a robot may do in its own way, and still be moved by its parent's compiled map."""
+
 
 class Robot(ABC):
     """A body that moves."""
 
-    name: str
+    name: ClassVar[str]
     """What users call it, as in `--robot`."""
     body: Body
     """Its shape."""
@@ -86,6 +94,19 @@ class Robot(ABC):
         The first and last waypoint are start and goal; the ends' exactness wins where the waypoints disagree.
         """
 
+    def flat_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap:
+        """`motion` and `limits` between two states over `steps` steps of `dt` [s], as a fast function with an adjoint.
+
+        The compiled one where there is one; by autograd for all others, and for a robot that inherits a compiled map
+        but moves otherwise than the parent for which it was compiled.
+        """
+        compiled = self.compiled_map(start, goal, steps, dt) if keeps_compiled_map(type(self)) else None
+        return TorchFlatMap(self, start, goal, steps, dt) if compiled is None else compiled
+
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
+        """The twin of `motion` and `limits` in compiled kernels; None where there is none. Asked by `flat_map`."""
+        return None
+
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
         """What a motion asks of each of the `bounds`, over time."""
         return {}
@@ -111,3 +132,20 @@ class Robot(ABC):
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """By how much each of the free numbers may change before the motion is quite another one; 1 by default."""
         return torch.ones_like(free)
+
+
+@cache
+def keeps_compiled_map(robot: type[Robot]) -> bool:
+    """Whether a class moves as the class does that wrote the `compiled_map` which it has.
+
+    It does not when it, or a class between the two, overrides a method that the compiled twin stands for.
+    """
+    writer = next(kind for kind in robot.__mro__ if "compiled_map" in vars(kind))
+    kinds = [kind for kind in writer.__mro__ if issubclass(kind, Robot)]
+    stands_for = {name for kind in kinds for name, part in vars(kind).items() if _is_method(part)}
+    nearer = robot.__mro__[: robot.__mro__.index(writer)]
+    return not any(stands_for & vars(kind).keys() - _NO_PART_OF_THE_MAP for kind in nearer)
+
+
+def _is_method(part: object) -> bool:
+    return callable(part) or isinstance(part, (staticmethod, classmethod, property))

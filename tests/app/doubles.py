@@ -28,6 +28,7 @@ from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.quadrotor import Quadrotor
@@ -62,7 +63,7 @@ def straight_motion(ends: Any, steps: int = 8, dt: float = 0.1) -> Motion:
 
 def plan_step(ends: Any, iteration: int, outcome: PlanOutcome | None = None) -> PlanStep:
     """One iteration of a plan along the straight line."""
-    trajectory = Trajectory(torch.zeros(1), ends.start.state(), ends.goal.state(), 8, 0.1)
+    trajectory = Trajectory(torch.zeros(1), Route(ends.start.state(), ends.goal.state(), 8, 0.1))
     cost = PlanCost(collision=1 / (1 + iteration), control=2.0, limits=0.0)
     return PlanStep(iteration, trajectory, straight_motion(ends), cost, outcome)
 

@@ -10,7 +10,6 @@ from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.pixels import PixelConfig
 from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.optimize import PlanConfig
 from tests.app.doubles import balls_place
 
 _CALM = StateNoise(0.002, 0.002, 0.002, 0.002)  # so that a filter of few iterations keeps up
@@ -22,5 +21,5 @@ def small_work() -> NavigationBackend:
     return NavigationBackend(
         open=partial(scene.run, opener=lambda _: balls_place()),
         plans={"fast": FastPlanConfig()},
-        navigate=NavigateConfig(replan=PlanConfig(iterations=5), filter=pose_filter, noise=_CALM, initial=_CALM),
+        navigate=NavigateConfig(filter=pose_filter, noise=_CALM, initial=_CALM),
     )

@@ -13,6 +13,7 @@ from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.navigation.replan import Mission
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.planner.hot_start import hot_start
+from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.quadrotor import Quadrotor
@@ -48,19 +49,18 @@ class StraightPlanner:
     starts: list[RigidState] = field(default_factory=list)
     horizons: list[int] = field(default_factory=list)
 
-    def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
+    def plan(self, route: Route) -> Iterator[PlanStep]:
+        start, goal, steps, dt = route.start, route.goal, route.steps, route.dt
         share = torch.linspace(0, 1, steps + 1)[:, None]
         share = share**3 * (10 - 15 * share + 6 * share.square())
         positions = start.position + share * (goal.position - start.position)
         free = ROBOT.encode(torch.cat([positions, torch.zeros(steps + 1, 1)], -1), start, goal, dt)
-        yield from self._steps(Trajectory(free, start, goal, steps, dt), self.outcome)
+        yield from self._steps(Trajectory(free, route), self.outcome)
 
-    def replan(
-        self, last: Motion, start: RigidState, goal: RigidState, steps: int, executed: int
-    ) -> Iterator[PlanStep]:
-        self.starts.append(start)
-        self.horizons.append(steps)
-        rest = hot_start(last, start, goal, ROBOT, executed=executed, steps=steps)
+    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
+        self.starts.append(route.start)
+        self.horizons.append(route.steps)
+        rest = hot_start(last, route.start, route.goal, ROBOT, executed=executed, steps=route.steps)
         yield from self._steps(rest, PlanOutcome.CONVERGED)
 
     def _steps(self, trajectory: Trajectory, outcome: PlanOutcome) -> Iterator[PlanStep]:

@@ -14,6 +14,7 @@ from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import CALM, GOAL, MISSION, ROBOT, START, Oracle, StraightPlanner, draws, simulator
@@ -89,7 +90,7 @@ def test_the_horizon_shrinks_but_never_below_the_minimum():
 
 
 def test_a_given_first_plan_is_not_planned_again():
-    *_, planned = StraightPlanner().plan(START, GOAL, 12, 0.1)
+    *_, planned = StraightPlanner().plan(Route(START, GOAL, 12))
     events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), mission=Mission(GOAL, 12, 0.1, planned.motion))
     assert [type(event) for event in events[:3]] == [PlanStep, PlanStep, NavigationStep]
     assert steps_of(events)[-1].outcome is EpisodeOutcome.REACHED
@@ -153,7 +154,7 @@ def test_without_noise_open_loop_meets_the_goal_exactly():
 
 def test_what_the_planner_refuses_is_refused_here():
     class Refusing(StraightPlanner):
-        def plan(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> Iterator[PlanStep]:
+        def plan(self, route: Route) -> Iterator[PlanStep]:
             raise OccupiedError("the goal is in occupied space", None)
 
     with pytest.raises(OccupiedError, match="occupied"):
@@ -181,7 +182,6 @@ def test_the_consumers_time_is_not_counted(monkeypatch: pytest.MonkeyPatch):
 def test_the_paper_preset_assumes_a_tenth_of_the_identity():
     paper = NavigateConfig.paper()
     torch.testing.assert_close(paper.filter.process_noise.covariance(), 0.1 * torch.eye(12))
-    assert paper.plan.iterations == 2500 and paper.replan.iterations == 250
     assert ROBOT.minimum_steps <= paper.minimum_horizon
 
 

@@ -5,19 +5,26 @@ import math
 import pytest
 import torch
 
+from nerfnav.field.field import Field
 from nerfnav.geometry import so3
+from nerfnav.planner import terms
 from nerfnav.planner.costs import (
     CostWeights,
     body_points_world,
     collision_per_step,
     collision_probability_bound,
     control,
-    evaluate,
     outside,
 )
+from nerfnav.planner.terms.evaluate import Evaluated, evaluate
+from nerfnav.planner.terms.term import TermContext
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import BOX, ROBOT, Fog, Wall, ball, straight_motion
+
+
+def terms_of(field: Field, motion: Motion, weights: CostWeights | None = None) -> Evaluated:
+    return evaluate(terms.counted(), TermContext(field, ROBOT, weights or CostWeights()), motion)
 
 
 def test_in_uniform_fog_every_body_point_pays_for_its_way():
@@ -92,8 +99,8 @@ def test_terms_are_differentiable_in_the_motion():
 
     def all_terms(p: torch.Tensor, theta: torch.Tensor, u: torch.Tensor) -> torch.Tensor:
         motion = Motion(RigidState(p, torch.zeros_like(p), so3.exp(theta), torch.zeros_like(p)), u, 0.1)
-        terms = evaluate(field, ROBOT, motion, CostWeights())
-        return torch.stack([terms.collision, terms.control, terms.limits, terms.total])
+        found = terms_of(field, motion)
+        return torch.stack([*found.values.values(), found.total])
 
     theta = 0.1 * torch.arange(9, dtype=torch.float64).reshape(3, 3)
     inputs = (positions.requires_grad_(), theta.requires_grad_(), actions.requires_grad_())
@@ -111,11 +118,11 @@ def test_a_batch_of_motions_has_a_batch_of_costs():
     ends = [(0.5, 0.0, 0.4), (0.5, 0.5, 0.4), (-0.5, 0.6, 0.2)]
     motions = [straight_motion((-0.5, 0, 0.4), end) for end in ends]
     batch = Motion(RigidState.stack([m.states for m in motions]), torch.stack([m.actions for m in motions]), 0.1)
-    terms = evaluate(ball(), ROBOT, batch, CostWeights())
-    assert terms.total.shape == (3,)
+    found = terms_of(ball(), batch)
+    assert found.total.shape == (3,)
     for row, motion in enumerate(motions):
-        alone = evaluate(ball(), ROBOT, motion, CostWeights()).numbers()
-        assert terms.total[row].item() == pytest.approx(alone.total, rel=1e-5)
+        alone = terms_of(ball(), motion).numbers()
+        assert found.total[row].item() == pytest.approx(alone.total, rel=1e-5)
 
 
 def test_the_bound_is_the_unweighted_collision_sum_and_at_most_1():
@@ -137,8 +144,8 @@ def test_the_bound_holds_for_a_point_that_flies_through_fog():
 
 def test_every_weight_scales_its_term():
     motion = straight_motion((-0.5, 0.2, 0.4), (0.5, 0.2, 1.4))
-    plain = evaluate(ball(), ROBOT, motion, CostWeights()).numbers()
-    heavy = evaluate(ball(), ROBOT, motion, CostWeights(2.0, 0.3, 400.0, 4000.0)).numbers()
+    plain = terms_of(ball(), motion).numbers()
+    heavy = terms_of(ball(), motion, CostWeights(2.0, 0.3, 400.0, 4000.0)).numbers()
     assert heavy.collision == pytest.approx(2 * plain.collision)
     assert heavy.control == pytest.approx(3 * plain.control)
     assert heavy.limits == pytest.approx(4 * plain.limits)

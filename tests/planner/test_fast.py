@@ -12,7 +12,7 @@ from torch import Tensor
 from nerfnav import robots
 from nerfnav.errors import OccupiedError
 from nerfnav.geometry import so3
-from nerfnav.planner.costs import evaluate
+from nerfnav.planner import terms
 from nerfnav.planner.fast import FastPlanConfig, plan_fast, replan_fast
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.optimize import PlanConfig, plan
@@ -20,6 +20,7 @@ from nerfnav.planner.problem import InitialGuess, PlanProblem
 from nerfnav.planner.quasi_newton import NewtonConfig
 from nerfnav.planner.safety import SafetyConfig, clearance_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.terms.term import CostTerm
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import ROBOT, Fog, Wall, ball
@@ -59,7 +60,7 @@ def test_its_cost_is_no_higher_than_that_of_adam():
     adam = last_of(list(plan(around_the_ball(), PlanConfig(iterations=1000))))
     fast = last_of(list(plan_fast(around_the_ball())))
     assert fast.cost.total <= 1.02 * adam.cost.total
-    reference = evaluate(ball(), ROBOT, fast.motion, FastPlanConfig().weights).numbers()
+    reference = around_the_ball().cost(fast.motion, FastPlanConfig().weights).numbers()
     assert reference.total == pytest.approx(fast.cost.total, rel=1e-2)  # the same J
 
 
@@ -136,17 +137,22 @@ def test_a_straight_plan_through_a_sealed_wall_is_in_collision():
     assert last_of(list(plan_fast(problem, config))).outcome is PlanOutcome.IN_COLLISION
 
 
+def below_80_cm(_: object, motion: Motion) -> Tensor:
+    """Squared distances from a height of 80 cm [m^2]."""
+    return (motion.states.position[..., 2] - 0.8).square().sum(-1)
+
+
 @pytest.mark.parametrize("make", [plan_fast, lambda problem: plan(problem, PlanConfig(iterations=300))])
 def test_any_differentiable_term_can_be_added(make: Callable[[PlanProblem], Iterator[PlanStep]]):
-    def high(motion: Motion) -> Tensor:
-        return 5 * (motion.states.position[..., 2] - 0.8).square().sum(-1)
-
+    high = CostTerm("high", below_80_cm, 5.0)
     empty = PlanProblem(Fog(rho=0.0), ROBOT, START, GOAL)
-    plain, lifted = (last_of(list(make(one))) for one in (empty, replace(empty, extra_terms=(high,))))
+    plain, lifted = (last_of(list(make(one))) for one in (empty, replace(empty, terms=(*terms.counted(), high))))
     assert lifted.motion.states.position[10, 2] > plain.motion.states.position[10, 2] + 0.1
-    assert lifted.cost.extra == pytest.approx(high(lifted.motion).item(), rel=1e-3)
+    (added,) = lifted.cost.added
+    assert (added.name, added.value) == ("high", pytest.approx(5 * below_80_cm(None, lifted.motion).item(), rel=1e-3))
+    assert added.ms > 0
     assert lifted.cost.total == pytest.approx(
-        lifted.cost.collision + lifted.cost.control + lifted.cost.limits + lifted.cost.extra
+        lifted.cost.collision + lifted.cost.control + lifted.cost.limits + added.value
     )
 
 

@@ -5,17 +5,21 @@ import pytest
 import torch
 
 from nerfnav import robots
+from nerfnav.planner import terms
 from nerfnav.planner.astar import waypoints_along
-from nerfnav.planner.costs import CostWeights, evaluate
-from nerfnav.planner.objective import Objective, well_spread
+from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.objective import Objective
 from nerfnav.planner.quasi_newton import NewtonConfig, bfgs, minimise, preconditioner
-from nerfnav.robots.maps import flat_map
+from nerfnav.planner.route import Route
+from nerfnav.planner.terms.evaluate import evaluate
+from nerfnav.planner.terms.term import TermContext, well_spread
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, ball
 
 STEPS, DT = 16, 0.1
 START, GOAL = RigidState.at_rest((-0.7, 0.02, 0.4), 0.2), RigidState.at_rest((0.7, 0.0, 0.5), -0.5)
 WEIGHTS = CostWeights()
+CONTEXT = TermContext(ball(), ROBOT, WEIGHTS)
 
 
 def guess(spread: float = 0.0) -> np.ndarray:
@@ -26,7 +30,7 @@ def guess(spread: float = 0.0) -> np.ndarray:
 
 
 def objective() -> Objective:
-    return Objective(ball(), ROBOT, flat_map(ROBOT, START, GOAL, STEPS, DT), WEIGHTS)
+    return Objective(CONTEXT, Route(START, GOAL, STEPS, DT), terms.counted())
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05, 1.0])  # the last one leaves the box and runs out of thrust
@@ -35,11 +39,11 @@ def test_the_compiled_terms_and_gradient_are_those_of_the_reference(spread: floa
     compiled = objective()(free)
     at = torch.from_numpy(free).requires_grad_()
     start, goal = START.to(torch.float64), GOAL.to(torch.float64)
-    terms = evaluate(ball(), ROBOT, ROBOT.motion(at, start, goal, STEPS, DT), WEIGHTS)
-    (gradient,) = torch.autograd.grad(terms.total, at)
-    assert compiled.cost.collision == pytest.approx(terms.collision.item(), rel=1e-5)
-    assert compiled.cost.control == pytest.approx(terms.control.item(), rel=1e-5)
-    assert compiled.cost.limits == pytest.approx(terms.limits.item(), rel=1e-5, abs=1e-9)
+    found = evaluate(terms.counted(), CONTEXT, ROBOT.motion(at, start, goal, STEPS, DT))
+    reference, (gradient,) = found.numbers(), torch.autograd.grad(found.total, at)
+    assert compiled.cost.collision == pytest.approx(reference.collision, rel=1e-5)
+    assert compiled.cost.control == pytest.approx(reference.control, rel=1e-5)
+    assert compiled.cost.limits == pytest.approx(reference.limits, rel=1e-5, abs=1e-9)
     assert compiled.cost.collision > 0
     np.testing.assert_allclose(compiled.gradient, gradient, rtol=1e-4, atol=1e-5 * gradient.abs().max().item())
 
@@ -65,7 +69,7 @@ def test_the_gradient_is_that_of_finite_differences_for_every_robot(name: str, c
     free = robot.encode(waypoints, start, goal, DT).double().numpy()
     if not still:  # at a standstill distances have a kink, and nothing is met there
         free = free + 0.01 * np.random.default_rng(0).standard_normal(free.shape)
-    j, step = Objective(ball(), robot, flat_map(robot, start, goal, STEPS, DT), WEIGHTS), 1e-6
+    j, step = Objective(TermContext(ball(), robot, WEIGHTS), Route(start, goal, STEPS, DT), terms.counted()), 1e-6
     gradient = j(free).gradient
     assert np.isfinite(gradient).all()
     generator = np.random.default_rng(1)
@@ -93,10 +97,10 @@ def test_what_was_looked_at_before_does_not_change_j():
 
 
 def test_a_coarse_body_keeps_the_outermost_points():
-    points = ROBOT.body.points_body.double().numpy()
+    points = ROBOT.body.points_body
     corners = well_spread(points, 8)
-    assert len(np.unique(corners, axis=0)) == 8
-    assert (np.abs(corners).max(0) == np.abs(points).max(0)).all()
+    assert len(corners.unique(dim=0)) == 8
+    assert torch.equal(corners.abs().amax(0), points.abs().amax(0))
     assert len(well_spread(points, 1000)) == len(points)
 
 

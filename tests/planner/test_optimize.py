@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError, OccupiedError
-from nerfnav.planner.costs import CostWeights, evaluate
+from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.optimize import PlanConfig, plan, replan
@@ -46,7 +46,7 @@ def test_the_last_step_has_the_best_trajectory_of_all(around_the_ball: list[Plan
 def test_each_step_says_what_its_own_trajectory_costs(around_the_ball: list[PlanStep]):
     for step in around_the_ball[::40]:
         motion = step.trajectory.motion(ROBOT)
-        terms = evaluate(ball(), ROBOT, motion, QUICK.weights).numbers()
+        terms = problem.cost(motion, QUICK.weights).numbers()
         assert terms.total == pytest.approx(step.cost.total, rel=1e-4)
         torch.testing.assert_close(motion.states.position, step.motion.states.position)
 

@@ -7,10 +7,13 @@ import torch
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.navigation.planners import FastPlanner
+from nerfnav.planner import terms
 from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart, last_step
+from nerfnav.planner.terms.term import CostTerm
 from nerfnav.planner.warm_start import WarmStartConfig, carry_on
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import ROBOT, Wall, ball
@@ -37,12 +40,12 @@ def test_a_plan_that_still_leads_to_the_goal_is_carried_on(flown: Motion):
 
 
 def test_a_plan_is_carried_on_that_costs_what_its_problem_adds_to_the_cost():
-    def high(motion: Motion) -> Tensor:
-        return 2000 * (motion.states.position[..., 2] - 0.8).square().sum(-1)
+    def high(_: object, motion: Motion) -> Tensor:
+        return (motion.states.position[..., 2] - 0.8).square().sum(-1)
 
-    first = PlanProblem(ball(), ROBOT, START, GOAL, extra_terms=(high,))
+    first = PlanProblem(ball(), ROBOT, START, GOAL, terms=(*terms.counted(), CostTerm("high", high, 2000.0)))
     flown = last_step(plan_fast(first))
-    assert flown.cost.extra > 0.5 * flown.cost.total
+    assert flown.cost.added[0].value > 0.5 * flown.cost.total
     left = replace(first, start=flown.motion.states[1].retract(torch.tensor([0.01, -0.01, *[0.0] * 10])), steps=19)
     assert last_step(carry_on(left, flown.motion, 1, FastPlanConfig())).restart is None
 
@@ -94,5 +97,5 @@ def test_a_start_that_is_no_number_is_refused(flown: Motion):
 def test_the_planner_of_the_loop_says_why_it_planned_anew(flown: Motion):
     planner = FastPlanner(ball(), ROBOT)
     moved = RigidState.at_rest((0.0, -0.8, 0.4))
-    assert last_step(planner.replan(flown, flown.states[1], moved, 19, 1)).restart is Restart.GOAL_MOVED
-    assert last_step(planner.replan(flown, flown.states[1], GOAL, 19, 1)).restart is None
+    assert last_step(planner.replan(flown, Route(flown.states[1], moved, 19), 1)).restart is Restart.GOAL_MOVED
+    assert last_step(planner.replan(flown, Route(flown.states[1], GOAL, 19), 1)).restart is None

@@ -1,13 +1,16 @@
 """Compiled flatness maps against their robots' torch maps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 
 from nerfnav.robots.flat_map import FlatMap, TorchFlatMap
-from nerfnav.robots.maps import flat_map
 from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.quadrotor_map import QuadrotorMap
 from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.state import Motion, RigidState
 from tests.robots.motions import DT, EVERY, STEPS, ends, free_numbers
 
 SPREADS = (0.0, 0.05, 0.5, 3.0)
@@ -22,7 +25,7 @@ each_spread = pytest.mark.parametrize("spread", SPREADS)
 def both(robot: Robot, spread: float) -> tuple[FlatMap, FlatMap]:
     """The compiled map and the one of autograd, at the same free numbers."""
     between = ends(robot)
-    compiled, reference = flat_map(robot, *between, STEPS, DT), TorchFlatMap(robot, *between, STEPS, DT)
+    compiled, reference = robot.flat_map(*between, STEPS, DT), TorchFlatMap(robot, *between, STEPS, DT)
     assert not isinstance(compiled, TorchFlatMap)
     for flat in (compiled, reference):
         flat.forward(free_numbers(robot, between, spread).numpy())
@@ -79,6 +82,70 @@ def test_a_map_forgets_the_limits_of_the_motion_before(robot: Robot):
     assert_near(slopes[0], slopes[1], TOLERANCE[robot.name])
 
 
+class Renamed(Quadrotor):
+    """Moves as its parent does."""
+
+    name = "renamed"
+
+    def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> torch.Tensor:
+        return torch.tensor([self.weight, 0.0, 0.0, 0.0])
+
+
+class Dragged(Quadrotor):
+    """Needs more thrust than its parent: the parent's compiled map does not know that."""
+
+    def motion(
+        self, free: torch.Tensor, start: RigidState, goal: RigidState, steps: int, dt: float
+    ) -> Motion:
+        plain = super().motion(free, start, goal, steps, dt)
+        drag = torch.tensor([0.1, 0.0, 0.0, 0.0]).to(free)
+        return Motion(plain.states, plain.actions + drag, dt)
+
+
+class Stiffer(Quadrotor):
+    """Overrides a method that the parent's motion calls."""
+
+    def _torques(self, rate: torch.Tensor, dt: float) -> torch.Tensor:
+        return 2 * super()._torques(rate, dt)
+
+
+class Bounded(Quadrotor):
+    """Has bounds that are not those of its config."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.bounds = tuple(replace(bound, upper=0.1) for bound in self.bounds)
+
+
+class OwnTwin(Dragged):
+    """Brings a compiled map of its own."""
+
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap:
+        return TorchFlatMap(Quadrotor(), start, goal, steps, dt)
+
+
+def test_a_subclass_that_moves_as_its_parent_keeps_the_compiled_map():
+    for robot in (Renamed(), type("Further", (Renamed,), {})()):
+        assert isinstance(robot.flat_map(*ends(robot), STEPS, DT), QuadrotorMap)
+
+
+@pytest.mark.parametrize("robot", [Dragged(), Stiffer(), Bounded(), type("Further", (Dragged,), {})()])
+def test_a_subclass_that_moves_otherwise_is_not_moved_by_its_parents_compiled_map(robot: Quadrotor):
+    between = ends(robot)
+    flat, free = robot.flat_map(*between, STEPS, DT), free_numbers(robot, between, 0.05)
+    assert isinstance(flat, TorchFlatMap)
+    flat.forward(free.numpy())
+    own = robot.motion(free, *(end.to(torch.float64) for end in between), STEPS, DT)
+    assert_near(flat.action, own.actions.numpy(), 1e-12)
+    assert flat.limits(1.0) == pytest.approx(robot.limits(own).item())
+
+
+def test_the_compiled_map_that_a_subclass_brings_is_used():
+    robot = OwnTwin()
+    flat = robot.flat_map(*ends(robot), STEPS, DT)
+    assert isinstance(flat, TorchFlatMap) and type(flat._robot) is Quadrotor
+
+
 def test_free_fall_and_hover_stay_finite():
     robot = Quadrotor()
     start = goal = RigidState.at_rest((0.0, 0.0, 0.5))
@@ -87,7 +154,7 @@ def test_free_fall_and_hover_stay_finite():
     heights = 0.5 - 0.5 * robot.config.gravity * (np.arange(4, STEPS) * DT) ** 2
     fall[2 + 2 : 2 + 3 * (STEPS - 4) : 3] = heights
     for free in (hover, fall):
-        flat = flat_map(robot, start, goal, STEPS, DT)
+        flat = robot.flat_map(start, goal, STEPS, DT)
         flat.forward(free)
         gradient = flat.backward(np.ones((STEPS + 1, 3)), np.ones((STEPS + 1, 3)), np.ones((STEPS, 4)))
         assert np.isfinite(flat.action).all() and np.isfinite(gradient).all()
@@ -96,7 +163,7 @@ def test_free_fall_and_hover_stay_finite():
 def test_a_half_turn_of_the_heading_has_finite_derivatives():
     robot = Quadrotor()
     start, goal = RigidState.at_rest((0.0, 0.0, 0.5), 0.0), RigidState.at_rest((0.5, 0.0, 0.5), float(np.pi))
-    flat = flat_map(robot, start, goal, 4, DT)
+    flat = robot.flat_map(start, goal, 4, DT)
     flat.forward(np.array([robot.weight, robot.weight, 0.0, np.pi]))
     gradient = flat.backward(np.ones((5, 3)), np.ones((5, 3)), np.ones((4, 4)))
     assert np.isfinite(flat.rate).all() and np.isfinite(gradient).all()

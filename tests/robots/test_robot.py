@@ -1,8 +1,12 @@
 """What robots have in common."""
 
+import pytest
 import torch
 from torch import Tensor
 
+from nerfnav import robots
+from nerfnav.errors import NameTakenError
+from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 
@@ -29,3 +33,13 @@ def test_a_robot_without_places_to_avoid_has_no_limits_penalty():
     state = RigidState.at_rest((0, 0, 0))
     motion = Statue().motion(torch.zeros(0), state, state, 3, 0.1)
     assert Statue().limits(motion) == 0
+
+
+def test_a_robot_from_outside_is_known_by_its_name():
+    robots.register(Statue)
+    try:
+        assert isinstance(robots.load("statue"), Statue) and "statue" in robots.names()
+        with pytest.raises(NameTakenError, match="robot named 'quadrotor' already"):
+            robots.register(type("Other", (Quadrotor,), {}))
+    finally:
+        robots.ROBOTS.unregister("statue")

@@ -6,9 +6,10 @@ import viser
 from app.jobs.events import PlannerResult
 from app.page.layers.nodes import Bodies, Line, Trail, positions, quaternions
 from app.page.layers.shapes import robot_shape
-from app.page.theme import PLAN, RIVAL_COLORS, STALE
+from app.page.theme import PLAN, STALE
 from app.state.records import PlanRecord
 from app.state.session import Session
+from nerfnav.planner.planners import PLANNERS
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion
 
@@ -23,7 +24,9 @@ class PlanLayer:
         self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
-        self._comparison = {name: Line(server, f"/plan/{name}", color, 0.008) for name, color in RIVAL_COLORS.items()}
+        self._comparison = {
+            name: Line(server, f"/plan/{name}", entry.color, 0.008) for name, entry in PLANNERS.items()
+        }
         self._compared: tuple[PlannerResult, ...] = ()
         self._robot: Robot | None = None
         self._shown: tuple[int, bool, bool] | None = None

@@ -10,7 +10,6 @@ from typing import Any
 import viser
 
 import scenes
-from app.registry import PLANNERS
 from app.state.actions import (
     Cancel,
     CarryAway,
@@ -29,6 +28,7 @@ from app.state.actions import (
 )
 from app.state.session import JobKind, Session
 from nerfnav import robots
+from nerfnav.planner.planners import PLANNERS
 
 
 @dataclass(frozen=True)

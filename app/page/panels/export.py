@@ -12,7 +12,7 @@ from app.state.actions import Command, Reset, Tell
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.export.formats import FORMATS, Format
+from nerfnav.export.formats import FORMATS, ExportFormat
 from nerfnav.export.recording import Recording
 from nerfnav.geometry.images import picture_file
 
@@ -103,7 +103,7 @@ def subject(session: Session) -> str | None:
     return "plan" if session.plan is not None and session.plan.latest is not None else None
 
 
-def formats_for(subject: str | None) -> dict[str, Format]:
+def formats_for(subject: str | None) -> dict[str, ExportFormat]:
     """The formats of a flight, or of a plan."""
     return {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
 

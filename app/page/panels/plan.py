@@ -11,13 +11,13 @@ from app.page.html import legend, note, table, warning
 from app.page.panels.chart import Chart
 from app.page.panels.dropdown import ChoiceList
 from app.page.panels.plan_settings import PlanningPanel
-from app.page.theme import HIT, RIVAL_COLORS, STALE, START, TRUTH
+from app.page.theme import HIT, STALE, START, TRUTH
 from app.queries.clearance import ClearanceQuery
-from app.registry import PLANNERS
 from app.state.actions import Cancel, Command, StartComparison, StartPlan
 from app.state.records import CostHistory, PlanRecord
 from app.state.session import JobKind, Session
 from app.text import capital, number, sentence
+from nerfnav.planner.planners import PLANNERS
 
 _LEAST_COST = 1e-3  # of what the logarithmic axis shows
 _TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))
@@ -101,7 +101,8 @@ def compared(comparison: tuple[PlannerResult, ...]) -> str:
         told = "–" if overlap is None else f"{1e6 * overlap:.1f}"
         numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {told} · {result.summary['wall_s']:.3g}"
         rows.append((result.planner, numbers))
-    lines = legend((RIVAL_COLORS[result.planner], result.planner) for result in comparison if result.motion is not None)
+    found = [result.planner for result in comparison if result.motion is not None]
+    lines = legend((PLANNERS[name].color, name) for name in found)
     return table(rows) + lines
 
 

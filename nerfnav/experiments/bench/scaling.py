@@ -18,7 +18,6 @@ from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
 from nerfnav.planner.steps import last_step
 from nerfnav.robots.body import Body
-from nerfnav.robots.maps import flat_map
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
 
 
@@ -86,8 +85,7 @@ def _iteration(
     robot = Quadrotor(QuadrotorConfig(point_counts=counts))
     sized = replace(problem, robot=robot, steps=steps, dt=2.0 / steps)
     guess = first_guess(sized, InitialGuess.STRAIGHT, FastPlanConfig().occupancy).trajectories[0]
-    flat = flat_map(robot, sized.start, sized.goal, steps, sized.dt)
-    objective = Objective(sized.field, robot, flat, FastPlanConfig().weights)
+    objective = Objective(sized.context(FastPlanConfig().weights), sized.route, sized.terms)
     free = guess.free.double().numpy()
     body: Body = robot.body
     return len(body.points_body), _median_ms(lambda: objective(free), repeats)

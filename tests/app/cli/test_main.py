@@ -14,7 +14,16 @@ import pytest
 import trimesh
 
 from app.cli.main import COMMANDS, main, parse
-from nerfnav.errors import NerfnavError
+from app.jobs.events import JobEvents
+from app.jobs.fly import FlyRequest
+from app.places.place import Place
+from nerfnav import robots
+from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.navigation.episode import Episode
+from nerfnav.planner import planners
+from nerfnav.planner.planners.fast import FastPlanner
+from nerfnav.planner.planners.paper import PaperPlanner
+from tests.app.doubles import balls_place
 
 Capture = pytest.CaptureFixture[str]
 FROM, TO = ["--start", "-0.6", "0", "0.5"], ["--goal", "0.6", "0.1", "0.5", "1.57"]
@@ -171,6 +180,48 @@ def test_settings_are_those_of_the_planner_that_is_asked_for(field_file: Path, c
     same = printed([*words, "--planner=paper", "--config.iterations", "3"], capsys)
     assert same["iterations"] == 3
     assert "--config.iterations" in refused([*words, "--config.iterations", "3"], capsys)
+
+
+@pytest.mark.parametrize(
+    ("words", "first", "again"),
+    [
+        (["--config.plan.newton.iterations", "7"], 7, 7),
+        (["--config.plan.newton.iterations", "7", "--config.replan.newton.iterations", "9"], 7, 9),
+        (["--planner", "paper", "--config.plan.iterations", "2000"], 2000, 250),
+        (["--planner=paper", "--config.replan.iterations", "5"], 2500, 5),
+    ],
+)
+def test_a_flight_is_planned_as_the_command_line_says(
+    words: list[str], first: int, again: int, monkeypatch: pytest.MonkeyPatch, field_file: Path
+) -> None:
+    asked: list[FlyRequest] = []
+
+    def remembered(request: FlyRequest, place: Place) -> JobEvents:
+        asked.append(request)
+        raise InvalidInputError("enough")
+        yield
+
+    monkeypatch.setattr("app.commands.fly.run_job", remembered)
+    assert main(["fly", str(field_file), *FROM, *TO, *words]) == 2
+    (route,) = (request.route for request in asked)
+    field, entry = balls_place().field, planners.load(route.planner)
+    planner = entry.planner(field, robots.load("quadrotor"), route.settings, route.again)
+    assert isinstance(planner, PaperPlanner | FastPlanner)
+    assert (planner.first.iterations, planner.again.iterations) == (first, again)
+
+
+def test_the_fast_planner_of_a_flight_has_the_settings_of_the_command_line(
+    field_file: Path, capsys: Capture, tmp_path: Path
+) -> None:
+    words = ["fly", str(field_file), *FROM, *TO, "--open-loop", "--out"]
+    heavy = ["--config.plan.weights.control", "1000"]
+    lengths = []
+    for number, more in enumerate(([], heavy)):
+        folder = tmp_path / str(number)
+        printed([*words, str(folder), *more], capsys)
+        lengths.append(Episode.load(folder).plans[0].actions.square().sum().item())
+    assert lengths[0] != lengths[1], "the weight of effort changes what is flown"
+    assert "--config.plan.seed" in refused(["fly", str(field_file), *FROM, *TO, "--config.plan.seed", "2"], capsys)
 
 
 def test_the_duration_can_be_given_or_found(field_file: Path, capsys: Capture) -> None:

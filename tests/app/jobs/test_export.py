@@ -12,8 +12,10 @@ from app.jobs.export import ExportRequest, read_run, run
 from app.storage.run_store import VARIABLE, RunStore
 from app.storage.step_log import FILE
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
-from nerfnav.export.formats import FORMATS
+from nerfnav.errors import InvalidInputError, NameTakenError
+from nerfnav.export import formats
+from nerfnav.export.formats import FORMATS, ExportFormat
+from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.tables import json_text, motion_table
 from nerfnav.export.tum import poses_of_tum
 from nerfnav.robots.state import Motion
@@ -33,6 +35,21 @@ def test_a_stored_flight_can_be_had_in_every_format(tmp_path: Path, name: str) -
     folder, out = put(RunStore(tmp_path), "flight"), tmp_path / "out" / f"flight.{FORMATS[name].ending}"
     numbers = exported(folder, name, out)
     assert numbers["rows"] == 17 and numbers["file_bytes"] == out.stat().st_size > 100
+
+
+def test_a_format_from_outside_is_exported_under_its_name(tmp_path: Path) -> None:
+    def rows(made: Recording) -> Exported:
+        return Exported(str(len(made.times)).encode(), {"lines": 1})
+
+    formats.register(ExportFormat("rows", "txt", "the number of rows", rows))
+    try:
+        numbers = exported(put(Shelf(tmp_path), "flight"), "rows", tmp_path / "rows.txt")
+        with pytest.raises(NameTakenError, match="format named 'csv' already"):
+            formats.register(ExportFormat("csv", "csv", "another table", rows))
+    finally:
+        FORMATS.unregister("rows")
+    assert (numbers["format"], numbers["lines"]) == ("rows", 1)
+    assert (tmp_path / "rows.txt").read_text() == "17"
 
 
 def test_a_replay_shows_the_place_where_it_can_still_be_opened(tmp_path: Path, field_file: Path) -> None:

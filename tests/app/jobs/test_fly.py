@@ -17,14 +17,13 @@ from app.storage.run_metadata import RunMetadata
 from app.storage.step_log import read_steps
 from nerfnav.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
 
 ENDS = Ends(End((-0.6, -0.6, 0.5)), End((0.6, -0.6, 0.5)))
-ROUTE = PlanRequest(ENDS, planner="paper", config=PlanConfig(iterations=5))
-BLIND = FlyRequest(ROUTE, open_loop=True, config=NavigateConfig(replan=PlanConfig(iterations=2)))
+ROUTE = PlanRequest(ENDS, planner="paper", config=PlanConfig(iterations=5), again=PlanConfig(iterations=2))
+BLIND = FlyRequest(ROUTE, open_loop=True)
 
 
 @pytest.fixture(scope="module")

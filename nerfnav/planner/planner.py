@@ -1,0 +1,125 @@
+"""What every planner can do, what they have in common, and what a table says of each."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
+
+from nerfnav.field.field import Field
+from nerfnav.planner import terms
+from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.route import Route
+from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.terms.term import CostTerm
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion
+
+_ROOM, _CARE = 0.04, 3.0
+"""Room around the body [m], and how many times as much collision weighs, when a plan is redone in flight."""
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """Anything that finds a way and then keeps finding the rest of it."""
+
+    def plan(self, route: Route) -> Iterator[PlanStep]:
+        """Plan from scratch; the last step has the outcome."""
+        ...
+
+    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
+        """Plan the rest of `last`, of which `executed` steps are done, as hot start.
+
+        The route's start is an estimate: what the robot cannot be in, such as a cart in the air, is read as the
+        nearest it can.
+        """
+        ...
+
+
+@runtime_checkable
+class PlannerConfig(Protocol):
+    """A frozen dataclass that says how a planner plans."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def weights(self) -> CostWeights:
+        """What the terms of J weigh."""
+        ...
+
+    @property
+    def occupancy(self) -> OccupancyConfig:
+        """How the field becomes a map for A*."""
+        ...
+
+    @property
+    def iterations(self) -> int:
+        """Most iterations that planning may take."""
+        ...
+
+
+Config = TypeVar("Config", bound=PlannerConfig)
+
+
+@dataclass(frozen=True)
+class FieldPlanner:
+    """What all planners of this project have in common: one robot in one field."""
+
+    field: Field
+    """Where."""
+    robot: Robot
+    """Who."""
+    terms: tuple[CostTerm, ...] = dataclasses.field(default_factory=terms.counted, kw_only=True)
+    """What J is the sum of, see PlanProblem."""
+
+    def problem(self, route: Route) -> PlanProblem:
+        """What there is to plan from scratch."""
+        return PlanProblem(self.field, self.robot, route.start, route.goal, route.steps, route.dt, self.terms)
+
+    def rest(self, last: Motion, route: Route) -> PlanProblem:
+        """What is left to plan of `last` from an estimate, or from the nearest state that the robot can be in."""
+        return self.problem(replace(route, start=self.robot.settled(route.start, last.states[0])))
+
+
+def with_room(config: Config) -> Config:
+    """The same for a robot in flight, which will be pushed: with room around its body, and more weight on collision.
+
+    4 cm of room are twice the 2 cm by which a step is disturbed (paper: none), and collision weighs three times as
+    much. With the state known to millimetres, 9 of 160 flights of the paper's planner through Stonehenge then touched
+    something; 21 with 3 cm and no more weight.
+    """
+    weights = config.weights
+    return replace(
+        config, weights=replace(weights, margin=max(_ROOM, weights.margin), collision=_CARE * weights.collision)
+    )
+
+
+@dataclass(frozen=True)
+class PlannerEntry:
+    """A planner, as users choose it by name."""
+
+    name: str
+    """What they call it, as in `--planner`."""
+    make: Callable[..., Planner]
+    """Makes it: (field, robot, first=config, again=config, occupancy=map)."""
+    config: Callable[[], PlannerConfig]
+    """Makes the settings of its first plan where nobody gives others."""
+    again: Callable[[Any], PlannerConfig] = with_room
+    """Settings of a first plan to those with which the plan is redone at each step of a flight."""
+    real_time: bool = False
+    """Whether it is quick enough to plan again while a hand still holds an end."""
+    color: tuple[int, int, int] = (148, 163, 184)
+    """Of its line where planners are compared, sRGB."""
+
+    def planner(
+        self,
+        field: Field,
+        robot: Robot,
+        first: PlannerConfig | None = None,
+        again: PlannerConfig | None = None,
+        occupancy: OccupancyMap | None = None,
+    ) -> Planner:
+        """This planner for one robot in one field; `occupancy` saves making the map again where the caller has it."""
+        first = self.config() if first is None else first
+        return self.make(field, robot, first=first, again=again or self.again(first), occupancy=occupancy)

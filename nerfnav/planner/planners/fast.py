@@ -1,0 +1,36 @@
+"""The fast planner: several ways around and quasi-Newton on compiled kernels, then the rest of the plan."""
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.planner import FieldPlanner, PlannerEntry
+from nerfnav.planner.route import Route
+from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.warm_start import carry_on
+from nerfnav.robots.state import Motion
+
+
+@dataclass(frozen=True)
+class FastPlanner(FieldPlanner):
+    """Several ways around and quasi-Newton on compiled kernels, then the rest of the plan as long as it leads."""
+
+    first: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
+    """How the first plan is made."""
+    again: FastPlanConfig = dataclasses.field(default_factory=FastPlanConfig)
+    """How the plan is redone at each time step."""
+    occupancy: OccupancyMap | None = None
+    """Saves making the map of the field again where the caller has it."""
+
+    def plan(self, route: Route) -> Iterator[PlanStep]:
+        """See Planner."""
+        return plan_fast(self.problem(route), self.first, self.occupancy)
+
+    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
+        """See Planner."""
+        return carry_on(self.rest(last, route), last, executed, self.again, self.occupancy)
+
+
+FAST = PlannerEntry("fast", FastPlanner, FastPlanConfig, real_time=True, color=(70, 84, 255))

@@ -1,0 +1,45 @@
+"""The paper's planner: A* and Adam, then Adam again from the rest of the waypoints."""
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from nerfnav.planner.hot_start import hot_start
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.optimize import PlanConfig, plan, replan
+from nerfnav.planner.planner import FieldPlanner, PlannerEntry, with_room
+from nerfnav.planner.route import Route
+from nerfnav.planner.steps import PlanStep
+from nerfnav.robots.state import Motion
+
+
+@dataclass(frozen=True)
+class PaperPlanner(FieldPlanner):
+    """A* and Adam, then Adam again from the rest of the waypoints."""
+
+    first: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper)
+    """How the first plan is made."""
+    again: PlanConfig = dataclasses.field(default_factory=PlanConfig.paper_replan)
+    """How the plan is redone at each time step."""
+    occupancy: OccupancyMap | None = None
+    """Saves making the map of the field again where the caller has it."""
+
+    def plan(self, route: Route) -> Iterator[PlanStep]:
+        """See Planner."""
+        return plan(self.problem(route), self.first, self.occupancy)
+
+    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
+        """See Planner."""
+        problem = self.rest(last, route)
+        trajectory = hot_start(
+            last, problem.start, problem.goal, self.robot, executed=executed, steps=problem.steps
+        )
+        return replan(problem, trajectory, self.again)
+
+
+def in_flight(first: PlanConfig) -> PlanConfig:
+    """With room around the body, and no more iterations than the paper's replanning has."""
+    return with_room(replace(first, iterations=min(first.iterations, PlanConfig.paper_replan().iterations)))
+
+
+PAPER = PlannerEntry("paper", PaperPlanner, PlanConfig.paper, in_flight, color=(196, 130, 255))

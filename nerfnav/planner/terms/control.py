@@ -1,0 +1,29 @@
+"""The control term of Eq. 2: sum_t u_t' Gamma u_t."""
+
+import numpy as np
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.planner import costs
+from nerfnav.planner.kernels import collision as kernels
+from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
+from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots.state import Motion
+
+
+def control(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
+    """Effort [1], with the robot's `action_weights` as the diagonal of Gamma."""
+    return costs.control(motion, motion.actions.new_tensor(context.robot.action_weights))
+
+
+def control_kernel(context: TermContext, weight: float) -> Kernel:
+    """The compiled twin."""
+    gamma = weight * np.array(context.robot.action_weights)
+
+    def weighed(flat: FlatMap, by: Adjoint) -> float:
+        return kernels.control(flat.action, gamma, by.action)
+
+    return weighed
+
+
+CONTROL = CostTerm("control", control, None, control_kernel, preconditions=True)

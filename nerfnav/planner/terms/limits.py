@@ -1,0 +1,25 @@
+"""The penalty that keeps a motion well defined and within what the robot can do."""
+
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
+from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots.state import Motion
+
+
+def limits(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
+    """The robot's own `limits` [1]."""
+    return context.robot.limits(motion)
+
+
+def limits_kernel(_: TermContext, weight: float) -> Kernel:
+    """The compiled twin: the flatness map's own, which keeps the derivative for its `backward`."""
+
+    def weighed(flat: FlatMap, _: Adjoint) -> float:
+        return flat.limits(weight)
+
+    return weighed
+
+
+LIMITS = CostTerm("limits", limits, None, limits_kernel, preconditions=True)

@@ -1,0 +1,110 @@
+"""What a term of J is: a weighted functional of a motion, with its derivative.
+
+    J(W) = sum over terms of  weight * value(context, motion of W)
+
+The value is written in torch and is the reference. A term may bring a compiled twin, its `kernel`, for the fast
+planner; the derivative of one that brings none is taken by autograd there (autograd.py).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.field.field import Field
+from nerfnav.planner.costs import CostWeights
+from nerfnav.robots.body import Body
+from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots.robot import Robot
+from nerfnav.robots.state import Motion
+
+
+@dataclass(frozen=True)
+class TermContext:
+    """What a term may ask for besides the motion."""
+
+    field: Field
+    """Where the robot moves."""
+    robot: Robot
+    """What moves."""
+    weights: CostWeights
+    """What the terms of Eq. 2 weigh, how densely they sample, and the room around the body."""
+    points: int | None = None
+    """How many well spread body points stand for the body; None: all of them."""
+
+    @property
+    def body(self) -> Body:
+        """The robot's body with the room that the weights ask for, and so many of its points."""
+        body = self.robot.body_with_room(self.weights.margin)
+        if self.points is None:
+            return body
+        return replace(body, points_body=well_spread(body.points_body, self.points))
+
+
+@dataclass(slots=True)
+class Adjoint:
+    """dJ at one point of the search, by what a flatness map gives: arrays to which the terms add theirs."""
+
+    free: np.ndarray
+    """The point: free numbers (k)."""
+    position: np.ndarray
+    """By the positions (N + 1, 3)."""
+    rotation: np.ndarray
+    """By the attitudes (N + 1, 3), in their tangents."""
+    action: np.ndarray
+    """By the actions (N, a)."""
+    by_free: np.ndarray | None = None
+    """By the free numbers (k), where a term knows that already."""
+
+
+Kernel = Callable[[FlatMap, Adjoint], float]
+"""The weighted term at the last motion of a map; adds its derivatives to the adjoint."""
+
+
+@dataclass(frozen=True)
+class CostTerm:
+    """One term of J."""
+
+    name: str
+    """What reports call it."""
+    value: Callable[[TermContext, Motion], Float[Tensor, "*batch"]]
+    """The term without its weight: a differentiable functional, one number for each motion."""
+    weight: float | None = 1.0
+    """What it weighs; None: the field of CostWeights that has its name."""
+    kernel: Callable[[TermContext, float], Kernel] | None = None
+    """Makes its compiled twin for a context and a weight; None: by autograd, a part of a millisecond or more for each
+    iteration, which PlanCost tells."""
+    preconditions: bool = False
+    """Whether the fast planner's first inverse Hessian has its curvature: for terms that are cheap and nearly
+    quadratic."""
+
+    def weighed(self, weights: CostWeights) -> float:
+        """Its weight."""
+        return getattr(weights, self.name) if self.weight is None else self.weight
+
+    def cost(self, context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
+        """The weighted term. Raises InvalidInputError, in one sentence, for what is not one number for each motion."""
+        value, batch = self.value(context, motion), motion.actions.shape[:-2]
+        if not isinstance(value, Tensor) or value.shape != batch:
+            found = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else type(value).__name__
+            raise InvalidInputError(
+                f"the cost term {self.name!r} must give a tensor of shape {tuple(batch)}, one number for each motion, "
+                f"not {found}: sum over times and axes"
+            )
+        return self.weighed(context.weights) * value
+
+
+def well_spread(points: Float[Tensor, "n 3"], count: int) -> Float[Tensor, "m 3"]:
+    """So many of the points, each the farthest from those before it, the outermost first (Gonzalez, 1985)."""
+    all_points = points.double().cpu().numpy()
+    distance = -np.square(all_points - all_points.mean(0)).sum(-1)
+    chosen = [int(distance.argmin())]
+    distance = np.square(all_points - all_points[chosen[0]]).sum(-1)
+    while len(chosen) < min(count, len(all_points)):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.square(all_points - all_points[chosen[-1]]).sum(-1))
+    return points[torch.tensor(chosen, device=points.device)]
