@@ -12,6 +12,7 @@ closed here, from outside: it leans on inner names of viser, whose version is th
 
 import contextlib
 import io
+import logging
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -46,6 +47,7 @@ def guarded_server(host: str, port: int, token: str | None) -> viser.ViserServer
     if token is not None and not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
         raise TokenError("a token is made of letters, digits, '.', '_', '~' and '-', for it travels in addresses")
     gate = Gate()
+    logging.getLogger("websockets.server").addFilter(_is_worth_telling)
     with _guarding(Doorkeeper(host, token), gate), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if server.get_port() != port:  # somebody took the port after it was checked
@@ -54,6 +56,11 @@ def guarded_server(host: str, port: int, token: str | None) -> viser.ViserServer
     limit_uploads(server)
     gate.open(server)
     return server
+
+
+def _is_worth_telling(record: logging.LogRecord) -> bool:
+    """Drops the tracebacks of whoever leaves before asking; viser does so itself, but only after the first request."""
+    return record.getMessage() != "opening handshake failed"
 
 
 @contextmanager
