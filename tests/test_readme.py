@@ -38,6 +38,7 @@ def test_there_are_commands_for_every_part() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_script_prints_a_plan() -> None:
     (script,) = blocks("python")
     assert len([line for line in script.splitlines() if line]) <= 12

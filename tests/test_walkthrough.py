@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 import torch
 
 import scenes
@@ -24,6 +25,7 @@ from nerfnav.world.contact import contact_check, judge
 from nerfnav.world.raycast import MeshRenderer
 
 
+@pytest.mark.slow
 def test_from_photographs_to_a_flight(tmp_path: Path) -> None:
     generator = torch.Generator().manual_seed(0)
 

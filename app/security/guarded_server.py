@@ -14,6 +14,7 @@ closed here, from outside: it leans on inner names of viser, whose version is th
 
 import contextlib
 import io
+import logging
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -62,6 +63,7 @@ def guarded_server(host: str, port: int, token: str | None, policy: PagePolicy) 
     if token is not None and not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
         raise TokenError("a token is made of letters, digits, '.', '_', '~' and '-', for it travels in addresses")
     gate = MessageFilter()
+    logging.getLogger("websockets.server").addFilter(_is_worth_telling)
     access = AccessPolicy(host, token, policy.brand)
     with _guarding(access, gate), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, verbose=False)
@@ -71,6 +73,11 @@ def guarded_server(host: str, port: int, token: str | None, policy: PagePolicy) 
     limit_uploads(server, policy.most_upload_bytes)
     gate.open(server)
     return server
+
+
+def _is_worth_telling(record: logging.LogRecord) -> bool:
+    """Drops the tracebacks of whoever leaves before asking; viser does so itself, but only after the first request."""
+    return record.getMessage() != "opening handshake failed"
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """A real browser in front of a real server."""
 
 import os
-import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from app.server import App
 from app.worker.worker import Work
 from tests.browser.complaints import complaints_of
 from tests.browser.tab import Tab
+from tests.waiting import free_port
 
 _CHROMIUM = Path("/usr/bin/chromium")
 _ARGUMENTS = [
@@ -27,6 +27,13 @@ _ARGUMENTS = [
     "--disable-dev-shm-usage",
     "--disable-renderer-backgrounding",
 ]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of this folder: `-m "not browser"` leaves them out. `items` are those of all folders."""
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent):
+            item.add_marker(pytest.mark.browser)
 
 
 def launch(playwright: Playwright) -> Browser:
@@ -55,13 +62,6 @@ def context(browser: Browser) -> Iterator[BrowserContext]:
     yield context
     context.close()
     assert not complaints, f"the page complains: {complaints}"
-
-
-def free_port() -> int:
-    """A port that nobody listens at now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture

@@ -26,8 +26,9 @@ from playwright.sync_api import sync_playwright
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from tests.app.security.hostile import CAMERA, free_port
+from tests.app.security.hostile import CAMERA
 from tests.browser.conftest import launch
+from tests.waiting import free_port
 
 _FRAMES = """
 seconds => new Promise(done => {

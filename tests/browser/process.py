@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -10,9 +11,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.app.security.hostile import free_port
+from tests.waiting import free_port
 
 _ROOT = Path(__file__).parents[2]
+_STOP_S = 120.0
+"""How long the end of a running job and of all threads may take on a machine that is busy with other things [s]."""
+_FAULT = re.compile(r"Traceback|ERROR|Exception")
+_BEFORE, _TOLD = 500, 6000  # characters of the log that are told before a fault, and in all
 
 
 @dataclass(frozen=True)
@@ -35,16 +40,19 @@ class Served:
         return (int(times[11]) + int(times[12])) / os.sysconf("SC_CLK_TCK")
 
     def complaints(self) -> list[str]:
-        """The lines of its log that speak of faults."""
-        lines = self.log.read_text(errors="replace").splitlines()
-        return [line for line in lines if "Traceback" in line or "ERROR" in line or "Exception" in line]
+        """Its log from a little before the first fault that it speaks of; empty where it speaks of none."""
+        log = self.log.read_text(errors="replace")
+        fault = _FAULT.search(log)
+        if fault is None:
+            return []
+        start = max(0, fault.start() - _BEFORE)
+        return [f"{self.log} says:\n{log[start : start + _TOLD]}"]
 
 
 @contextlib.contextmanager
-def served(*arguments: str, cores: set[int] | None = None) -> Iterator[Served]:
-    """Run `nerfnav serve` with these arguments, on these cores alone; it must end well."""
+def served(*arguments: str, log: Path, cores: set[int] | None = None) -> Iterator[Served]:
+    """Run `nerfnav serve` with these arguments, on these cores alone; `log` keeps its stderr. It must end well."""
     with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "log"
         words = ["serve", *arguments, "--port", str(free_port()), "--json"]
         command = [sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())", *words]
         with log.open("w") as stream:
@@ -63,5 +71,5 @@ def served(*arguments: str, cores: set[int] | None = None) -> Iterator[Served]:
                 yield Served(process, json.loads(process.stdout.readline())["url"], log)
             finally:
                 process.terminate()
-                code = process.wait(60)
+                code = process.wait(_STOP_S)
         assert code == 0, log.read_text(errors="replace")[-2000:]

@@ -10,6 +10,7 @@ from playwright.sync_api import Page
 
 from app.places.ends import Which
 from app.server import App
+from tests.waiting import PATIENCE_S
 
 # where a world point is on the screen [pixels], by the page's own camera
 _TO_SCREEN = """
@@ -56,7 +57,7 @@ class Tab:
 
     def __init__(self, page: Page, app: App) -> None:
         self.page, self.app = page, app
-        page.set_default_timeout(20_000)
+        page.set_default_timeout(1000 * PATIENCE_S)
 
     def load(self) -> None:
         """Load the page, and wait until its place can be used."""
@@ -67,13 +68,34 @@ class Tab:
         self.page.wait_for_function("window.__viserSceneTree && window.__viserMutable && window.__viserMutable.canvas")
         self.until(lambda: self.app.session.job is None, "the place was not opened")
         self.until(lambda: self.has_node("/start") and self.has_node("/goal"), "the ends were not shown")
+        self.until_ends_agree()
 
-    def until(self, condition: Callable[[], Any], complaint: str, timeout_s: float = 30.0) -> None:
+    def until(self, condition: Callable[[], Any], complaint: str, timeout_s: float = PATIENCE_S) -> None:
         """Wait until `condition` holds, letting the page live meanwhile."""
         end = time.monotonic() + timeout_s
         while not condition():
             assert time.monotonic() < end, complaint
             self.page.wait_for_timeout(50)
+
+    def until_ends_agree(self) -> None:
+        """Wait until page and session have start and goal at the same places."""
+
+        def agree() -> bool:
+            ends = self.app.session.ends
+            return all(np.allclose(self.position(which), ends.of(which).position, atol=1e-3) for which in Which)
+
+        self.until(agree, "the page has start or goal elsewhere than the session")
+
+    def settled(self, value: Callable[[], Any], quiet_s: float = 1.0) -> Any:
+        """The value once it has stayed the same for `quiet_s`, letting the page live meanwhile."""
+        now, since = value(), time.monotonic()
+        end = since + PATIENCE_S
+        while time.monotonic() - since < quiet_s:
+            assert time.monotonic() < end, f"{now} goes on changing"
+            self.page.wait_for_timeout(50)
+            if (later := value()) != now:
+                now, since = later, time.monotonic()
+        return now
 
     def has_node(self, name: str) -> bool:
         """Whether the page holds a scene node of that name."""
@@ -165,6 +187,8 @@ class Tab:
         self.page.wait_for_timeout(150)
         mouse.up()
         self.page.wait_for_timeout(150)
+        if self.app is not None:
+            self.until_ends_agree()
 
     def says(self, text: str) -> bool:
         """Whether the page shows a text somewhere."""

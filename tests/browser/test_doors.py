@@ -1,11 +1,12 @@
 """A hostile connection beside a real page: the page does not notice."""
 
-import threading
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 import numpy as np
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.page.layers.ends import GIZMO
 from app.places.ends import Which
@@ -13,6 +14,7 @@ from app.server import App
 from tests.app.doubles import ScriptedWork
 from tests.app.security.hostile import CAMERA, NAN, POSE, connect_as_viser
 from tests.browser.tab import Tab
+from tests.waiting import PATIENCE_S
 
 _WIDGETS = "() => Object.keys(window.__viserGui?.getState?.().guiConfigFromUuid ?? {}).length"
 
@@ -44,19 +46,22 @@ def attack(app: App) -> None:
                 few, waiting = waiting[:25], waiting[25:]
                 for raw in few:
                     hostile.send(raw)
-                hostile.recv(5)
+                hostile.recv(PATIENCE_S)
         except ConnectionClosed:
             continue
+        except InvalidStatus:  # too many connections in a moment
+            time.sleep(0.2)
 
 
 def test_a_page_lives_on_beside_a_hostile_connection(serve: Callable[..., App], open_tab: Callable[[App], Tab]) -> None:
     app = serve(ScriptedWork())
     tab = open_tab(app)
     before, widgets = app.session, tab.page.evaluate(_WIDGETS)
-    hostile = threading.Thread(target=attack, args=(app,))
-    hostile.start()
-    while hostile.is_alive():
-        tab.page.wait_for_timeout(100)
+    with ThreadPoolExecutor(1) as aside:
+        hostile = aside.submit(attack, app)
+        while not hostile.done():
+            tab.page.wait_for_timeout(100)
+        hostile.result()  # all of it was sent
     session = app.session
     assert (session.ends, session.choice, session.flight_settings, session.view_settings) == (
         before.ends, before.choice, before.flight_settings, before.view_settings
@@ -68,4 +73,4 @@ def test_a_page_lives_on_beside_a_hostile_connection(serve: Callable[..., App], 
     tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
     tab.until(lambda: app.session.ends != before.ends, "the page was harmed")
     tab.load()
-    np.testing.assert_allclose(tab.position(Which.GOAL), app.session.ends.goal.position, atol=1e-3)
+    tab.until_ends_agree()

@@ -83,4 +83,4 @@ def test_a_robot_is_found_and_carried_away_in_flight_and_found_after_it(serve: S
     tab.turn_to("Estimate")
     tab.until(lambda: tab.says(words), "the panel does not say where")
     tab.load()
-    assert tab.is_visible("/search/ghosts"), "a reload has forgotten what was found"
+    tab.until(lambda: tab.is_visible("/search/ghosts"), "a reload has forgotten what was found")

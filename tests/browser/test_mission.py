@@ -21,7 +21,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
 ) -> None:
     app = serve(small_work())
     tab = open_tab(app)
-    assert tab.has_node("/field"), "the field has no surface"
+    tab.until(lambda: tab.has_node("/field"), "the field has no surface")
     tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
     goal = np.array(app.session.ends.goal.position)
 
@@ -40,7 +40,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     flight = app.session.flight
     assert flight is not None and flight.outcome is EpisodeOutcome.REACHED
     tab.until(lambda: tab.says("The robot is at the goal."), "the page does not say that the robot arrived")
-    assert len(tab.line("/flight/truth")) == len(flight.steps)
+    tab.until(lambda: len(tab.line("/flight/truth")) == len(flight.steps), "the path is not that of the flight")
     assert np.linalg.norm(tab.line("/flight/truth")[-1] - goal) < 0.12
 
     rows = list(csv.DictReader(io.StringIO(tab.export("csv").read_text())))
@@ -51,6 +51,6 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
 
     flown = tab.line("/flight/truth")
     tab.load()
-    np.testing.assert_array_equal(tab.line("/flight/truth"), flown)
+    tab.until(lambda: np.array_equal(tab.line("/flight/truth"), flown), "a reload has lost the path")
     tab.turn_to("Fly")
     tab.until(lambda: tab.says("The robot is at the goal."), "a reload has lost the flight")

@@ -63,7 +63,7 @@ def test_dragging_an_arrow_moves_the_end_in_every_tab_and_stays_after_a_reload(s
         tab.page.bring_to_front()
         tab.until(lambda tab=tab: np.allclose(tab.position(Which.GOAL), moved, atol=1e-3), "a tab lags behind")
     first.load()
-    np.testing.assert_allclose(first.position(Which.GOAL), moved, atol=1e-3)
+    first.until(lambda: np.allclose(first.position(Which.GOAL), moved, atol=1e-3), "the reload has lost the goal")
 
 
 def test_an_end_dragged_out_of_the_box_comes_back_to_its_border(serve: Serve, open_tab: OpenTab) -> None:
@@ -118,7 +118,10 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
     for tab in (first, second):
         tab.page.bring_to_front()
         tab.until(lambda tab=tab: tab.is_visible("/plan/line"), "no plan is shown")
-        np.testing.assert_allclose(tab.line("/plan/line")[-1], app.session.ends.goal.position, atol=1e-4)
+        goal = app.session.ends.goal.position
+        tab.until(
+            lambda tab=tab, goal=goal: np.allclose(tab.line("/plan/line")[-1], goal, atol=1e-4), "it ends elsewhere"
+        )
     first.until(lambda: first.says("The cost has settled."), "the page does not say how it ended")
 
 
@@ -171,15 +174,17 @@ def test_a_flight_can_be_paused_stepped_and_stopped(serve: Serve, open_tab: Open
     tab.until(lambda: app.session.steps_reported > 3, "the flight did not begin")
     tab.press("Pause")
     tab.until(lambda: tab.says("Paused after time step"), "the flight was not paused")
-    tab.page.wait_for_timeout(300)
-    held = app.session.steps_reported
+    held = tab.settled(lambda: app.session.steps_reported)  # the step in progress is taken to its end
     tab.press("Step")
     tab.until(lambda: app.session.steps_reported == held + 1, "no step was taken")
     tab.page.wait_for_timeout(300)
     assert app.session.steps_reported == held + 1
     tab.until(lambda: len(tab.line("/flight/truth")) == held + 1, "the path does not show the step")
-    centers = np.array(tab.property("/flight/covariance", "batched_positions")).reshape(-1, 3)
-    assert len(centers) == held + 1
+
+    def centers() -> np.ndarray:
+        return np.array(tab.property("/flight/covariance", "batched_positions")).reshape(-1, 3)
+
+    tab.until(lambda: len(centers()) == held + 1, "the covariances do not show the step")
     half = np.array(tab.property("/flight/covariance", "batched_scales")).reshape(-1, 3)
     np.testing.assert_allclose(half.max(-1), 2.7955 * 0.02, rtol=1e-3)
     tab.press("Resume")

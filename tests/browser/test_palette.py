@@ -89,9 +89,7 @@ def test_shortcuts_fly_hold_and_stop_and_are_letters_where_text_is_typed(serve: 
     tab.until(lambda: app.session.steps_reported > 2, "F does not fly")
     tab.page.keyboard.press("Space")
     tab.until(lambda: app.session.job is not None and app.session.job.paused, "space does not hold")
-    held = app.session.steps_reported
-    tab.page.wait_for_timeout(300)
-    held = app.session.steps_reported
+    held = tab.settled(lambda: app.session.steps_reported)  # the step in progress is taken to its end
     tab.page.keyboard.press("s")
     tab.until(lambda: app.session.steps_reported == held + 1, "S takes no step")
     tab.page.keyboard.press("Space")
@@ -112,17 +110,16 @@ def test_a_reload_keeps_everything_and_every_tab_shows_it(serve: Serve, open_tab
     for tab in (first, second):
         tab.page.bring_to_front()
         tab.load()
-        assert tab.is_visible("/plan/line")
-        np.testing.assert_array_equal(tab.line("/plan/line"), seen)
-        np.testing.assert_allclose(tab.position(Which.GOAL), goal, atol=1e-4)
+        tab.until(lambda tab=tab: tab.is_visible("/plan/line"), "a reload has lost the plan")
+        tab.until(lambda tab=tab: np.array_equal(tab.line("/plan/line"), seen), "a reload has changed the plan")
+        tab.until(lambda tab=tab: np.allclose(tab.position(Which.GOAL), goal, atol=1e-4), "the goal is elsewhere")
 
 
 def test_one_persons_viewpoint_is_their_own(serve: Serve, open_tab: OpenTab) -> None:
     app = serve(work())
     first, second = open_tab(app), open_tab(app)
     second.page.bring_to_front()
-    second.page.wait_for_timeout(500)
-    before = np.array(second.page.evaluate(_EYE))
+    before = np.array(second.settled(lambda: second.page.evaluate(_EYE)))
     first.page.bring_to_front()
     own = np.array(first.page.evaluate(_EYE))
     mouse = first.page.mouse

@@ -1,6 +1,5 @@
 """What was flown before can be seen, moved through, compared, renamed, deleted and taken away."""
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,17 +17,10 @@ from tests.app.doubles import ScriptedWork, balls_place
 from tests.app.storage.stored_runs import put
 from tests.browser.tab import Tab
 from tests.export.flights import flown
+from tests.waiting import PATIENCE_S, until
 
 Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
-
-
-def wait_for(condition: Callable[[], object], complaint: str) -> None:
-    """Wait until `condition` holds, without a page."""
-    end = time.monotonic() + 90
-    while not condition():
-        assert time.monotonic() < end, complaint
-        time.sleep(0.05)
 
 
 def robot_of(tab: Tab, node: str = "/flight/robot") -> np.ndarray:
@@ -41,10 +33,11 @@ def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_rob
 ) -> None:
     opening = [PlaceOpened(balls_place()), JobFinished("open")]
     first = serve(NavigationBackend(open=lambda _: iter(opening), runs=RunStore(tmp_path)))
-    wait_for(lambda: first.session.job is None and first.session.place, "the place was not opened")
+    until(lambda: first.session.job is None and first.session.place, "the place was not opened")
     first.post(Adjust(Settings.FLIGHT, "open_loop", True))
     first.post(StartFlight())
-    wait_for(lambda: first.session.job is None and first.session.runs.entries, "the flight is not listed")
+    flown_and_listed = lambda: first.session.job is None and first.session.runs.entries  # noqa: E731
+    until(flown_and_listed, "the flight is not listed", 3 * PATIENCE_S)
     flight = first.session.flight
     assert flight is not None
     first.stop()

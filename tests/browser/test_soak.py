@@ -1,8 +1,8 @@
 """A long time of hard use: five tabs, flights that replan, random drags, clicks, keys and reloads.
 
-Two minutes of it are a test. Half an hour, with its numbers as JSON:
+Two minutes of it are a test. Half an hour, with its numbers as JSON, the server's log in soak.log:
 
-    python -m tests.browser.test_soak --minutes 30
+    python -m tests.browser.test_soak --minutes 30 --log soak.log
 """
 
 import argparse
@@ -10,10 +10,13 @@ import json
 import os
 import random
 import sys
+import tempfile
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+import pytest
 from playwright.sync_api import Browser, BrowserContext, Error, sync_playwright
 
 from app.page.layers.ends import GIZMO
@@ -22,12 +25,15 @@ from tests.browser.complaints import complaints_of
 from tests.browser.conftest import launch
 from tests.browser.process import Served, served
 from tests.browser.tab import Tab
+from tests.waiting import PATIENCE_S
 
 TABS = 5
 WARM_UP_S = 300.0
 """Until then memory may grow as it likes."""
 MOST_GROWTH_MB = 50.0
 """From then on."""
+LEAST_ACTIONS = 20
+"""Fewer are no hard use: a slow machine takes longer for them."""
 _WINDOW_S = 300.0
 _KEYS = ("f", "f", "f", "p", "t", "g", "s", "Space", "x", "Shift+r")
 _QUIET = ("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save")  # which ask for files, or touch what is kept
@@ -71,7 +77,7 @@ class Crowd:
 
     def _load(self, tab: Tab) -> None:
         tab.page.goto(f"{self._server.url}?fixedDpr=0.25")
-        tab.page.wait_for_function(_READY, timeout=60_000)
+        tab.page.wait_for_function(_READY)
 
     def use_all_once(self) -> None:
         """What is made when it is first needed, such as views from everywhere to find a robot by, is made then."""
@@ -79,7 +85,8 @@ class Crowd:
         page.bring_to_front()
         page.keyboard.press("f")
         page.get_by_role("tab", name="Estimate").click()
-        page.get_by_role("button", name="Carry it away").click(timeout=30_000)
+        # can be pressed once the robot flies, before which a new machine compiles its kernels
+        page.get_by_role("button", name="Carry it away").click(timeout=4000 * PATIENCE_S)
         page.wait_for_timeout(10_000)
 
     def act(self) -> str:
@@ -127,14 +134,14 @@ class Crowd:
 
 
 def soak(server: Served, context: BrowserContext, actions: int, most_s: float, seed: int = 0) -> Account:
-    """Do that many things, but stop after `most_s`."""
+    """Do that many things, but stop after `most_s`, if it was enough by then to mean anything."""
     account = Account()
     page_complaints = complaints_of(context)
     crowd, began, noted = Crowd(server, context, seed), time.monotonic(), -np.inf
     crowd.use_all_once()
     for _ in range(actions):
         now = time.monotonic() - began
-        if now > most_s:
+        if now > most_s and sum(account.actions.values()) >= LEAST_ACTIONS:
             break
         if now - noted > 5:
             noted = now
@@ -147,12 +154,13 @@ def soak(server: Served, context: BrowserContext, actions: int, most_s: float, s
     return account
 
 
-def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser: Browser) -> None:
-    with served("stonehenge") as server:
+@pytest.mark.slow
+def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser: Browser, tmp_path: Path) -> None:
+    with served("stonehenge", log=tmp_path / "server.log") as server:
         context = browser.new_context(viewport={"width": 800, "height": 560})
         account = soak(server, context, actions=150, most_s=75)
         context.close()
-    assert not account.complaints
+    assert not account.complaints, "\n\n".join(account.complaints)
     assert account.idle, "a job goes on that nobody can stop"
     assert len(account.actions) >= 3, account.actions
     # within the first minutes kernels, maps and pictures are still being made for the first time
@@ -165,9 +173,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cores", type=int, default=2, help="on which the app runs")
+    parser.add_argument("--log", type=Path, default=Path(tempfile.gettempdir()) / "soak.log", help="the server's log")
     asked = parser.parse_args()
     cores = set(sorted(os.sched_getaffinity(0))[: asked.cores])
-    with sync_playwright() as playwright, served("stonehenge", cores=cores) as server:
+    with sync_playwright() as playwright, served("stonehenge", log=asked.log, cores=cores) as server:
         browser = launch(playwright)
         context = browser.new_context(viewport={"width": 800, "height": 560})
         account = soak(server, context, 10**6, 60 * asked.minutes, asked.seed)

@@ -5,7 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 
+
+@pytest.mark.slow
 def test_memory_does_not_grow_from_update_to_update() -> None:
     command = [sys.executable, "-m", "tests.estimator.measure_memory", "1200", "3"]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=600)

@@ -32,6 +32,7 @@ def test_failures_that_nobody_noticed_are_counted() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_every_flight_is_corrected_from_every_size() -> None:
     *_, results = run(Study(column, TASKS, trials=1))
     assert isinstance(results, Results)

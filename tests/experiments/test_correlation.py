@@ -18,6 +18,7 @@ def test_the_overlap_of_a_straight_way_through_is_volume_times_way() -> None:
     assert overlap_along(column(), motion) == pytest.approx(0.1 * 0.1 * 0.04 * 0.4, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_plan_that_begins_in_the_column_leaves_it() -> None:
     past = Task("Past", (-0.7, 0.18, 0.5), (0.7, 0.18, 0.5))
     rows = watch(column(), Watch(past, iterations=160, every=2))

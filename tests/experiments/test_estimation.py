@@ -51,6 +51,7 @@ def test_the_figure_has_mean_and_band_of_both_methods_for_each_error() -> None:
         assert len(ax.lines[0].get_xdata()) == 20
 
 
+@pytest.mark.slow
 def test_both_methods_follow_every_flight() -> None:
     *_, results = run(Study(column, (PAST,), trials=1))
     assert isinstance(results, Results)

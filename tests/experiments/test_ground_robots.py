@@ -34,6 +34,7 @@ def room() -> Arena:
     return Arena(scene, VoxelField(BOX, values, torch.ones(3)))
 
 
+@pytest.mark.slow
 def test_a_couch_turns_through_the_door_and_one_that_may_not_turn_hits_the_wall() -> None:
     answers = [drive(room(), Drive(GAP, held)) for held in (False, True)]
     assert answers[0] is not None and answers[1] is not None
@@ -45,6 +46,7 @@ def test_a_couch_turns_through_the_door_and_one_that_may_not_turn_hits_the_wall(
     assert len(way) == len(stiff) == 31
 
 
+@pytest.mark.slow
 def test_wheels_pass_the_door_both_ways_without_sliding() -> None:
     *_, results = run(Study(room, (ROLL, FLIGHT)))
     assert isinstance(results, Results)

@@ -1,5 +1,7 @@
 """Cameras that are found, and such that are not."""
 
+import pytest
+
 from nerfnav.experiments.relocalisation import run, summary_of
 from nerfnav.experiments.study import Results, Study
 from tests.experiments.places import column
@@ -22,6 +24,7 @@ def test_answers_that_are_sure_and_wrong_are_told_from_those_that_are_not_sure()
     assert summary["any"]["saw_no_mesh"] == 1 and summary["any"]["found_but_wrong"] == 0
 
 
+@pytest.mark.slow
 def test_every_picture_is_searched_for() -> None:
     *_, results = run(Study(column, trials=1))
     assert isinstance(results, Results)

@@ -1,5 +1,6 @@
 """Training: a picture goes in, the same picture comes out, always in the same way."""
 
+import pytest
 import torch
 
 from nerfnav.compiled import default_threads
@@ -18,8 +19,14 @@ def run(config: TrainConfig = CONFIG, seed: int = 0) -> list[TrainStep]:
     return list(train(photographs, held_out, BOX, ball().background, config, generator))
 
 
-def test_a_ball_is_learned_from_its_pictures():
-    steps = run()
+@pytest.fixture(scope="module")
+def trained() -> list[TrainStep]:
+    """A training with the first seed."""
+    return run()
+
+
+def test_a_ball_is_learned_from_its_pictures(trained: list[TrainStep]):
+    steps = trained
     field = steps[-1].field
     assert field is not None
     assert steps[-1].psnr_db > 25
@@ -31,16 +38,16 @@ def test_a_ball_is_learned_from_its_pictures():
     assert far_away.max() < 1
 
 
-def test_progress_counts_up_to_the_end():
-    steps = run()
+def test_progress_counts_up_to_the_end(trained: list[TrainStep]):
+    steps = trained
     fractions = [step.fraction for step in steps]
     assert fractions == sorted(fractions) and fractions[-1] == 1
     assert [step.field is None for step in steps] == [True] * (len(steps) - 1) + [False]
     assert all(step.rays_per_s > 0 for step in steps)
 
 
-def test_the_same_seed_gives_the_same_field_bit_for_bit():
-    first, second, other = run()[-1].field, run()[-1].field, run(seed=1)[-1].field
+def test_the_same_seed_gives_the_same_field_bit_for_bit(trained: list[TrainStep]):
+    first, second, other = trained[-1].field, run()[-1].field, run(seed=1)[-1].field
     assert first is not None and second is not None and other is not None
     assert torch.equal(first.values, second.values), f"with {default_threads()} threads"
     assert not torch.equal(first.values, other.values)

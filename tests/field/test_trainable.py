@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -69,8 +70,11 @@ print(1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss has another unit elsewhere")
 def test_training_takes_no_more_memory_than_is_said():
-    told = subprocess.run([sys.executable, "-c", _PEAK], capture_output=True, text=True, check=True).stdout
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", _PEAK], capture_output=True, text=True, cwd=root)
+    assert done.returncode == 0, done.stderr
     compiled = 120_000_000  # what the kernels' machine code and libraries may take
-    assert int(told) < trainable.training_bytes(100**3, 2) + compiled
+    assert int(done.stdout) < trainable.training_bytes(100**3, 2) + compiled

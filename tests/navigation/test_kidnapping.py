@@ -1,5 +1,6 @@
 """A robot that is carried elsewhere in mid-flight: real filter, real search, a small place."""
 
+import pytest
 import torch
 
 from nerfnav.estimator.fast import FastFilter
@@ -23,6 +24,7 @@ SEARCH = RelocaliseConfig(
 )
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_carried_elsewhere_finds_itself_and_reaches_its_goal() -> None:
     field = voxel_balls()
     world = Simulator(ROBOT, START, lambda pose: _seen(world), draws(0), noise=CALM)

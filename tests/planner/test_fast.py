@@ -56,6 +56,7 @@ def test_the_ends_are_met_and_the_actions_fly_the_plan():
     assert START.local(states[0]).abs().max() < 1e-5
 
 
+@pytest.mark.slow
 def test_its_cost_is_no_higher_than_that_of_adam():
     adam = last_of(list(plan(around_the_ball(), PlanConfig(iterations=1000))))
     fast = last_of(list(plan_fast(around_the_ball())))
@@ -142,7 +143,13 @@ def below_80_cm(_: object, motion: Motion) -> Tensor:
     return (motion.states.position[..., 2] - 0.8).square().sum(-1)
 
 
-@pytest.mark.parametrize("make", [plan_fast, lambda problem: plan(problem, PlanConfig(iterations=300))])
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(plan_fast, id="fast"),
+        pytest.param(lambda problem: plan(problem, PlanConfig(iterations=300)), id="paper", marks=pytest.mark.slow),
+    ],
+)
 def test_any_differentiable_term_can_be_added(make: Callable[[PlanProblem], Iterator[PlanStep]]):
     high = CostTerm("high", below_80_cm, 5.0)
     empty = PlanProblem(Fog(rho=0.0), ROBOT, START, GOAL)

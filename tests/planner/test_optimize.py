@@ -66,6 +66,7 @@ def test_rolling_the_final_plan_reproduces_it_and_ends_at_the_goal(around_the_ba
     assert across(ball()).goal.local(state).abs().max() < 1e-4
 
 
+@pytest.mark.slow
 def test_in_free_space_the_cost_settles_below_that_of_the_first_guess():
     steps = list(plan(across(Fog(rho=0.0)), replace(QUICK, iterations=400)))
     assert steps[-1].outcome is PlanOutcome.CONVERGED

@@ -28,6 +28,7 @@ def test_the_tasks_are_the_authors_ten_and_their_headline(stonehenge: Scene):
     assert (stonehenge.tasks[10].start, stonehenge.tasks[10].goal) == ((0.39, -0.67, 0.2), (-0.4, 0.55, 0.16))
 
 
+@pytest.mark.slow
 def test_stones_stand_in_the_way_of_most_straight_flights(stonehenge: Scene):
     straight = [RigidState.stack([task.start_state, task.goal_state]) for task in stonehenge.tasks]
     blocked = [judge(stonehenge, _BODY, states).first_touched_step == 0 for states in straight]

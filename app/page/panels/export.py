@@ -26,7 +26,7 @@ class ExportPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._post = post
+        self._server, self._post = server, post
         self._session: Session | None = None
         self._said = server.gui.add_html(note("Nothing to take away yet: plan or fly first."))
         self._format: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Format", list(FORMATS), visible=False)
@@ -91,6 +91,10 @@ class ExportPanel:
             picture = client.get_render(height, width, transport_format="png", timeout=_RENDER_TIMEOUT_S)
         except TimeoutError:
             self._post(Tell("No screenshot", f"The page did not draw it within {_RENDER_TIMEOUT_S:g} s.", bad=True))
+            return
+        except RuntimeError:  # the page could not draw it, or was closed or reloaded before it had
+            if client.client_id in self._server.get_clients():
+                self._post(Tell("No screenshot", "The page could not draw it.", bad=True))
             return
         name = self._session.place.name if self._session is not None and self._session.place is not None else "nerfnav"
         client.send_file_download(f"{name}-{width}x{height}.png", png(picture), save_immediately=True)

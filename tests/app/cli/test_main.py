@@ -66,7 +66,9 @@ def test_help_lists_every_command_and_comes_at_once(capsys: Capture) -> None:
     assert code == 0
     assert all(f"  {name} " in out for name in COMMANDS)
     light = "import sys, app.cli.main; app.cli.main.main(['--help']); assert not {'torch', 'viser'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", light], check=True, capture_output=True, cwd=Path(__file__).parents[3])
+    command, root = [sys.executable, "-c", light], Path(__file__).parents[3]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=root)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -2,7 +2,6 @@
 
 import json
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-PATIENCE_S = 60.0
+from tests.waiting import PATIENCE_S, free_port
 
 
 def answer(url: str) -> int:
@@ -31,9 +30,7 @@ def answer(url: str) -> int:
 def test_it_tells_its_address_answers_there_and_ends_when_it_is_asked_to(
     field_file: Path, ending: signal.Signals
 ) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     # whoever runs the tests in the background has interrupts ignored, and children inherit that
     heeds = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
     command = [sys.executable, "-c", f"{heeds}; from app.cli.main import main; sys.exit(main())"]

@@ -6,13 +6,22 @@ import pty
 import signal
 import subprocess
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
 
 from app.cli.terminal import follow, show
 from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from tests.waiting import PATIENCE_S
+
+
+@pytest.fixture(autouse=True)
+def _heeds_interrupts() -> Iterator[None]:
+    """Whoever runs the tests in the background has interrupts ignored, and the tests inherit that."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def counting(total: int, interrupt_at: int | None = None) -> JobEvents:
@@ -72,11 +81,15 @@ def until(stream: int, word: str) -> Generator[str, None, None]:
     """What a process writes, piece by piece, until it has written `word`."""
     seen = ""
     while word not in seen:
-        piece = os.read(stream, 4096).decode(errors="replace")
+        try:
+            piece = os.read(stream, 4096).decode(errors="replace")
+        except OSError as error:  # nobody writes there any more
+            raise AssertionError(f"it ended before it wrote {word!r}: {seen}") from error
         seen += piece
         yield piece
 
 
+@pytest.mark.slow
 def test_a_training_that_is_interrupted_keeps_what_it_learned(tmp_path: Path) -> None:
     out = tmp_path / "field.npz"
     words = ["train", "blocks", "--out", str(out), "--iterations", "1000000", "--images", "10", "--voxel", "0.05"]
@@ -87,7 +100,7 @@ def test_a_training_that_is_interrupted_keeps_what_it_learned(tmp_path: Path) ->
         shown = "".join(until(terminal, "k rays/s"))
         process.send_signal(signal.SIGINT)
         shown += "".join(until(terminal, "keeping what was done so far"))
-        summary, _ = process.communicate(timeout=60)
+        summary, _ = process.communicate(timeout=5 * PATIENCE_S)
     os.close(terminal)
     assert process.returncode == 0
     assert "PSNR" in shown

@@ -59,6 +59,7 @@ def test_progress_says_which_trial() -> None:
     assert told[-1] == Progress("counting, 1 of 2", 0.5)
 
 
+@pytest.mark.slow
 def test_every_experiment_opens_where_it_says() -> None:
     for entry in EXPERIMENTS.values():
         assert open_arena(entry.place).scene.tasks

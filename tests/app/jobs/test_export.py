@@ -43,7 +43,7 @@ def test_a_format_from_outside_is_exported_under_its_name(tmp_path: Path) -> Non
 
     formats.register(ExportFormat("rows", "txt", "the number of rows", rows))
     try:
-        numbers = exported(put(Shelf(tmp_path), "flight"), "rows", tmp_path / "rows.txt")
+        numbers = exported(put(RunStore(tmp_path), "flight"), "rows", tmp_path / "rows.txt")
         with pytest.raises(NameTakenError, match="format named 'csv' already"):
             formats.register(ExportFormat("csv", "csv", "another table", rows))
     finally:

@@ -59,6 +59,7 @@ def test_splats_have_their_y_axis_down_where_nobody_says_otherwise(tmp_path: Pat
     assert load_field(tmp_path / "moon.npz").box.center[2] == pytest.approx(3, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_checkpoint_becomes_a_neural_field_and_baked_a_voxel_field(tmp_path: Path) -> None:
     source = checkpoint(tmp_path / "net.ckpt")
     placement = Placement(box=BOX)

@@ -10,6 +10,7 @@ import pytest
 from app.jobs.events import JobEvents, JobFailed, JobFinished, JobStarted, Progress
 from app.jobs.subprocess_job import in_subprocess
 from nerfnav.errors import InvalidInputError, NerfnavError
+from tests.waiting import PATIENCE_S
 
 
 def told(folder: Path) -> JobEvents:
@@ -50,7 +51,7 @@ def test_what_the_job_refuses_is_told_in_its_words() -> None:
 
 def test_a_job_in_the_middle_of_a_long_step_goes_on_telling_and_ends_when_it_is_closed(tmp_path: Path) -> None:
     job = in_subprocess(partial(endless, tmp_path))
-    end = time.monotonic() + 60
+    end = time.monotonic() + PATIENCE_S
     while next(job) != Progress("begun", 0.1) or not (tmp_path / "process").exists():
         assert time.monotonic() < end, "the job did not begin"
     assert next(job) == Progress("begun", 0.1), "how far it is is told again"

@@ -29,6 +29,7 @@ def request(out: Path, **changes: object) -> TrainRequest:
     return TrainRequest("blocks", out, **SMALL | changes)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_training_tells_its_pictures_and_steps_and_stores_a_field_that_knows_its_scene(tmp_path: Path) -> None:
     out = tmp_path / "blocks.npz"
     events = list(run(request(out, seed=5)))

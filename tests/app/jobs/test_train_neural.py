@@ -12,6 +12,7 @@ from nerfnav.field.checkpoint import load_field
 from nerfnav.field.neural import NeuralField
 
 
+@pytest.mark.slow
 def test_a_scene_becomes_a_neural_field(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "blocks.npz"
     words = "train blocks --field neural --layers 2 --layer-width 16 --rays 32 --iterations 20 --images 10 --json"

@@ -1,8 +1,10 @@
 """What is sent to the pages while something moves: changes of standing nodes and widgets, counted on a real server."""
 
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -15,11 +17,11 @@ from app.page_server import page_server
 from app.places.surface_glb import unlit_glb
 from app.server import App
 from app.state.actions import StartFlight, StartPlan
-from app.state.session import JobKind
+from app.state.session import JobKind, Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
-from tests.app.security.hostile import free_port
+from tests.waiting import PATIENCE_S, free_port, until
 
 STEPS = 40
 NODES = (viser_messages._CreateSceneNodeMessage, viser_messages.RemoveSceneNodeMessage)
@@ -54,22 +56,16 @@ def app() -> Iterator[App]:
     app.stop()
 
 
-def until(condition: Callable[[], Any], complaint: str, timeout_s: float = 20.0) -> None:
-    """Wait until `condition` holds."""
-    end = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end, complaint
-        time.sleep(0.01)
-
-
 def sent_while(app: App, command: Any) -> list[viser_messages.Message]:
     """All that is sent to every page from a job's fifth frame to its end."""
     assert app._server is not None
     sockets, sent = app._server._websock_server, []
     send = sockets.queue_message
     app.post(command)
-    until(lambda: app.session.job is not None, "the job did not begin")
-    time.sleep(5 * 0.06)
+    until(lambda: _frames(app) >= 5, "the job did not begin")
+    shown = threading.Event()
+    app._parts = (*app._parts, _Shown(shown))  # last of all parts: what it saw, the others have shown
+    assert shown.wait(PATIENCE_S), "the page is not changed any more"
 
     def note(message: Any) -> None:
         sent.append(message)
@@ -79,6 +75,22 @@ def sent_while(app: App, command: Any) -> list[viser_messages.Message]:
     until(lambda: app.session.job is None, "the job did not end")
     sockets.queue_message = send  # type: ignore[method-assign]
     return sent
+
+
+def _frames(app: App) -> int:
+    """How many steps of a flight or a plan the session has."""
+    plan = app.session.plan
+    return max(app.session.steps_reported, plan.latest.iteration if plan is not None and plan.latest else 0)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A part of the page that tells when it is shown."""
+
+    told: threading.Event
+
+    def show(self, session: Session) -> None:
+        self.told.set()
 
 
 @pytest.mark.parametrize("command", [StartFlight(), StartPlan()], ids=["flight", "plan"])

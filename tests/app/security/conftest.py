@@ -8,12 +8,13 @@ import pytest
 from websockets.sync.client import ClientConnection
 
 from app.page_server import page_server
-from tests.app.security.hostile import CAMERA, Page, connect_as_viser, free_port, until
+from tests.app.security.hostile import CAMERA, Page, connect_as_viser, update
+from tests.waiting import free_port, until
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def served() -> Iterator[Page]:
-    """One server for all tests of this file: who harms it harms the tests that come later."""
+    """A server of the test's own: connections that others used up or left behind do not count."""
     server = page_server("127.0.0.1", free_port(), None)
     gui, page = server.gui, Page(server)
     page.widgets = {
@@ -27,6 +28,7 @@ def served() -> Iterator[Page]:
         "group": gui.add_button_group("g", ("x", "y")),
         "off": gui.add_number("o", 0.5, disabled=True),
     }
+    mark = gui.add_number("m", 0)
     upload = gui.add_upload_button("u")
     button = gui.add_button("b", disabled=True)
     command = gui.add_command("c", disabled=True)
@@ -38,14 +40,14 @@ def served() -> Iterator[Page]:
     gizmo.on_update(page.told.append)
     upload.on_upload(page.told.append)
     server.scene.on_click()(page.told.append)
-    page.gizmo, page.upload, page.button = gizmo, upload, button  # type: ignore[attr-defined]
+    page.gizmo, page.upload, page.button, page.mark = gizmo, upload, button, mark  # type: ignore[attr-defined]
     yield page
     server.stop()
 
 
 @pytest.fixture
 def attack(served: Page) -> Iterator[Callable[..., ClientConnection]]:
-    """Opens a connection that has said where it looks from, and sends what it is given."""
+    """Opens a connection that says where it looks from; sends what it is given, and waits until that is taken in."""
     opened: list[ClientConnection] = []
 
     def open_and_send(*messages: Any) -> ClientConnection:
@@ -56,9 +58,13 @@ def attack(served: Page) -> Iterator[Callable[..., ClientConnection]]:
         until(lambda: set(served.server.get_clients()) - known, "the tab was not let in")
         for message in messages:
             connection.send(message if isinstance(message, bytes | str) else msgspec.msgpack.encode(message))
+        if messages:  # are dealt with in their order: what comes last is seen when all are
+            mark = served.mark  # type: ignore[attr-defined]
+            aim = mark.value + 1
+            connection.send(msgspec.msgpack.encode(update(mark, value=aim)))
+            until(lambda: mark.value == aim, "the server does not take a good value any more")
         return connection
 
-    served.told.clear()
     yield open_and_send
     for connection in opened:
         connection.close()

@@ -1,7 +1,5 @@
 """A hostile connection, and what it is aimed at."""
 
-import socket
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,12 +9,7 @@ import viser
 import zstandard
 from websockets.sync.client import ClientConnection, connect
 
-
-def free_port() -> int:
-    """A port that nobody listens at now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+from tests.waiting import PATIENCE_S, until
 
 
 def address(server: viser.ViserServer, scheme: str = "http") -> str:
@@ -32,6 +25,7 @@ def connect_as_viser(server: viser.ViserServer, headers: dict[str, str] | None =
         subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
         compression=None,
         max_size=None,
+        open_timeout=PATIENCE_S,
     )
 
 
@@ -68,20 +62,13 @@ def update(widget: Any, **updates: Any) -> dict[str, Any]:
     return {"type": "GuiUpdateMessage", "uuid": widget._impl.uuid, "updates": updates}
 
 
-def until(condition: Callable[[], Any], complaint: str, timeout_s: float = 5.0) -> None:
-    """Wait until `condition` holds."""
-    end = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end, complaint
-        time.sleep(0.01)
-
-
 def assert_well(served: Page, attack: Callable[..., ClientConnection]) -> None:
-    """Another tab is served as ever: what it sets arrives; messages sent before have been taken in by then."""
+    """Another tab is served as ever: what it sets arrives, and is told."""
     free = served.widgets["free"]
     aim = free.value + 1
     attack(update(free, value=aim))
     until(lambda: free.value == aim, "the server does not take a good value any more")
+    until(lambda: any(event.target is free for event in served.told), "a good value is not told any more")
 
 
 def messages_in(frame: bytes | str) -> list[dict[str, Any]]:
@@ -97,5 +84,5 @@ def replayed(served: Page) -> list[dict[str, Any]]:
         newcomer.send(msgspec.msgpack.encode(CAMERA))
         messages: list[dict[str, Any]] = []
         while not any(message["type"] == "ReplayDoneMessage" for message in messages):
-            messages += messages_in(newcomer.recv(5))
+            messages += messages_in(newcomer.recv(PATIENCE_S))
         return messages

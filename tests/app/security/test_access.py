@@ -1,9 +1,11 @@
 """Who is let in, asked over real sockets."""
 
+import contextlib
+import logging
 import socket
-import time
 import urllib.error
 import urllib.request
+from collections import Counter
 from collections.abc import Iterator
 
 import pytest
@@ -13,9 +15,12 @@ from websockets.exceptions import InvalidStatus
 from app.page_server import page_server
 from app.security.guarded_server import TokenError
 from app.security.token_bucket import TokenBucket
-from tests.app.security.hostile import address, connect_as_viser, free_port
+from tests.app.security.hostile import address, connect_as_viser
+from tests.waiting import PATIENCE_S, free_port, until
 
 TOKEN = "open-sesame_1"
+CROWD = 200
+"""Connections that are asked for at once."""
 
 
 @pytest.fixture(scope="module")
@@ -95,14 +100,46 @@ def test_a_token_that_cannot_travel_in_an_address_is_refused(token: str) -> None
 
 def test_too_many_connections_in_a_moment_are_refused_and_a_moment_later_they_are_not() -> None:
     server = page_server("127.0.0.1", free_port(), None)
+    upgrade = "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    upgrade += "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    at = ("127.0.0.1", server.get_port())
+
+    def is_let_in() -> bool:
+        try:
+            connect_as_viser(server).close()
+        except InvalidStatus:
+            return False
+        return True
+
     try:
-        with pytest.raises(InvalidStatus, match="503"):
-            for _ in range(200):
-                connect_as_viser(server).close()
-        time.sleep(0.3)
-        connect_as_viser(server).close()
+        with contextlib.ExitStack() as stack:
+            crowd = [stack.enter_context(socket.create_connection(at, PATIENCE_S)) for _ in range(CROWD)]
+            for one in crowd:  # asked all together: a slow machine must not spread them over time
+                one.sendall(upgrade.encode())
+            answers = Counter(one.recv(12) for one in crowd)
+        assert set(answers) == {b"HTTP/1.1 101", b"HTTP/1.1 503"}, answers
+        until(is_let_in, "whoever comes later is refused too")
     finally:
         server.stop()
+
+
+@pytest.mark.parametrize("begun", [b"", b"GET / HT"], ids=["nothing", "half a request"])
+def test_whoever_leaves_before_asking_leaves_no_traceback(
+    begun: bytes, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(logging.getLogger("websockets.server"), "filters", [])  # those of servers before
+    server = page_server("127.0.0.1", free_port())
+    try:
+        with socket.create_connection(("127.0.0.1", server.get_port())) as plain:
+            plain.sendall(begun)
+            plain.shutdown(socket.SHUT_WR)
+            plain.settimeout(PATIENCE_S)
+            with contextlib.suppress(ConnectionResetError):
+                assert plain.recv(1) == b"", "the server waits for more"
+        assert status(address(server)) == 200
+    finally:
+        server.stop()
+    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
 
 
 def test_the_servers_banner_does_not_reach_the_output(capsys: pytest.CaptureFixture[str]) -> None:

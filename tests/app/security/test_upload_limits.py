@@ -10,8 +10,8 @@ from websockets.sync.client import ClientConnection
 from tests.app.security.hostile import (
     Page,
     assert_well,
-    until,
 )
+from tests.waiting import until
 
 
 def start(served: Page, **changes: Any) -> dict[str, Any]:
@@ -84,7 +84,6 @@ def test_nobody_can_add_to_or_replace_the_upload_of_another_or_begin_too_many(
     served: Page, attack: Callable[..., ClientConnection]
 ) -> None:
     states = served.server.gui._current_file_upload_states
-    until(lambda: not states, "uploads are left from before")
     owner = attack(start(served))
     until(lambda: "t" in states, "the upload was not begun")
     thief = attack(part(served, b"evil!"), start(served, size_bytes=4), start(served, transfer_uuid="own"))

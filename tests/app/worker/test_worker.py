@@ -17,6 +17,7 @@ from app.worker.worker import Worker
 from nerfnav.errors import NerfnavError
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
+from tests.waiting import PATIENCE_S
 
 
 class Loop:
@@ -36,7 +37,7 @@ class Loop:
             self.session = reduce(self.session, message)
             self.worker.follow(self.session)
 
-    def until(self, condition: Callable[[], bool], timeout_s: float = 5.0) -> None:
+    def until(self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S) -> None:
         """Take in messages until `condition` holds."""
         end = time.monotonic() + timeout_s
         while not condition():
@@ -46,7 +47,7 @@ class Loop:
             except queue.Empty:
                 continue
 
-    def settle(self, quiet_s: float = 0.2) -> None:
+    def settle(self, quiet_s: float = 0.3) -> None:
         """Take in messages until none comes any more."""
         while True:
             try:
@@ -113,7 +114,7 @@ def test_a_cancelled_job_is_closed_after_the_step_in_progress(loop_for: Callable
     held = threading.Event()
 
     def slow(job: Any) -> Progress:
-        held.wait(5)
+        held.wait(PATIENCE_S)
         return Progress("optimising", 0.5)
 
     work = ScriptedWork({JobKind.PLAN: [Progress("optimising", 0.0), slow, *[Progress("optimising", 1.0)] * 1000]})
@@ -123,28 +124,32 @@ def test_a_cancelled_job_is_closed_after_the_step_in_progress(loop_for: Callable
     number = loop.session.job.id  # type: ignore[union-attr]
     loop.take(m.Cancel())
     held.set()
+    loop.until(lambda: number in work.closed)
     loop.settle()
-    assert number in work.closed
     assert sum(isinstance(event, Progress) and event.fraction == 1.0 for event in loop.events()) == 0
 
 
 def test_a_paused_flight_waits_and_takes_single_steps(loop_for: Callable[[ScriptedWork], Loop]) -> None:
-    gate = threading.Event()
+    begun, gate = threading.Event(), threading.Event()
 
     def first(job: Any) -> Any:
-        gate.wait(5)
+        begun.set()
+        gate.wait(PATIENCE_S)
         return flight_step(job.ends, 0)
 
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(1, 30)]
     loop = loop_for(ScriptedWork({JobKind.FLY: [first, *steps, JobFinished("fly")]}))
-    loop.take(m.StartFlight(), m.Pause())
+    loop.take(m.StartFlight())
+    assert begun.wait(PATIENCE_S)
+    loop.take(m.Pause())
     gate.set()
+    loop.until(lambda: loop.session.steps_reported == 1)
     loop.settle()
-    held_at = loop.session.steps_reported
-    assert held_at <= 1
+    assert loop.session.steps_reported == 1
     loop.take(m.StepOnce())
+    loop.until(lambda: loop.session.steps_reported == 2)
     loop.settle()
-    assert loop.session.steps_reported == held_at + 1
+    assert loop.session.steps_reported == 2
     loop.take(m.Resume())
     loop.until(lambda: loop.session.job is None)
     assert loop.session.steps_reported == 30
@@ -155,7 +160,7 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
         time.sleep(0.01)
         return Progress("optimising", 0.5)
 
-    work = ScriptedWork({JobKind.PLAN: [slow] * 100 + [JobFinished("plan")]})
+    work = ScriptedWork({JobKind.PLAN: [slow] * 10_000 + [JobFinished("plan")]})
     loop = loop_for(work)
     loop.settle()
     loop.take(m.StartPlan(), m.MoveEnd(m.Which.GOAL, m.End((0.5, -0.5, 0.5))))
@@ -192,7 +197,7 @@ def test_warming_up_is_left_when_somebody_plans() -> None:
         time.sleep(0.01)
         return Progress("compiling", 0.6)
 
-    warming = [compiling] * 1000
+    warming = [compiling] * 10_000
     opening = [PlaceOpened(balls_place()), SurfaceShaped(b"glTF"), *warming, JobFinished("open")]
     plan = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
     loop = Loop(ScriptedWork({JobKind.OPEN: opening, JobKind.PLAN: plan}))

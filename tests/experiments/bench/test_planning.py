@@ -23,6 +23,7 @@ def test_the_fast_plan_is_no_dearer_and_both_are_timed(arena: Arena):
     assert torch.get_num_threads() == before
 
 
+@pytest.mark.slow
 def test_a_plan_is_redone_at_no_higher_cost_and_the_way_to_the_same_cost_is_timed(arena: Arena):
     found = replan.measure(arena, tasks=2, rounds=1, fast_per_round=2, iterations=60)
     assert found.ratio == found.paper_ms / found.fast_ms > 0
@@ -30,6 +31,7 @@ def test_a_plan_is_redone_at_no_higher_cost_and_the_way_to_the_same_cost_is_time
     assert found.detail["max_j_ratio"] < 1.05
 
 
+@pytest.mark.slow
 def test_iterations_of_all_sizes_and_plans_from_one_and_many_starts_are_timed(arena: Arena):
     found = scaling.measure(arena, repeats=5, tasks=1)
     assert found.waypoints.shape == found.body_points.shape == found.iteration_ms.shape

@@ -30,6 +30,7 @@ def request(source: Path, out: Path, **changes: object) -> TrainRequest:
     return TrainRequest(str(source), out, **quick | changes)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["folder", "transforms.json", "zip"])
 def test_a_capture_becomes_a_field_whichever_way_it_is_given(tmp_path: Path, kind: str) -> None:
     folder = write_transforms(tmp_path / "room")

@@ -1,0 +1,32 @@
+"""How tests wait: for what they need, and long enough for a machine that is busy with other things."""
+
+import random
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+PATIENCE_S = 60.0
+"""How long anything may take that takes a moment on an idle machine [s]."""
+_PORTS = range(20_000, 32_000)  # below those that connections of this machine are given
+
+
+def until(condition: Callable[[], Any], complaint: str, timeout_s: float = PATIENCE_S) -> None:
+    """Wait until `condition` holds; fail with `complaint` when it does not in time."""
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, complaint
+        time.sleep(0.01)
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens at now, and that no outgoing connection takes in the meantime."""
+    for port in random.sample(_PORTS, 100):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return port
+    raise AssertionError(f"no free port from {_PORTS.start} to {_PORTS.stop - 1}")
