@@ -2,9 +2,10 @@
 
 import contextlib
 import hashlib
-import os
 from collections.abc import Callable
 from pathlib import Path
+
+from platformdirs import user_cache_path
 
 from nerfnav.files import replacing
 
@@ -13,7 +14,7 @@ _MOST_OF_A_KIND = 12
 
 def cache_root() -> Path:
     """Where nerfnav keeps what it can make again: in the user's cache folder."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nerfnav"
+    return user_cache_path("nerfnav", appauthor=False)
 
 
 def kept(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from platformdirs import user_cache_path
 
 _PACKAGE = Path(__file__).parent
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
@@ -37,8 +38,9 @@ def _sources_digest() -> str:
 
 def cache_folder() -> Path:
     """Where compiled kernels are kept: in NUMBA_CACHE_DIR or the user's cache, a folder for each state of them."""
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "nerfnav" / f"kernels-{_sources_digest()}"
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    root = Path(chosen) / "nerfnav" if chosen else user_cache_path("nerfnav", appauthor=False)
+    return root / f"kernels-{_sources_digest()}"
 
 
 @contextmanager

@@ -45,3 +45,11 @@ class OccupiedError(NerfnavError):
         """Keep the nearest free point beside the message that names it."""
         super().__init__(message)
         self.nearest = nearest
+
+
+class MissingExtraError(NerfnavError):
+    """An optional dependency that is needed and not installed."""
+
+    def __init__(self, user: str, package: str, extra: str) -> None:
+        """Say that `user` needs `package`, and which extra of nerfnav brings it."""
+        super().__init__(f"{user} needs {package}, which is not installed here: pip install 'nerfnav[{extra}]'")

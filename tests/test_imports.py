@@ -7,12 +7,14 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LEVELS = (
-    ("errors", "structs", "compiled", "files"),
+    ("errors",),
+    ("structs", "compiled", "files", "extras"),
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
     ("navigation",),
     ("experiments", "export"),
+    ("api",),
 )
 """Packages of nerfnav from the ground up; a package imports only from levels below its own, and itself."""
 BESIDE = {("world", "robots")}
@@ -76,6 +78,13 @@ def test_the_library_imports_only_from_lower_levels(path: Path) -> None:
 @pytest.mark.parametrize("path", [p for p in LIBRARY if package_of(module_of(p)) in WALL], ids=relative)
 def test_planning_and_estimation_never_see_the_ground_truth(path: Path) -> None:
     assert not [module for module in imported(path) if package_of(module) == "world"]
+
+
+def test_the_front_of_the_library_imports_nothing_of_it_before_it_is_asked_for() -> None:
+    front = ast.parse((ROOT / "nerfnav" / "__init__.py").read_text())
+    named = {alias.name for node in front.body if isinstance(node, ast.Import) for alias in node.names}
+    named |= {str(node.module) for node in front.body if isinstance(node, ast.ImportFrom)}
+    assert named == {"os", "importlib", "typing"}, "of nerfnav, only inside `if TYPE_CHECKING`"
 
 
 def test_scenes_do_not_import_the_app() -> None:

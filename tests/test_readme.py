@@ -41,11 +41,18 @@ def test_there_are_commands_for_every_part() -> None:
 @pytest.mark.slow
 def test_the_script_prints_a_plan() -> None:
     (script,) = blocks("python")
-    assert len([line for line in script.splitlines() if line]) <= 12
+    assert len([line for line in script.splitlines() if line]) <= 8
     ran = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert ran.returncode == 0, ran.stderr
     assert "PlanOutcome.CONVERGED" in ran.stdout
     assert "overlap with the true stones: 0.0 m^3" in ran.stdout
+
+
+@pytest.mark.parametrize("language", ["python", "py"])
+def test_a_script_needs_nothing_of_nerfnav_but_its_front(language: str) -> None:
+    (script,) = blocks(language)
+    imported = [line for line in script.splitlines() if line.startswith(("import ", "from "))]
+    assert imported in (["import nerfnav, scenes"], ["import nerfnav, scenes, torch"])
 
 
 def test_every_folder_of_the_tree_exists() -> None:
@@ -66,6 +73,7 @@ def test_the_filter_alone_follows_a_camera(capsys: pytest.CaptureFixture[str]) -
     camera = (
         "from nerfnav.field.render import render_image\n"
         "from nerfnav.geometry.camera import FORWARD_MOUNT\n"
+        "from nerfnav.robots.state import RigidState\n"
         "def your_camera():\n"
         "    pose = RigidState.at_rest((-0.89, 0.005, 0.3)).pose.compose(FORWARD_MOUNT)\n"
         "    return (255 * render_image(estimator.field, camera, pose).color.clamp(0, 1)).round().to(torch.uint8)\n"

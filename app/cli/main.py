@@ -10,13 +10,13 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from importlib.metadata import version
 from keyword import iskeyword
 from typing import Any
 
 import tyro
 
 from app.system.fast_imports import importing
+from nerfnav import __version__
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 
 COMMANDS = {
@@ -49,7 +49,7 @@ def main(words: Sequence[str] | None = None) -> int:
         if words[:1] in (["-h"], ["--help"], ["help"]):
             print(usage())
         elif words[:1] == ["--version"]:
-            print(f"nerfnav {version('nerfnav')}")
+            print(f"nerfnav {__version__}")
         else:
             command, arguments = parse(words)
             command.run(arguments)

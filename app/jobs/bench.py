@@ -9,14 +9,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from app.benchmarks.comparison import Comparison
 from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
-from app.jobs.experiment import open_arena, save_figure, table_text
-from app.storage.output_files import json_line, prepare_folder, write_text
+from app.jobs.experiment import open_arena, png_of, table_text
+from app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.comparison import Comparison
+from nerfnav.extras import from_extra
 
 MEASURES = ("plan", "replan", "filter", "render", "train_step")
-"""What is compared: each is a module of nerfnav.experiments.bench with a function `measure`."""
+"""What is compared: each is a module of app.benchmarks with a function `measure`."""
 QUICK: dict[str, dict[str, Any]] = {
     "plan": {"tasks": 2, "fast_per_round": 3},
     "replan": {"tasks": 2, "rounds": 1},
@@ -43,12 +44,17 @@ class BenchRequest:
 
 def module_named(name: str) -> ModuleType | None:
     """The module of one measure; None where this version has none."""
-    full = f"nerfnav.experiments.bench.{name}"
+    full = f"app.benchmarks.{name}"
     return None if importlib.util.find_spec(full) is None else importlib.import_module(full)
 
 
 def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
-    """Yield which comparison is under way, then all numbers; what cannot be measured is named under `left_out`."""
+    """Yield which comparison is under way, then all numbers; what cannot be measured is named under `left_out`.
+
+    Raises MissingExtraError where files are asked for, and matplotlib, which draws one of them, is not installed.
+    """
+    if request.out is not None:
+        from_extra("matplotlib.figure", "experiments", "the plot of bench --out")
     out = None if request.out is None else prepare_folder(request.out)
     yield JobStarted("bench")
     yield Progress("opening the field", 0.0)
@@ -88,5 +94,5 @@ def save(folder: Path, summary: dict[str, Any], arena: Arena, find: Finder) -> t
         files.append(write_text(folder / "bench.csv", table_text(rows)))
     if (scaling := find("scaling")) is not None:
         options = QUICK["scaling"] if summary["quick"] else {}
-        files.append(save_figure(folder / "scaling.png", scaling.picture(scaling.measure(arena, **options))))
+        files.append(write_bytes(folder / "scaling.png", png_of(scaling.picture(scaling.measure(arena, **options)))))
     return tuple(files)

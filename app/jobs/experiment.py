@@ -2,23 +2,25 @@
 
 import csv
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
 from app.places.place import open_place
 from app.registry import named
 from app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
-from nerfnav.errors import InvalidInputError
+from nerfnav.errors import InvalidInputError, MissingExtraError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import Results, Row, Study, TrialDone
 from nerfnav.field.voxel import VoxelField
 from nerfnav.world.task import Task
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,12 @@ def run(request: ExperimentRequest) -> JobEvents:
         else:
             results = step
     assert results is not None, "an experiment ends with its results"
-    yield JobFinished("experiment", results.summary, () if out is None else save(out, request.name, results))
+    figures: dict[str, bytes] = {}
+    if out is not None:
+        figures, left_out = _drawn(results)
+        results = replace(results, summary=_with_left_out(results.summary, left_out))
+    files = () if out is None else save(out, request.name, results, figures)
+    yield JobFinished("experiment", results.summary, files)
 
 
 @cache
@@ -72,13 +79,26 @@ def open_arena(place: str) -> Arena:
     return Arena(opened.scene, opened.field)
 
 
-def save(folder: Path, name: str, results: Results) -> tuple[Path, ...]:
-    """Write results.json, the table as NAME.csv, and each figure as a PNG."""
+def _drawn(results: Results) -> tuple[dict[str, bytes], Row]:
+    """The figures as PNG by name; where they cannot be drawn, none, and why."""
+    try:
+        return {title: png_of(draw()) for title, draw in results.figures.items()}, {}
+    except MissingExtraError as error:
+        return {}, {"figures": str(error)}
+
+
+def _with_left_out(summary: Row, left_out: Row) -> Row:
+    """A summary that says under `left_out` what was not done, and why."""
+    return {**summary, "left_out": {**summary.get("left_out", {}), **left_out}} if left_out else summary
+
+
+def save(folder: Path, name: str, results: Results, figures: Mapping[str, bytes]) -> tuple[Path, ...]:
+    """Write results.json, the table as NAME.csv, and each figure, given as PNG."""
     content = {"experiment": name, "summary": results.summary, "rows": list(results.rows)}
     files = [write_text(folder / "results.json", json_line(content) + "\n")]
     if results.rows:
         files.append(write_text(folder / f"{name}.csv", table_text(results.rows)))
-    return (*files, *(save_figure(folder / f"{title}.png", figure) for title, figure in results.figures.items()))
+    return (*files, *(write_bytes(folder / f"{title}.png", png) for title, png in figures.items()))
 
 
 def table_text(rows: Sequence[Row]) -> str:
@@ -92,11 +112,11 @@ def table_text(rows: Sequence[Row]) -> str:
     return stream.getvalue()
 
 
-def save_figure(path: Path, figure: Figure) -> Path:
-    """Write a PNG."""
+def png_of(figure: "matplotlib.figure.Figure") -> bytes:
+    """A drawing as PNG."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png")
-    return write_bytes(path, stream.getvalue())
+    return stream.getvalue()
 
 
 def _tasks(experiment: Experiment, place: str, arena: Arena) -> tuple[Task, ...]:

@@ -2,7 +2,7 @@
 
 import base64
 import re
-from pathlib import Path
+from importlib.resources import files
 
 import numpy as np
 import viser
@@ -33,10 +33,6 @@ _SKYLIGHT = 2.0  # beside the lamp of viser, which has 3
 
 _PANEL_WIDTH = 340.0  # [pixels]
 
-STATIC = Path(__file__).resolve().parents[2] / "static"
-"""Where the logo lies."""
-
-
 def linear(color: Rgb | np.ndarray) -> np.ndarray:
     """sRGB bytes as linear bytes: what viser wants where it takes an array of colours."""
     return np.round(255 * to_linear(np.asarray(color, dtype=np.float64) / 255)).astype(np.uint8)
@@ -50,17 +46,18 @@ def css(color: Rgb) -> str:
 def branded(page: bytes) -> bytes:
     """viser's page under the app's name and with its icon."""
     page = page.replace(b"<title>Viser</title>", b"<title>nerfnav</title>", 1)
-    icon = b'<link rel="icon" href="' + _data_url(STATIC / "favicon.svg").encode() + b'" />'
+    icon = b'<link rel="icon" href="' + _data_url("favicon.svg").encode() + b'" />'
     return re.sub(rb'<link\s+rel="icon"[^>]*?/?>', lambda _: icon, page, count=1)
 
 
-def _data_url(image: Path) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(image.read_bytes()).decode()
+def _data_url(image: str) -> str:
+    """A picture that lies beside this file."""
+    return "data:image/svg+xml;base64," + base64.b64encode((files("app.page") / image).read_bytes()).decode()
 
 
 def apply_theme(server: viser.ViserServer) -> None:
     """Give the page its theme, title bar and backdrop."""
-    logo = _data_url(STATIC / "logo.svg")
+    logo = _data_url("logo.svg")
     image = TitlebarImage(image_url_light=logo, image_url_dark=logo, image_alt="nerfnav", href=None)
     server.gui.configure_theme(
         titlebar_content=TitlebarConfig(buttons=None, image=image),

@@ -1,27 +1,27 @@
-"""Whether a file is being written: the system frees the lock of a program that is killed."""
+"""Whether a file is being written: a lock file beside it, which the system frees when a program is killed."""
 
 from pathlib import Path
-from typing import IO, Any
 
-try:
-    import fcntl
-except ImportError:  # a system without them: there a flight under way is listed as interrupted
-    fcntl = None
+from filelock import BaseFileLock, FileLock, Timeout
 
 
-def hold(stream: IO[Any]) -> None:
-    """Mark a file as being written until it is closed."""
-    if fcntl is not None:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+def lock_of(path: Path) -> BaseFileLock:
+    """The lock of a file that is written for a while, FILE.lock beside it, not taken yet.
+
+    Taking it raises filelock.Timeout, an OSError, at once where somebody has it.
+    """
+    return FileLock(path.with_name(f"{path.name}.lock"), blocking=False, thread_local=False)
 
 
 def is_held(path: Path) -> bool:
-    """Whether anybody is writing a file."""
-    if fcntl is None or not path.is_file():
+    """Whether anybody is writing a file; False too where its lock may not be opened."""
+    lock = lock_of(path)
+    if not Path(lock.lock_file).is_file():
         return False
-    with path.open("rb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except OSError:
-            return True
-    return False
+    try:
+        with lock:
+            return False
+    except Timeout:
+        return True
+    except OSError:
+        return False

@@ -9,7 +9,7 @@ Numbers have nine digits, which is every bit of a float32. What the filter compa
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,11 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
+from filelock import Timeout
 from torch import Tensor
 
 from app.storage import run_metadata as about
-from app.storage.file_lock import hold
+from app.storage.file_lock import lock_of
 from app.storage.output_files import OutputError
 from app.storage.run_metadata import RunMetadata
 from nerfnav.errors import InvalidInputError
@@ -46,13 +47,12 @@ class StepLog:
         """
         self._folder, self._about, self._numbers = folder, flight, numbers
         self._steps: list[NavigationStep] = []
-        self._stream = (folder / FILE).open("a")
+        self._lock = lock_of(folder / FILE)
         try:
-            hold(self._stream)
-        except OSError as error:
-            self._stream.close()
+            self._lock.acquire()
+        except Timeout as error:
             raise OutputError(f"another flight is being written into {folder.name}: choose another folder") from error
-        self._stream.truncate(0)
+        self._stream = (folder / FILE).open("w")
         for old in (folder / PICTURES).glob("*.jpg"):
             old.unlink()
         flight.save(folder)
@@ -76,10 +76,14 @@ class StepLog:
             outcome = episode.outcome.name.lower()
             replace(self._about, outcome=outcome, metrics=self._numbers(episode)).save(self._folder)
         self._stream.close()
+        with suppress(OSError):  # systems differ in whether a file can be removed while it is open
+            Path(self._lock.lock_file).unlink(missing_ok=True)
+        self._lock.release()
 
     def _discard(self) -> None:
         pictures = self._folder / PICTURES
-        for path in (self._folder / FILE, self._folder / about.FILE, *pictures.glob("*.jpg")):
+        lock = Path(self._lock.lock_file)
+        for path in (self._folder / FILE, self._folder / about.FILE, lock, *pictures.glob("*.jpg")):
             path.unlink(missing_ok=True)
         for folder in (pictures, self._folder):
             if folder.is_dir() and not any(folder.iterdir()):

@@ -9,10 +9,11 @@ nothing but sky, from which nothing can converge, count like all others.
 import math
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
 from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
@@ -26,6 +27,9 @@ from nerfnav.experiments.views import SUPERSAMPLE, take_picture
 from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT, RigidState
 from nerfnav.world.raycast import MeshRenderer
 
+if TYPE_CHECKING:
+    import matplotlib.figure
+
 SIZES = ((0.02, 0.02), (0.05, 0.05), (0.1, 0.1), (0.2, 0.2))
 """How far the belief is off: position [m], attitude [rad]."""
 CONVERGED = {"position_m": 0.01, "rotation_deg": 1.0}
@@ -37,7 +41,7 @@ _MOVING = (0.1, 0.1)
 def run(study: Study) -> Iterator[ExperimentStep]:
     """Correct a belief of every size on every flight."""
     rows = yield from over_flights(study, "correcting", correct)
-    yield Results(summary_of(rows), tuple(rows), {"basin": picture(rows)})
+    yield Results(summary_of(rows), tuple(rows), {"basin": partial(picture, rows)})
 
 
 def correct(arena: Arena, trial: Trial) -> list[Row]:
@@ -79,7 +83,7 @@ def summary_of(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row]) -> Figure:
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
     """Share of estimates that end as near, for each size of the first error."""
     figure, axes = panels(("Position", "Rotation"))
     for ax, (name, bound) in zip(axes, CONVERGED.items(), strict=True):

@@ -14,11 +14,11 @@ over all watched iterations, ties included, is told beside it.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
 from nerfnav.experiments.arena import Arena
@@ -35,6 +35,9 @@ from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
 from nerfnav.robots.state import Motion
 from nerfnav.world.contact import judge
 from nerfnav.world.task import Task
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 _ROBOT = Quadrotor(QuadrotorConfig(point_counts=(7, 7, 3)))
 """Body points 2 cm apart: in a coarser body a thin bar may lie between the points, where no loss sees the overlap."""
@@ -67,7 +70,7 @@ def run(study: Study) -> Iterator[ExperimentStep]:
     watches = [Watch(task) for task in study.first(study.tasks, "tasks")]
     tables = yield from run_trials(study, "watching plans", watch, watches)
     rows = tuple(row for table in tables for row in table)
-    yield Results(summary_of(rows), rows, {"correlation": picture(rows)})
+    yield Results(summary_of(rows), rows, {"correlation": partial(picture, rows)})
 
 
 def watch(arena: Arena, item: Watch) -> list[Row]:
@@ -114,7 +117,7 @@ def summary_of(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row]) -> Figure:
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
     """Loss against overlap, and both over the iterations of the plan that overlapped most."""
     figure, (cloud, course) = panels(("Every watched iteration", "One plan"), height=3.8)
     worst = max(rows, key=lambda row: row["overlap_m4"], default=None)

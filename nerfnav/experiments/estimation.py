@@ -6,10 +6,10 @@ belief, the same actions and the same pictures.
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import torch
-from matplotlib.figure import Figure
 
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import POSE
@@ -25,6 +25,9 @@ from nerfnav.experiments.views import SUPERSAMPLE, take_picture
 from nerfnav.robots.state import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState
 from nerfnav.world.raycast import MeshRenderer
 
+if TYPE_CHECKING:
+    import matplotlib.figure
+
 METHODS = ("nerfnav", "inerf")
 """Who takes part: the fast filter, and dynamically-informed iNeRF."""
 ERRORS = {"position_m": POSITION, "rotation_rad": ATTITUDE, "velocity_mps": VELOCITY, "rate_radps": BODY_RATE}
@@ -39,7 +42,7 @@ _ELLIPSOID_95 = 7.815
 def run(study: Study) -> Iterator[ExperimentStep]:
     """Fly and estimate; the table has a line for each trial, method and time step."""
     rows = yield from over_flights(study, "estimating", follow)
-    yield Results(summary_of(rows), tuple(rows), {"estimation": picture(rows)})
+    yield Results(summary_of(rows), tuple(rows), {"estimation": partial(picture, rows)})
 
 
 def follow(arena: Arena, trial: Trial) -> list[Row]:
@@ -93,7 +96,7 @@ def summary_of(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row]) -> Figure:
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
     """Mean errors over the steps, with bands of one standard deviation, as in the paper."""
     units = {"position_m": "[m]", "rotation_rad": "[rad]", "velocity_mps": "[m/s]", "rate_radps": "[rad/s]"}
     figure, axes = panels([f"{name.rpartition('_')[0].capitalize()} error {unit}" for name, unit in units.items()])

@@ -1,17 +1,24 @@
 """Pictures of results, drawn without a screen."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from nerfnav.extras import from_extra
+
+if TYPE_CHECKING:
+    import matplotlib.axes
+    import matplotlib.figure
 
 COLORS = ("#2a7f9e", "#d98c3f", "#8a5a9e", "#5c8a4a", "#b0494d")
 """One for each contender, in their order."""
 
 
-def panels(titles: Sequence[str], height: float = 3.4) -> tuple[Figure, list[Axes]]:
-    """A figure with one set of axes for each title, side by side."""
-    figure = Figure(figsize=(3.8 * len(titles), height), dpi=150, layout="constrained")
+def panels(
+    titles: Sequence[str], height: float = 3.4
+) -> tuple["matplotlib.figure.Figure", list["matplotlib.axes.Axes"]]:
+    """A figure with one set of axes for each title, side by side. Raises MissingExtraError without matplotlib."""
+    drawing = from_extra("matplotlib.figure", "experiments", "drawing a figure")
+    figure = drawing.Figure(figsize=(3.8 * len(titles), height), dpi=150, layout="constrained")
     row = figure.subplots(1, len(titles), squeeze=False)[0]
     for axes, title in zip(row, titles, strict=True):
         axes.set_title(title, fontsize=10)
@@ -20,7 +27,10 @@ def panels(titles: Sequence[str], height: float = 3.4) -> tuple[Figure, list[Axe
 
 
 def bars(
-    axes: Axes, values: Mapping[str, float], unit: str, spread: Mapping[str, Sequence[float]] | None = None
+    axes: "matplotlib.axes.Axes",
+    values: Mapping[str, float],
+    unit: str,
+    spread: Mapping[str, Sequence[float]] | None = None,
 ) -> None:
     """One labelled bar for each name; with `spread`, the single values as dots on it."""
     for index, (name, value) in enumerate(values.items()):

@@ -11,14 +11,13 @@ Planned on the field, judged on the mesh. Drives that the field does not allow t
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 import trimesh
 from jaxtyping import Float
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from torch import Tensor
 
 from nerfnav import robots
@@ -37,6 +36,10 @@ from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.state import Motion
 from nerfnav.world.contact import judge
 from nerfnav.world.task import Task
+
+if TYPE_CHECKING:
+    import matplotlib.axes
+    import matplotlib.figure
 
 Way = list[list[float]]
 """x, y [m] and heading [rad] at each time."""
@@ -67,7 +70,7 @@ def run(study: Study) -> Iterator[ExperimentStep]:
     rows, ways = tuple(row for row, _ in done), [way for _, way in done]
     walls = outlines(study.open_arena(), rows[0]["height_m"]) if rows else np.empty((0, 2, 2))
     summary = {**summary_of(rows), "refused": len(answers) - len(done)}
-    yield Results(summary, rows, {"ground_robots": picture(rows, ways, walls)})
+    yield Results(summary, rows, {"ground_robots": partial(picture, rows, ways, walls)})
 
 
 def _drives(task: Task) -> list[Drive]:
@@ -151,8 +154,10 @@ def outlines(arena: Arena, height: float) -> np.ndarray:
     return np.concatenate([np.reshape(cut, (-1, 2, 3))[..., :2] for cut in cuts])
 
 
-def picture(rows: Sequence[Row], ways: Sequence[Way], walls: np.ndarray) -> Figure:
+def picture(rows: Sequence[Row], ways: Sequence[Way], walls: np.ndarray) -> "matplotlib.figure.Figure":
     """The first couch with and without its turn, and the ways of all wheels, from above."""
+    from matplotlib.collections import LineCollection
+
     figure, (free, held, wheels) = panels(("May turn", "May not turn", "On wheels"), height=3.8)
     for axes, so in ((free, False), (held, True)):
         index = next((i for i, row in enumerate(rows) if row["robot"] == COUCH and row["heading_held"] is so), None)
@@ -168,7 +173,7 @@ def picture(rows: Sequence[Row], ways: Sequence[Way], walls: np.ndarray) -> Figu
     return figure
 
 
-def _trail(axes: Axes, way: Way, name: str, color: str) -> None:
+def _trail(axes: "matplotlib.axes.Axes", way: Way, name: str, color: str) -> None:
     """Outlines of a robot along its way."""
     half = 0.5 * torch.tensor(robots.load(name).body.extents[:2])
     outline = half * torch.tensor([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])

@@ -10,11 +10,12 @@ import statistics
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import torch
-from matplotlib.figure import Figure
 
+from nerfnav.errors import MissingExtraError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import bars, panels
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
@@ -24,14 +25,17 @@ from nerfnav.planner.costs import collision_per_step, control
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.planner import Planner
 from nerfnav.planner.route import Route
-from nerfnav.planner.rrt import RRTConfig, ball_check
+from nerfnav.planner.rrt import RRTConfig, ball_check, require_ompl
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.world.contact import judge
 from nerfnav.world.task import Task
 
+if TYPE_CHECKING:
+    import matplotlib.figure
+
 PLANNERS = ("nerfnav", "minsnap", "rrt")
-"""Who takes part."""
+"""Who takes part: all whose libraries are installed; the summary names the others under `left_out`."""
 _STEPS, _DT = 20, 0.1
 """Length of a flight: 2 s, as in the paper."""
 _ARRIVED = 0.1
@@ -56,12 +60,16 @@ class Flight:
 
 def run(study: Study) -> Iterator[ExperimentStep]:
     """Plan every task with every planner; a flight fails that touches, misses its goal, or has no plan."""
-    tasks = study.first(study.tasks, "tasks")
+    tasks, left_out = study.first(study.tasks, "tasks"), _left_out()
     flights = [
-        Flight(name, task, 1 + study.seed * len(tasks) + index) for index, task in enumerate(tasks) for name in PLANNERS
+        Flight(name, task, 1 + study.seed * len(tasks) + index)
+        for index, task in enumerate(tasks)
+        for name in PLANNERS
+        if name not in left_out
     ]
     rows = yield from run_trials(study, "planning", fly, flights)
-    yield Results(summary_of(rows), tuple(rows), {"planners": picture(rows)})
+    told = {"left_out": left_out} if left_out else {}
+    yield Results(summary_of(rows) | told, tuple(rows), {"planners": partial(picture, rows)})
 
 
 def fly(arena: Arena, flight: Flight) -> Row:
@@ -75,7 +83,7 @@ def fly(arena: Arena, flight: Flight) -> Row:
 def summary_of(rows: Sequence[Row]) -> dict[str, Row]:
     """For each planner: its failures and what its plans cost on average."""
     summary = {}
-    for name in PLANNERS:
+    for name in _contenders(rows):
         mine = [row for row in rows if row["planner"] == name]
         summary[name] = {
             "flights": len(mine),
@@ -90,15 +98,16 @@ def summary_of(rows: Sequence[Row]) -> dict[str, Row]:
     return summary
 
 
-def picture(rows: Sequence[Row]) -> Figure:
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
     """Bars as in the paper's figure, and every flight as a dot."""
     figure, (collision, effort, failures) = panels(("Collision cost (Eq. 1)", "Control effort", "Failed flights"))
+    names = _contenders(rows)
     for axes, key, unit in ((collision, "collision", "sum of density x way"), (effort, "effort", "sum of u' Gamma u")):
-        spread = {name: [row[key] for row in rows if row["planner"] == name] for name in PLANNERS}
+        spread = {name: [row[key] for row in rows if row["planner"] == name] for name in names}
         axes.set_yscale("log")
         bars(axes, {name: statistics.fmean(values) for name, values in spread.items()}, unit + ", mean", spread)
-    failed = {name: float(sum(row["failed"] for row in rows if row["planner"] == name)) for name in PLANNERS}
-    bars(failures, failed, f"of {len(rows) // len(PLANNERS)}")
+    failed = {name: float(sum(row["failed"] for row in rows if row["planner"] == name)) for name in names}
+    bars(failures, failed, f"of {len(rows) // len(names)}")
     return figure
 
 
@@ -119,6 +128,20 @@ def _row(arena: Arena, flight: Flight, plan: PlanStep, plan_ms: float) -> Row:
         "effort": control(motion, torch.tensor(_ROBOT.action_weights)).item(),
         "plan_ms": plan_ms,
     }
+
+
+def _left_out() -> Row:
+    """Planners whose library is not installed, and what to do about it."""
+    try:
+        require_ompl()
+    except MissingExtraError as error:
+        return {"rrt": str(error)}
+    return {}
+
+
+def _contenders(rows: Sequence[Row]) -> tuple[str, ...]:
+    """The planners that took part, in the order of PLANNERS."""
+    return tuple(name for name in PLANNERS if any(row["planner"] == name for row in rows))
 
 
 def _contender(arena: Arena, flight: Flight) -> Planner:

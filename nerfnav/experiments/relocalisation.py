@@ -11,11 +11,11 @@ heading anywhere, with pitch and roll of 0.2 rad standard deviation:
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
 
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseOutcome, Searcher
@@ -27,6 +27,9 @@ from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Pose
 from nerfnav.world.capture import CaptureConfig, capture_poses
 from nerfnav.world.raycast import MeshRenderer
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 KINDS = {"sighted": 0.25, "any": 0.0}
 """Least share of the picture that the mesh fills."""
@@ -60,7 +63,7 @@ def run(study: Study) -> Iterator[ExperimentStep]:
         for index in range(number)
     ]
     rows = yield from run_trials(study, "searching", search, trials)
-    yield Results(summary_of(rows), tuple(rows), {"relocalisation": picture(rows)})
+    yield Results(summary_of(rows), tuple(rows), {"relocalisation": partial(picture, rows)})
 
 
 def search(arena: Arena, lost: Lost) -> Row:
@@ -108,7 +111,7 @@ def _summary(rows: Sequence[Row]) -> Row:
     }
 
 
-def picture(rows: Sequence[Row]) -> Figure:
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
     """How many are how near, and how far off each is against how much it looks like the picture."""
     figure, (near, cloud) = panels(("Share of pictures that are as near", "Can the picture tell?"))
     for kind, color in zip(KINDS, COLORS, strict=False):

@@ -4,29 +4,26 @@ An experiment is a function that takes a Study and yields what it has done so fa
 To add one: write a file here with such a function, and name it in the app's table of experiments.
 """
 
-import importlib
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import joblib
 import torch
-from matplotlib.figure import Figure
 
-from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
+from nerfnav.extras import from_extra
 from nerfnav.world.task import Task
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 Entry = TypeVar("Entry")
 Row = dict[str, Any]
 """A line of an experiment's table: the same names in all lines, each with its unit."""
-
-
-class MissingRayError(NerfnavError):
-    """A cluster was asked for, and the library that leads to it is not there."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +77,8 @@ class Results:
     """Its numbers."""
     rows: tuple[Row, ...] = ()
     """Its table, one line for each trial."""
-    figures: dict[str, Figure] = field(default_factory=dict)
-    """Its pictures by name."""
+    figures: dict[str, Callable[[], "matplotlib.figure.Figure"]] = field(default_factory=dict)
+    """What draws its pictures, by name; raises MissingExtraError without matplotlib."""
 
 
 ExperimentStep = TrialDone | Results
@@ -96,23 +93,37 @@ def run_trials(
     """
     answers: list[Answer] = []
     yield TrialDone(label, 0, len(items))
-    with _backend(study) as jobs:
-        for answer in _answers(
-            study, jobs, [joblib.delayed(_in_arena)(trial, study.open_arena, item) for item in items]
-        ):
-            answers.append(answer)
-            yield TrialDone(label, len(answers), len(items))
+    calls = [partial(_in_arena, trial, study.open_arena, item) for item in items]
+    for answer in _answers(study, calls):
+        answers.append(answer)
+        yield TrialDone(label, len(answers), len(items))
     return answers
 
 
-def _answers(study: Study, jobs: int, calls: Sequence[Any]) -> Iterator[Any]:
+def _answers(study: Study, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
     """Do the calls, and yield each answer as soon as those before it are there too."""
-    if study.ray is None:
-        yield from joblib.Parallel(n_jobs=jobs, return_as="generator")(calls)
-        return
-    at_once = joblib.effective_n_jobs(jobs)
-    for begin in range(0, len(calls), at_once):  # Ray's backend gives its answers only all together
-        yield from joblib.Parallel(n_jobs=jobs)(calls[begin : begin + at_once])
+    if study.ray is not None:
+        yield from _on_cluster(study.ray, study.jobs or -1, calls)
+    elif study.jobs is None or study.jobs == 1:
+        yield from (call() for call in calls)
+    else:
+        joblib = from_extra("joblib", "experiments", "more than one trial at the same time")
+        yield from joblib.Parallel(n_jobs=study.jobs, return_as="generator")(joblib.delayed(call)() for call in calls)
+
+
+def _on_cluster(address: str, jobs: int, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
+    """The same on a Ray cluster, `jobs` at a time, -1 for as many as it has cores."""
+    ray, joblib = (from_extra(name, "ray", "--ray") for name in ("ray", "joblib"))
+    from_extra("ray.util.joblib", "ray", "--ray").register_ray()
+    ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
+    try:
+        with joblib.parallel_config(backend="ray"):
+            at_once = joblib.effective_n_jobs(jobs)
+            for begin in range(0, len(calls), at_once):  # Ray's backend gives its answers only all together
+                some = calls[begin : begin + at_once]
+                yield from joblib.Parallel(n_jobs=jobs)(joblib.delayed(call)() for call in some)
+    finally:
+        ray.shutdown()
 
 
 def _in_arena(trial: Callable[[Arena, Item], Answer], open_arena: Callable[[], Arena], item: Item) -> Answer:
@@ -122,22 +133,3 @@ def _in_arena(trial: Callable[[Arena, Item], Answer], open_arena: Callable[[], A
         return trial(open_arena(), item)
     finally:
         torch.set_num_threads(before)
-
-
-@contextmanager
-def _backend(study: Study) -> Iterator[int]:
-    """Where trials run; yields how many at a time, -1 for as many as there are cores."""
-    if study.ray is None:
-        yield study.jobs or 1
-        return
-    try:
-        ray = importlib.import_module("ray")
-        importlib.import_module("ray.util.joblib").register_ray()
-    except ImportError as error:
-        raise MissingRayError("--ray needs Ray, which is not installed here: pip install 'nerfnav[ray]'") from error
-    ray.init(address=study.ray, ignore_reinit_error=True, log_to_driver=False)
-    try:
-        with joblib.parallel_config(backend="ray"):
-            yield study.jobs or -1
-    finally:
-        ray.shutdown()

@@ -11,10 +11,11 @@ the more the single plane is bent against it: by half the angle in the direction
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from statistics import median
+from typing import TYPE_CHECKING
 
 import torch
-from matplotlib.figure import Figure
 
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.cost import PoseCost
@@ -30,6 +31,9 @@ from nerfnav.experiments.views import CAMERA, held_out_poses
 from nerfnav.field.levels import levels_of
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 METHODS = {"recursive": True, "single plane": False}
 """The contenders, and whether each steps in the tangent of the last state."""
@@ -62,7 +66,7 @@ def run(study: Study) -> Iterator[ExperimentStep]:
     starts = [Start(seed, error) for error in ERRORS for seed in seeds]
     tables = yield from run_trials(study, "going down", compare, starts)
     rows = tuple(row for table in tables for row in table)
-    yield Results(summary_of(rows), rows, {"tangent": picture(rows)})
+    yield Results(summary_of(rows), rows, {"tangent": partial(picture, rows)})
 
 
 def compare(arena: Arena, start: Start) -> list[Row]:
@@ -124,7 +128,7 @@ def _iterations_down(run: Sequence[Row], left: float = 0.1) -> int:
     return max((index + 1 for index, cost in enumerate(costs) if cost > bound), default=0)
 
 
-def picture(rows: Sequence[Row]) -> Figure:
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
     """The error of the attitude over the iterations, from each first error: medians, and all trials."""
     figure, axes = panels([f"From {error:g} rad" for error in ERRORS])
     for error, drawn in zip(ERRORS, axes, strict=True):

@@ -14,6 +14,7 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
+from nerfnav.field.composite import CompositeField
 from nerfnav.field.field import Field
 from nerfnav.field.kernels import sight
 from nerfnav.field.rays import RaySampler
@@ -47,9 +48,12 @@ class SightConfig:
 
 
 def planning_field(field: Field, unknown: Unknown) -> Field:
-    """What to plan in: `field` with its unknown nodes solid, or as it is. Fields that know of none stay as they are."""
+    """What to plan in: `field` with its unknown nodes solid, or as it is. Fields that know of none stay as they are;
+    of a composite field this is said for each part."""
     if unknown is Unknown.OCCUPIED and isinstance(field, VoxelField):
         return field.solid_where_unknown
+    if isinstance(field, CompositeField):
+        return CompositeField(tuple(replace(part, field=planning_field(part.field, unknown)) for part in field.parts))
     return field
 
 

@@ -4,18 +4,18 @@
 marching cubes, so that this planner, too, knows nothing but the field.
 """
 
-import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import singledispatch
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.errors import InvalidInputError
+from nerfnav.extras import from_extra
 from nerfnav.field.field import Field
 from nerfnav.field.meshing import field_mesh
 from nerfnav.geometry.box import Box
@@ -35,10 +35,6 @@ from nerfnav.robots.state import Motion
 
 _LEAVING, _LEAVING_STEP = 0.16, 0.02
 """How far from an end [m] a place for the ball is looked for, and how finely."""
-
-
-class MissingOmplError(NerfnavError):
-    """The library that grows the tree is not there."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +79,7 @@ def plan_rrt(
     `occupancy` and `check` save making them again where the caller has them.
 
     Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between, and
-    MissingOmplError where OMPL is not installed.
+    MissingExtraError where OMPL is not installed.
     """
     config, robot = config or RRTConfig(), problem.robot
     if robot.planar:
@@ -194,10 +190,10 @@ def _tree(check: BallCheck, box: Box, ends: tuple[np.ndarray, np.ndarray], confi
     return np.array([[state[axis] for axis in range(3)] for state in path])
 
 
-def _ompl(part: str) -> ModuleType:
-    try:
-        return importlib.import_module(f"ompl.{part}")
-    except ImportError as error:
-        raise MissingOmplError(
-            "the planner rrt needs OMPL, which is not installed here: pip install ompl, or choose another --planner"
-        ) from error
+def require_ompl() -> None:
+    """Raise MissingExtraError where OMPL, which grows the tree, is not installed."""
+    _ompl("geometric")
+
+
+def _ompl(part: str) -> Any:
+    return from_extra(f"ompl.{part}", "baselines", "the planner rrt")

@@ -55,7 +55,7 @@ def test_wheels_pass_the_door_both_ways_without_sliding() -> None:
     assert results.summary["wheel_lateral_speed_max_mps"] < 1e-6
     assert results.summary["goal_missed_max_m"] < 1e-4
     assert results.summary["gap_overlap_m3"] is None
-    (figure,) = results.figures.values()
+    figure = results.figures["ground_robots"]()
     assert len(figure.axes) == 3
 
 

@@ -32,7 +32,7 @@ def test_nerfnav_spends_the_least_effort(results: Results) -> None:
 
 
 def test_the_figure_has_a_bar_for_every_planner(results: Results) -> None:
-    for axes in results.figures["planners"].axes:
+    for axes in results.figures["planners"]().axes:
         assert len(axes.patches) == len(PLANNERS)
 
 

@@ -6,9 +6,9 @@ import sys
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.errors import InvalidInputError, MissingExtraError
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.study import MissingRayError, Study, TrialDone, run_trials
+from nerfnav.experiments.study import Study, TrialDone, run_trials
 from tests.experiments.places import column
 
 
@@ -52,7 +52,7 @@ def test_an_error_in_a_trial_reaches_the_caller() -> None:
 
 def test_a_cluster_without_its_library_is_refused_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)  # makes its import fail, installed or not
-    with pytest.raises(MissingRayError, match=r"--ray needs Ray, .* pip install 'nerfnav\[ray\]'"):
+    with pytest.raises(MissingExtraError, match=r"--ray needs ray, .* pip install 'nerfnav\[ray\]'"):
         finished(Study(column, ray="auto"), [1])
 
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.field.composite import CompositeField, PlacedField
 from nerfnav.field.field import density_and_gradient
 from nerfnav.field.unknown import Unknown, planning_field, with_unknown
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.geometry.camera import Pose
 from nerfnav.geometry.grid import node_positions
 from tests.field.fields import BOX, ball, photographs_of_ball
 
@@ -55,3 +57,11 @@ def test_fields_that_know_of_no_unknown_are_planned_in_as_they_are(hollow: Voxel
     assert planning_field(known, Unknown.OCCUPIED) is known
     formula = ball()
     assert planning_field(formula, Unknown.OCCUPIED) is formula
+
+
+def test_unknown_space_of_a_part_of_a_composite_field_is_solid_too(hollow: VoxelField) -> None:
+    place = Pose(torch.eye(3), torch.zeros(3))
+    planned = planning_field(CompositeField((PlacedField(hollow, place),)), Unknown.OCCUPIED)
+    middle = torch.zeros(1, 3)
+    assert torch.equal(planned.density(middle), planning_field(hollow, Unknown.OCCUPIED).density(middle))
+    assert planned.density(middle) > hollow.density(middle)

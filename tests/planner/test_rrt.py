@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError, OccupiedError
+from nerfnav.errors import InvalidInputError, MissingExtraError, OccupiedError
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import PlanProblem
-from nerfnav.planner.rrt import MissingOmplError, RRTConfig, ball_check, grow, plan_rrt, room_near
+from nerfnav.planner.rrt import RRTConfig, ball_check, grow, plan_rrt, room_near
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import RigidState
 from tests.planner.places import BOX, ROBOT, Wall, across, ball
@@ -89,7 +89,7 @@ def test_without_ompl_one_sentence_says_what_to_do(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "ompl", None)  # makes every import of it fail
     problem = across(ball())
     check = ball_check(problem.field, ROBOT, COARSE)
-    with pytest.raises(MissingOmplError, match="pip install ompl"):
+    with pytest.raises(MissingExtraError, match=r"the planner rrt needs ompl, .*: pip install 'nerfnav\[baselines\]'"):
         grow(check, BOX, problem.start.position, problem.goal.position, COARSE)
 
 

@@ -2,16 +2,18 @@
 
 import io
 
-from mcap.writer import Writer
-
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.ros.messages import definition, messages, topics
+from nerfnav.extras import from_extra
 
 
 def mcap(recording: Recording) -> Exported:
-    """The messages of `nerfnav.export.ros.messages` in MCAP, profile ros2, encoding cdr."""
+    """The messages of `nerfnav.export.ros.messages` in MCAP, profile ros2, encoding cdr.
+
+    Raises MissingExtraError without mcap and rosbags.
+    """
     stream, channels, count = io.BytesIO(), {}, 0
-    writer = Writer(stream)
+    writer = from_extra("mcap.writer", "ros", "MCAP").Writer(stream)
     writer.start(profile="ros2", library="nerfnav")
     for topic, kind in topics(recording).items():
         schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 
 from nerfnav.export.recording import Recording
+from nerfnav.extras import from_extra
 from nerfnav.geometry import so3
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots.state import ATTITUDE, POSITION
@@ -49,9 +50,8 @@ class RosMessage:
 @cache
 def typestore() -> "Typestore":
     """The message types of ROS 2 Humble, which later releases share."""
-    from rosbags.typesys import Stores, get_typestore  # slow to import
-
-    return get_typestore(Stores.ROS2_HUMBLE)
+    typesys = from_extra("rosbags.typesys", "ros", "exporting ROS messages")
+    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
 
 def definition(message_type: str) -> str:

@@ -7,17 +7,20 @@ from pathlib import Path
 
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.ros.messages import messages, topics, typestore
+from nerfnav.extras import from_extra
 
 _NAME = "nerfnav_bag"
 
 
 def rosbag2(recording: Recording) -> Exported:
-    """The messages of `nerfnav.export.ros.messages` as a bag of ROS 2 Humble, zipped."""
-    from rosbags.rosbag2 import Writer  # slow to import
+    """The messages of `nerfnav.export.ros.messages` as a bag of ROS 2 Humble, zipped.
 
+    Raises MissingExtraError without rosbags.
+    """
+    make_writer = from_extra("rosbags.rosbag2", "ros", "rosbag2").Writer
     with tempfile.TemporaryDirectory() as parent:
         folder, count = Path(parent) / _NAME, 0
-        with Writer(folder, version=8) as writer:
+        with make_writer(folder, version=8) as writer:
             connections = {
                 topic: writer.add_connection(topic, kind, typestore=typestore())
                 for topic, kind in topics(recording).items()

@@ -14,6 +14,7 @@ from typing import Any
 
 import trimesh
 
+from nerfnav.extras import from_extra
 from nerfnav.importers.meshes import gltf
 from nerfnav.importers.meshes.beside import Beside
 from nerfnav.importers.meshes.refusal import MeshFileError, first_sentence
@@ -22,6 +23,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())  # what it warns 
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae")
 """Endings of the files that can be read."""
+_DRACO = b"KHR_draco_mesh_compression"
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ def read_mesh(path: Path) -> MeshFile:
     """Read a mesh file of any of the known endings.
 
     Raises MeshFileError, in one sentence, for files that are missing, empty, cut off, of another kind than their
-    ending says, without faces, or in need of files that are missing or lie elsewhere.
+    ending says, without faces, or in need of files that are missing or lie elsewhere; MissingExtraError for Collada and
+    Draco-compressed glTF where what reads them is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -70,6 +73,7 @@ def read_mesh(path: Path) -> MeshFile:
     if not data:
         raise MeshFileError(f"{path} is empty")
     declared = _LOOKS[suffix](path, data)
+    _require_reader(suffix, data)
     beside = Beside(path)
     try:
         content = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
@@ -82,9 +86,17 @@ def read_mesh(path: Path) -> MeshFile:
     beside.refuse_what_failed()
     if not any(isinstance(part, trimesh.Trimesh) and len(part.faces) for part in content.geometry.values()):
         raise MeshFileError(f"{path} holds no faces: a mesh needs triangles, points alone are not enough")
-    if b"KHR_draco_mesh_compression" in data and any(_is_one_point(part) for part in content.geometry.values()):
+    if _DRACO in data and any(_is_one_point(part) for part in content.geometry.values()):
         raise MeshFileError(f"{path} has a part whose Draco compression cannot be decoded: it is damaged")
     return MeshFile(path, content, declared, tuple(beside.notes))
+
+
+def _require_reader(suffix: str, data: bytes) -> None:
+    """Import what trimesh reads a file with: without it, it gives zeros (Draco) or a long complaint (Collada)."""
+    if suffix == ".dae":
+        from_extra("collada", "meshes", "a Collada mesh (.dae)")
+    elif _DRACO in data:
+        from_extra("DracoPy", "meshes", "a mesh with Draco compression")
 
 
 def _is_one_point(part: object) -> bool:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,22 +11,23 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
+from app.benchmarks.comparison import Comparison
 from app.jobs import bench, experiment
 from app.jobs.bench import BenchRequest
 from app.jobs.events import JobEvents, JobFinished, Progress
 from app.jobs.experiment import ExperimentRequest, open_arena
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
 from app.storage.output_files import OutputError
-from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav.errors import InvalidInputError, MissingExtraError, NerfnavError, UnknownNameError
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.comparison import Comparison
+from nerfnav.experiments.figures import panels
 from nerfnav.experiments.study import ExperimentStep, Results, Study, TrialDone
 
 
 def counting(study: Study) -> Iterator[ExperimentStep]:
     yield TrialDone("counting", 1, 2)
     rows = tuple({"task": task.name, "share": 1 / 3, "failed": False} for task in study.tasks[: study.trials])
-    yield Results({"seed": study.seed, "not_a_number": float("nan")}, rows, {"empty": Figure(figsize=(1, 1))})
+    yield Results({"seed": study.seed, "not_a_number": float("nan")}, rows, {"empty": lambda: Figure(figsize=(1, 1))})
 
 
 @pytest.fixture(autouse=True)
@@ -121,3 +123,19 @@ def test_quick_options_are_those_of_the_measures() -> None:
 def test_a_bench_of_an_unknown_place_is_refused() -> None:
     with pytest.raises(NerfnavError, match="nowhere"):
         finished(bench.run(BenchRequest("nowhere"), fake))
+
+
+def test_figures_that_cannot_be_drawn_are_left_out_and_said_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def undrawn(study: Study) -> Iterator[ExperimentStep]:
+        yield Results({"left_out": {"rrt": "it is missing"}}, (), {"empty": lambda: panels(("one",))[0]})
+
+    monkeypatch.setitem(EXPERIMENTS, "counting", Experiment(undrawn, "counts"))
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)  # makes its import fail
+    done = finished(experiment.run(ExperimentRequest("counting", out=tmp_path)))
+    assert [path.name for path in done.files] == ["results.json"]
+    assert set(done.summary["left_out"]) == {"rrt", "figures"}
+    assert "pip install 'nerfnav[experiments]'" in done.summary["left_out"]["figures"]
+    with pytest.raises(MissingExtraError, match="the plot of bench --out"):
+        finished(bench.run(BenchRequest(out=tmp_path), fake))

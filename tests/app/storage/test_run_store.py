@@ -54,7 +54,7 @@ def test_a_flight_without_an_end_is_flying_while_it_is_written_and_interrupted_a
     for refused in (lambda: shelf.delete(entry.name), lambda: shelf.rename(entry.name, "other")):
         with pytest.raises(InvalidInputError, match="is being flown"):
             refused()
-    log._stream.close()  # as when the program dies
+    log._lock.release()  # as when the program dies
     (entry,) = shelf.entries()
     assert (entry.outcome, entry.steps) == ("interrupted", 5)
 

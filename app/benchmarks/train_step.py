@@ -3,9 +3,9 @@
 import numpy as np
 import torch
 
+from app.benchmarks.comparison import Comparison, interleaved
+from app.benchmarks.rays import THREADS, field_threads, views_in
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.comparison import Comparison, interleaved
-from nerfnav.experiments.bench.rays import THREADS, field_threads, views_in
 from nerfnav.field.learner import GridLearner, LearningRates
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.torch_learner import TorchLearner

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 import scenes
+from app.benchmarks import render, train_step
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench import render, train_step
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.voxel import VoxelField
 

@@ -4,12 +4,12 @@ import itertools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from app.benchmarks.plan import both_threads, problems_of
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.plan import both_threads, problems_of
 from nerfnav.experiments.figures import COLORS, bars, panels
 from nerfnav.planner.astar import SearchConfig
 from nerfnav.planner.fast import FastPlanConfig, plan_fast
@@ -19,6 +19,9 @@ from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
 from nerfnav.planner.steps import last_step
 from nerfnav.robots.body import Body
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ def measure(arena: Arena, repeats: int = 30, tasks: int = 10) -> Scaling:
     return Scaling(steps, points, spent, float(np.median(times[0])), float(np.median(times[1])), starts, used)
 
 
-def picture(scaling: Scaling) -> Figure:
+def picture(scaling: Scaling) -> "matplotlib.figure.Figure":
     """Time of an iteration against its size, and of plans from one start and from many."""
     figure, (iterations, starts) = panels(("An iteration", "A plan"))
     size = scaling.waypoints * scaling.body_points

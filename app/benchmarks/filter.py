@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from app.benchmarks.comparison import Comparison, interleaved
+from app.benchmarks.plan import both_threads
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.estimator import Estimator
 from nerfnav.estimator.fast import FastFilter
@@ -17,8 +19,6 @@ from nerfnav.estimator.filter import FilterConfig, PoseFilter
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.pixels import PixelConfig
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.comparison import Comparison, interleaved
-from nerfnav.experiments.bench.plan import both_threads
 from nerfnav.experiments.views import CAMERA, SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import ATTITUDE, POSITION, RigidState

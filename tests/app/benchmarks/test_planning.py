@@ -4,8 +4,8 @@ import pytest
 import torch
 
 import scenes
+from app.benchmarks import plan, replan, scaling
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench import plan, replan, scaling
 from nerfnav.field.checkpoint import load_field
 
 

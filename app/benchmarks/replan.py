@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import torch
 
+from app.benchmarks.comparison import Comparison, interleaved
+from app.benchmarks.plan import both_threads, problems_of
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.comparison import Comparison, interleaved
-from nerfnav.experiments.bench.plan import both_threads, problems_of
 from nerfnav.planner.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyMap

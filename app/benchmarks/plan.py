@@ -6,10 +6,10 @@ from contextlib import contextmanager
 
 import torch
 
+from app.benchmarks.comparison import Comparison, interleaved
 from nerfnav import robots
 from nerfnav.compiled import threads
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.comparison import Comparison, interleaved
 from nerfnav.planner.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.optimize import PlanConfig, plan

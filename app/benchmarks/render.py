@@ -2,9 +2,9 @@
 
 import torch
 
+from app.benchmarks.comparison import Comparison, interleaved
+from app.benchmarks.rays import THREADS, field_threads, views_in
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.bench.comparison import Comparison, interleaved
-from nerfnav.experiments.bench.rays import THREADS, field_threads, views_in
 from nerfnav.field.field import uniform_samples
 from nerfnav.field.render import Rendering, render_rays
 

@@ -1,0 +1,104 @@
+"""Without an optional dependency, one sentence says what needs it and how to install it."""
+
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from nerfnav.errors import MissingExtraError
+from nerfnav.experiments import planners
+from nerfnav.experiments.figures import panels
+from nerfnav.experiments.study import Study, run_trials
+from nerfnav.export.recording import Recording
+from nerfnav.export.ros.mcap import mcap
+from nerfnav.export.ros.rosbag2 import rosbag2
+from nerfnav.extras import from_extra
+from nerfnav.importers.meshes.files import read_mesh
+from nerfnav.planner.rrt import require_ompl
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.state import Motion, RigidState
+
+PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+
+
+def recording() -> Recording:
+    """A robot that hovers for a step."""
+    state, robot = RigidState.at_rest((0.0, 0.0, 1.0)), Quadrotor()
+    return Recording.of_plan(Motion(RigidState.stack([state] * 2), torch.zeros(1, 4), 0.1), robot)
+
+
+def collada(folder: Path) -> None:
+    (folder / "house.dae").write_text("<COLLADA></COLLADA>")
+    read_mesh(folder / "house.dae")
+
+
+def draco(folder: Path) -> None:
+    text = '{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}'
+    (folder / "house.gltf").write_text(text)
+    read_mesh(folder / "house.gltf")
+
+
+USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
+    "ompl": ("baselines", "the planner rrt", lambda _: require_ompl()),
+    "matplotlib": ("experiments", "drawing a figure", lambda _: panels(("one",))),
+    "joblib": (
+        "experiments",
+        "more than one trial at the same time",
+        lambda _: list(run_trials(Study(lambda: None, jobs=2), "adding", max, [1])),  # type: ignore[arg-type]
+    ),
+    "mcap": ("ros", "MCAP", lambda _: mcap(recording())),
+    "rosbags": ("ros", "rosbag2", lambda _: rosbag2(recording())),
+    "collada": ("meshes", r"a Collada mesh \(.dae\)", collada),
+    "DracoPy": ("meshes", "a mesh with Draco compression", draco),
+}
+
+
+@pytest.fixture
+def hide(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Makes every import of a package fail."""
+
+    def hidden(package: str) -> None:
+        for name in [name for name in sys.modules if name == package or name.startswith(f"{package}.")]:
+            monkeypatch.delitem(sys.modules, name)
+        monkeypatch.setitem(sys.modules, package, None)
+
+    return hidden
+
+
+@pytest.mark.parametrize("package", USES)
+def test_what_needs_a_package_says_which_extra_brings_it(
+    package: str, hide: Callable[[str], None], tmp_path: Path
+) -> None:
+    extra, user, use = USES[package]
+    hide(package)
+    sentence = rf"^{user} needs {package}, which is not installed here: pip install 'nerfnav\[{extra}\]'$"
+    with pytest.raises(MissingExtraError, match=sentence):
+        use(tmp_path)
+
+
+@pytest.mark.parametrize("package", USES)
+def test_the_extra_that_is_named_brings_the_package(package: str) -> None:
+    listed = {"collada": "pycollada"}.get(package, package)
+    brought = PROJECT["optional-dependencies"][USES[package][0]]
+    assert any(entry.startswith((f"{listed}>", f"{listed}=")) for entry in brought)
+    assert not [entry for entry in PROJECT["dependencies"] if entry.startswith(listed)]
+
+
+def test_the_app_has_every_extra_that_it_offers() -> None:
+    extras = {extra for extra, *_ in USES.values()}
+    assert PROJECT["optional-dependencies"]["app"] == [f"nerfnav[{','.join(sorted(extras))}]"]
+
+
+def test_planners_are_compared_without_the_one_that_is_missing(hide: Callable[[str], None]) -> None:
+    assert planners._left_out() == {}
+    hide("ompl")
+    assert list(planners._left_out()) == ["rrt"]
+    assert "pip install 'nerfnav[baselines]'" in planners._left_out()["rrt"]
+
+
+def test_what_is_installed_is_given() -> None:
+    assert from_extra("json", "none", "this test").dumps([]) == "[]"
