@@ -73,19 +73,21 @@ class QuadrotorConfig:
     """Largest deceleration while it holds [m/s^2]: a tilt of about 40 degrees."""
     levelling: float = 0.8
     """Share of the error of the attitude that it takes away in one step while it holds."""
+    name: str = "quadrotor"
+    """What users call it."""
 
 
 @final
 class Quadrotor(Robot):
     """A flying body with four numbers to choose: thrust [N] and torque [N m]."""
 
-    name = "quadrotor"
     action_names = ("thrust_n", "torque_x_nm", "torque_y_nm", "torque_z_nm")
     minimum_steps = 4
 
     def __init__(self, config: QuadrotorConfig | None = None) -> None:
         """A quadrotor with the given constants (default: those of QuadrotorConfig)."""
         self.config = QuadrotorConfig() if config is None else config
+        self.name = self.config.name
         self.body = Body.box(self.config.extents, self.config.point_counts)
         self.weight = self.config.mass * self.config.gravity
         torques = (edge * self.config.angular_acceleration for edge in self.config.inertia)
