@@ -49,7 +49,8 @@ def fly(
     """A simulated flight by Algorithm 1 of the paper to its end: plan, act, look, filter, plan again, until the goal.
 
     With a `scene` the camera photographs its mesh, and the episode says where the body touched it; without one the
-    camera photographs the field itself, and nothing is judged. The same `seed` gives the same noise. Raises as `plan` does.
+    camera photographs the field itself, and nothing is judged. The same `seed` gives the same noise. Raises as
+    `plan` does.
     """
     config, generator = config or NavigateConfig(), torch.Generator().manual_seed(seed)
     if isinstance(problem.field, VoxelField):

@@ -15,7 +15,7 @@ from nerfnav.world.task import Task
 if TYPE_CHECKING:
     from nerfnav.world.scene import Scene  # slow to import, and seldom needed at once
 
-_NAMES = ("stonehenge", "playground", "church", "blocks")
+_NAMES = ("stonehenge", "playground", "church", "apartment", "blocks")
 
 
 def names() -> list[str]:

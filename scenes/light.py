@@ -34,6 +34,8 @@ class Light:
     """Shadow rays to the sun's disk."""
     sky_rays: int = 48
     """Shadow rays to the sky."""
+    sun_through_glass: bool = True
+    """Whether the sun falls through glass; else the sky alone does, as through a ceiling that glows."""
 
 
 def lit(
@@ -75,6 +77,10 @@ class Glass:
         face = self._caster.first_hits(origins, rays).face
         return np.where(face[:, None] >= 0, self._of_faces[face], 1.0)
 
+    def blackened(self) -> "Glass":
+        """Panes of the same shape that let nothing through."""
+        return Glass(self.mesh, np.zeros_like(self.color))
+
 
 def bake(mesh: trimesh.Trimesh, albedo: np.ndarray, light: Light, glass: Glass | None = None) -> np.ndarray:
     """sRGB bytes (v, 3) of a mesh's vertices, whose own colours `albedo` (v, 3) are linear."""
@@ -97,7 +103,8 @@ def bake(mesh: trimesh.Trimesh, albedo: np.ndarray, light: Light, glass: Glass |
 
     # the sky is so wide that the colour of the panes averages out
     sky = 2 * received(_dome(light.sky_rays), None)
-    sun, sky = _unbury(mesh, np.stack([received(_sun_disk(light), glass), sky]), sky[:, 0] < 0.02)
+    panes = glass if glass is None or light.sun_through_glass else glass.blackened()
+    sun, sky = _unbury(mesh, np.stack([received(_sun_disk(light), panes), sky]), sky[:, 0] < 0.02)
     down = 0.5 - 0.5 * normals[:, 2]
     shades = sun * light.sun + sky * light.sky + np.outer(down, light.bounce)
     return to_srgb(albedo * shades)

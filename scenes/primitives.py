@@ -139,8 +139,17 @@ def panel(ends: tuple[float, float], depth: float, low: Curve, high: Curve, edge
 
 def fused(pieces: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     """One solid of several that overlap, without the surfaces inside it."""
+    return _combined(pieces, OpType.Add)
+
+
+def cut(body: trimesh.Trimesh, holes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """What solids leave of another one."""
+    return _combined([body, *holes], OpType.Subtract)
+
+
+def _combined(pieces: Sequence[trimesh.Trimesh], operation: OpType) -> trimesh.Trimesh:
     solids = [Manifold(Mesh64(np.asarray(one.vertices, float), np.asarray(one.faces, np.uint64))) for one in pieces]
-    mesh = Manifold.batch_boolean(solids, OpType.Add).to_mesh64()
+    mesh = Manifold.batch_boolean(solids, operation).to_mesh64()
     return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)
 
 

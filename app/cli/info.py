@@ -73,8 +73,8 @@ def _geometry(field: StoredField, scene: Scene) -> GeometryReport:
     """The field against the mesh, seen from where the photographs that it was trained from were taken."""
     learned = field.info.images
     config = CaptureConfig(images=images_taken(learned) if learned else CaptureConfig.images)
-    if scene.paint is not None:  # an imported place, of any size
-        config = config.clear_of(_grain(field)["voxel_m"])
+    imported = scene.paint is not None  # a place of any size
+    config = config.clear_of(_grain(field)["voxel_m"]) if imported else config.suiting(scene)
     poses = capture_poses(scene, config, torch.Generator().manual_seed(field.info.seed))
     camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
     return measure_geometry(field, _grain(field)["voxel_m"], scene, (camera, poses))

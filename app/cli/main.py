@@ -30,6 +30,7 @@ COMMANDS = {
     "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",
     "localize": "find where in a field a picture was taken",
     "export": "write the trajectory of a plan or a flight in another format",
+    "map": "write what planners take for free, solid or unproven, for other programs",
     "experiment": "run one of the experiments: trials judged on the ground truth, a table, figures",
     "bench": "time nerfnav against the paper's way on this machine",
     "doctor": "tell what this machine has: threads, GPU, kernels, browser, LieTorch",

@@ -36,7 +36,6 @@ _FREE_POSITION, _FREE_YAW = 0.15, 0.5
 class Couch(Robot):
     """A ground robot with three numbers to choose: force [N] along the world's x and y, torque [N m]."""
 
-    name = "couch"
     action_names = ("force_x_n", "force_y_n", "torque_z_nm")
     minimum_steps = 3
     planar = True
@@ -44,6 +43,7 @@ class Couch(Robot):
     def __init__(self, config: CouchConfig | None = None) -> None:
         """A couch with the given constants (default: those of CouchConfig)."""
         self.config = config = CouchConfig() if config is None else config
+        self.name = config.name
         self.body = Body.box(config.extents, config.point_counts)
         torque = config.inertia * config.max_force / config.mass / (0.5 * config.extents[0])
         self.action_weights = (config.max_force**-2, config.max_force**-2, torque**-2)

@@ -21,6 +21,8 @@ class CouchConfig:
     """[rad/s]"""
     max_force: float = 15.0
     """[N]"""
+    name: str = "couch"
+    """What users call it."""
 
     @property
     def inertia(self) -> float:

@@ -53,7 +53,6 @@ _SLIDING = 1e-3
 class DiffDrive(Robot):
     """A ground robot with two numbers to choose: forward and yaw acceleration."""
 
-    name = "diffdrive"
     action_names = ("acceleration_mps2", "yaw_acceleration_radps2")
     minimum_steps = 4
     planar = True
@@ -61,6 +60,7 @@ class DiffDrive(Robot):
     def __init__(self, config: DiffDriveConfig | None = None) -> None:
         """A differential drive with the given constants (default: those of DiffDriveConfig)."""
         self.config = config = DiffDriveConfig() if config is None else config
+        self.name = config.name
         self.body = Body.box(config.extents, config.point_counts)
         self.action_weights = (config.max_acceleration**-2, config.max_yaw_acceleration**-2)
         self.bounds = config.bounds

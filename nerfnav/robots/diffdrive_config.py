@@ -21,6 +21,8 @@ class DiffDriveConfig:
     """[m/s^2]"""
     max_yaw_acceleration: float = 60.0
     """[rad/s^2]"""
+    name: str = "diffdrive"
+    """What users call it."""
 
     @property
     def bounds(self) -> tuple[Limit, ...]:

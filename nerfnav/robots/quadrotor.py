@@ -41,13 +41,13 @@ _FREE_POSITION, _FREE_YAW = 0.15, 0.5
 class Quadrotor(Robot):
     """A flying body with four numbers to choose: thrust [N] and torque [N m]."""
 
-    name = "quadrotor"
     action_names = ("thrust_n", "torque_x_nm", "torque_y_nm", "torque_z_nm")
     minimum_steps = 4
 
     def __init__(self, config: QuadrotorConfig | None = None) -> None:
         """A quadrotor with the given constants (default: those of QuadrotorConfig)."""
         self.config = QuadrotorConfig() if config is None else config
+        self.name = self.config.name
         self.body = Body.box(self.config.extents, self.config.point_counts)
         self.weight = self.config.weight
         torques = (edge * self.config.angular_acceleration for edge in self.config.inertia)

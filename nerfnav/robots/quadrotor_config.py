@@ -41,6 +41,8 @@ class QuadrotorConfig:
     """Largest deceleration while it holds [m/s^2]: a tilt of about 40 degrees."""
     levelling: float = 0.8
     """Share of the error of the attitude that it takes away in one step while it holds."""
+    name: str = "quadrotor"
+    """What users call it."""
 
     @property
     def weight(self) -> float:

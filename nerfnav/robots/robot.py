@@ -9,7 +9,6 @@ from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -42,7 +41,7 @@ _NO_PART_OF_THE_MAP = frozenset(
 class Robot(ABC):
     """A body that moves."""
 
-    name: ClassVar[str]
+    name: str
     """What users call it, as in `--robot`."""
     body: Body
     """Its shape."""

@@ -30,6 +30,8 @@ _TILT = 0.2
 """Standard deviation of the cameras' pitch and roll inside the box [rad]."""
 _PAST_ENDS = 1.35
 """Cameras around the box stand up to so many half edges off its middle, at least."""
+FINE_VOXEL = 0.017
+"""Voxels up to this size [m] are those of places a few metres wide, the paper's scale."""
 _NOWHERE = Pose(torch.zeros(0, 3, 3), torch.zeros(0, 3))
 
 
@@ -61,6 +63,10 @@ class CaptureConfig:
     def clear_of(self, voxel: float) -> "CaptureConfig":
         """The same for a place whose field has voxels of that size [m], small or large."""
         return replace(self, clearance=self.clear_voxels * voxel)
+
+    def suiting(self, scene: Scene) -> "CaptureConfig":
+        """The same for a bundled scene: cameras keep off surfaces by its voxels where those are large."""
+        return self if scene.voxel is None or scene.voxel <= FINE_VOXEL else self.clear_of(scene.voxel)
 
 
 @dataclass(frozen=True)

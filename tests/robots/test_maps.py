@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.robots.couch import Couch
+from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.flat_map import FlatMap, TorchFlatMap
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_map import QuadrotorMap
@@ -15,7 +17,7 @@ from tests.robots.motions import DT, EVERY, STEPS, ends, free_numbers
 
 SPREADS = (0.0, 0.05, 0.5, 3.0)
 """How much free numbers are disturbed; with the last, the quadrotor tumbles through every attitude."""
-TOLERANCE = {"quadrotor": 1e-6, "couch": 1e-12, "diffdrive": 1e-9}
+TOLERANCE = {Quadrotor: 1e-6, Couch: 1e-12, DiffDrive: 1e-9}
 """Largest difference, as a share of the largest number."""
 
 each_robot = pytest.mark.parametrize("robot", EVERY.values(), ids=EVERY)
@@ -41,7 +43,7 @@ def assert_near(found: np.ndarray, expected: np.ndarray, tolerance: float) -> No
 def test_the_compiled_motion_is_that_of_torch(robot: Robot, spread: float):
     compiled, reference = both(robot, spread)
     for name in ("position", "velocity", "rotation", "rate", "action"):
-        assert_near(getattr(compiled, name), getattr(reference, name), TOLERANCE[robot.name])
+        assert_near(getattr(compiled, name), getattr(reference, name), TOLERANCE[type(robot)])
 
 
 @each_robot
@@ -53,7 +55,7 @@ def test_the_compiled_adjoint_is_autograd(robot: Robot, spread: float):
     found, expected = (
         flat.backward(by_position.copy(), by_rotation.copy(), by_action.copy()) for flat in both(robot, spread)
     )
-    assert_near(found, expected, TOLERANCE[robot.name])
+    assert_near(found, expected, TOLERANCE[type(robot)])
 
 
 @each_robot
@@ -65,7 +67,7 @@ def test_the_compiled_limits_and_their_derivatives_are_those_of_torch(robot: Rob
         costs.append(flat.limits(3.0))
         slopes.append(flat.backward(nothing.copy(), nothing.copy(), np.zeros((STEPS, len(robot.action_names)))))
     assert costs[0] == pytest.approx(costs[1], rel=1e-6)
-    assert_near(slopes[0], slopes[1], TOLERANCE[robot.name])
+    assert_near(slopes[0], slopes[1], TOLERANCE[type(robot)])
     assert costs[0] > 0 or spread < 1
 
 
@@ -79,7 +81,7 @@ def test_a_map_forgets_the_limits_of_the_motion_before(robot: Robot):
         flat.forward(again)
         ones = np.ones((STEPS + 1, 3))
         slopes.append(flat.backward(ones.copy(), ones.copy(), np.ones((STEPS, len(robot.action_names)))))
-    assert_near(slopes[0], slopes[1], TOLERANCE[robot.name])
+    assert_near(slopes[0], slopes[1], TOLERANCE[type(robot)])
 
 
 class Renamed(Quadrotor):

@@ -202,6 +202,17 @@ def test_a_positive_torque_turns_the_body_the_right_handed_way():
         assert rate.abs().sum() == rate[axis]
 
 
+def test_the_quadrotor_of_25_cm_is_a_solid_box_with_the_small_ones_share_of_thrust():
+    large = robots.load("quadrotor25")
+    assert isinstance(large, Quadrotor) and large.name == "quadrotor25"
+    assert large.body.extents == (0.25, 0.25, 0.08) and large.config.mass == 0.7
+    edges = torch.tensor(large.body.extents).square()
+    box = large.config.mass / 12 * (edges.sum() - edges)
+    assert torch.allclose(torch.tensor(large.config.inertia), box, rtol=0.02)
+    share = large.config.max_thrust / large.weight
+    assert share == pytest.approx(ROBOT.config.max_thrust / ROBOT.weight, rel=0.01)
+
+
 def test_robots_are_loaded_by_name_and_unknown_ones_list_the_known():
     assert "quadrotor" in robots.names()
     assert isinstance(robots.load("quadrotor"), Quadrotor)

@@ -6,7 +6,6 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.errors import NameTakenError
-from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 
@@ -36,10 +35,10 @@ def test_a_robot_without_places_to_avoid_has_no_limits_penalty():
 
 
 def test_a_robot_from_outside_is_known_by_its_name():
-    robots.register(Statue)
+    robots.register(robots.RobotEntry("statue", Statue))
     try:
         assert isinstance(robots.load("statue"), Statue) and "statue" in robots.names()
         with pytest.raises(NameTakenError, match="robot named 'quadrotor' already"):
-            robots.register(type("Other", (Quadrotor,), {}))
+            robots.register(robots.RobotEntry("quadrotor", Statue))
     finally:
         robots.ROBOTS.unregister("statue")

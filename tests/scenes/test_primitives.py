@@ -6,7 +6,7 @@ from nerfnav.world.solid import winding_number
 from scenes.finishes import masonry, stained, tiles, wood
 from scenes.light import Glass, Light, bake, from_srgb, to_srgb
 from scenes.noise import fractal, noise, smoothstep
-from scenes.primitives import bar, box, disk, fused, panel, place, ring, stone, turned
+from scenes.primitives import bar, box, cut, disk, fused, panel, place, ring, stone, turned
 from scenes.walls import Opening, Wall, arch, lancet, level, rose
 
 
@@ -111,6 +111,15 @@ def test_fused_boxes_lose_what_is_inside():
     assert mesh.area == pytest.approx(2 * (0.3 * 0.2 * 2 + 0.2 * 0.2))
 
 
+def test_a_hole_that_is_cut_leaves_a_watertight_rest_and_no_seams():
+    wall, hole = box((1.0, 0.1, 1.0), 0.05), box((0.4, 0.3, 0.5), 1.0)
+    mesh = cut(wall, [hole])
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(0.1 * (1.0 - 0.4 * 0.5))
+    inside = (np.abs(mesh.vertices[:, [0, 2]]) < (0.199, 0.249)).all(-1)
+    assert not inside.any()
+
+
 def test_a_wall_with_openings_is_watertight_and_its_glass_fills_the_windows_alone():
     door = (-0.6, -0.4)
     openings = {door: [Opening(level(-0.1), arch(door, 0.2))], **dict([lancet(0.0, 0.2, 0.2, 0.3)])}
@@ -140,6 +149,18 @@ def test_sun_through_glass_takes_on_its_colour_and_glass_throws_no_shadow():
     assert np.array_equal(colors[beside], clear[beside])
     assert np.array_equal(colors[below][:, 0], clear[below][:, 0])
     assert (colors[below][:, 2] == 0).all()
+
+
+def test_through_a_ceiling_that_glows_the_sky_falls_but_no_sun():
+    floor = box((2.0, 2.0, 0.1), edge=0.1)
+    pane = place(box((3.0, 3.0, 0.05), edge=0.1), (0, 0, 0.3), 0)
+    albedo = np.full((len(floor.vertices), 3), 0.3)
+    glass = Glass(pane, np.ones((len(pane.vertices), 3)))
+    top = np.isclose(floor.vertices[:, 2], 0.05) & (np.abs(floor.vertices[:, :2]) < 0.8).all(-1)
+    without_sun = Light(elevation_deg=80.0, sun=(0.0, 0.0, 0.0))
+    below = bake(floor, albedo, Light(elevation_deg=80.0, sun_through_glass=False), glass)[top]
+    assert np.array_equal(below, bake(floor, albedo, without_sun)[top])
+    assert (below < bake(floor, albedo, Light(elevation_deg=80.0), glass)[top]).all()
 
 
 @pytest.mark.parametrize("finish", [

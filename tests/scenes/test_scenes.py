@@ -1,3 +1,5 @@
+import math
+
 import pytest
 import torch
 
@@ -12,11 +14,11 @@ _BODY = Body.box((0.1, 0.1, 0.04), (2, 2, 2))
 
 
 def test_an_unknown_scene_is_refused_with_the_known_ones():
-    with pytest.raises(UnknownNameError, match="blocks, church, playground, stonehenge"):
+    with pytest.raises(UnknownNameError, match="apartment, blocks, church, playground, stonehenge"):
         scenes.load("atlantis")
-    with pytest.raises(UnknownNameError, match="blocks, church, playground, stonehenge"):
+    with pytest.raises(UnknownNameError, match="apartment, blocks, church, playground, stonehenge"):
         scenes.trained_path("atlantis")
-    with pytest.raises(UnknownNameError, match="blocks, church, playground, stonehenge"):
+    with pytest.raises(UnknownNameError, match="apartment, blocks, church, playground, stonehenge"):
         scenes.tasks_of("atlantis")
 
 
@@ -50,15 +52,18 @@ def test_what_is_touched_is_what_is_seen(name: str):
 def test_the_ends_of_all_flights_are_free_with_room_to_spare(name: str):
     """A level cylinder that holds the body at any yaw and 4 cm more, 2 cm towards the ground."""
     scene = scenes.load(name)
-    radius = 0.05 * 2**0.5 + 0.04
-    wide = Body.box((2 * radius, 2 * radius, 0.08), (2, 2, 2))
+    flights = [task for task in scene.tasks if not robots.load(task.robot).planar]
+    assert flights
     yaws = torch.linspace(0, torch.pi / 2, 5)[:-1].tolist()
-    ends = [end for task in scene.tasks if task.robot == "quadrotor" for end in (task.start, task.goal)]
-    states = [RigidState.at_rest(end, yaw) for end in ends for yaw in yaws]
-    # the turned squares overlap in the cylinder: it is free where any of them is
-    free = ~ground(scene).touches(wide, RigidState.stack(states)).reshape(-1, len(yaws))
-    assert free.any(-1).all()
-    assert scene.box.contains(torch.stack([state.position for state in states])).all()
+    for task in flights:
+        long, wide, high = robots.load(task.robot).body.extents
+        across = math.hypot(long, wide) + 0.08
+        body = Body.box((across, across, high + 0.04), (2, 2, 2))
+        states = [RigidState.at_rest(end, yaw) for end in (task.start, task.goal) for yaw in yaws]
+        # the turned squares overlap in the cylinder: it is free where any of them is
+        free = ~ground(scene).touches(body, RigidState.stack(states)).reshape(-1, len(yaws))
+        assert free.any(-1).all(), task.name
+        assert scene.box.contains(torch.stack([state.position for state in states])).all()
 
 
 @pytest.mark.parametrize("name", scenes.names())

@@ -38,6 +38,12 @@ def test_cameras_stand_low_between_the_blocks_and_around_them():
     assert (eyes[inside, 2] < 0.2).sum() > 40
 
 
+def test_where_voxels_are_large_cameras_keep_further_off():
+    config, place = CaptureConfig(), scenes.load("blocks")
+    assert config.suiting(replace(place, voxel=None)) == config.suiting(replace(place, voxel=0.013)) == config
+    assert config.suiting(replace(place, voxel=0.04)).clearance == pytest.approx(3.5 * 0.04)
+
+
 def test_every_photograph_shows_more_than_sky():
     scene = scenes.load("blocks")
     for step in capture(scene, _CONFIG, _generator()):

@@ -9,8 +9,9 @@ import scenes
 from app.jobs.events import JobEvent, Progress
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
+from nerfnav.field.train import TrainConfig
 from nerfnav.geometry.images import PosedImages
-from nerfnav.world.capture import CaptureConfig, capture, split
+from nerfnav.world.capture import FINE_VOXEL, CaptureConfig, capture, split
 from nerfnav.world.scene import Scene
 
 LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
@@ -38,8 +39,10 @@ def gather(request: TrainRequest) -> Gathering:
         seen_from=request.mesh.seen_from,
     )
     scene = scenes.load(request.source)
-    volume = scene.box.size.prod().item()
-    config = replace(request.capture, images=request.photographs.count or images_for(volume))
+    # a place of the size of rooms takes as much work, in voxels, as a small one
+    coarser = max(1.0, (scene.voxel or TrainConfig.voxel) / FINE_VOXEL)
+    volume = scene.box.size.prod().item() / coarser**3
+    config = replace(request.capture.suiting(scene), images=request.photographs.count or images_for(volume))
     photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs)
     report: dict[str, object] = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}

@@ -1,0 +1,49 @@
+"""Map: what planners believe of a field, free, solid or unproven, written for other programs."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.validation import require_positive
+from app.storage.output_files import prepare_file, write_bytes
+from nerfnav.export.occupancy_map import check_ending, map_files
+from nerfnav.field.checkpoint import StoredField
+from nerfnav.field.states import StateGrid, VoxelState, voxel_states
+from nerfnav.planner.occupancy import OccupancyConfig
+
+
+@dataclass(frozen=True)
+class MapRequest:
+    """Which map is asked for."""
+
+    out: Path
+    """The file to write; its ending says what kind of map."""
+    height: float | None = None
+    """Height of the layer that a map of ROS shows [m]; None: the middle of the place."""
+    voxel: float | None = None
+    """Edge of a voxel [m]; None: the field's own."""
+
+    def __post_init__(self) -> None:
+        """Raise NerfnavError for an unknown ending and for numbers that no map can have."""
+        check_ending(self.out.suffix, self.height)
+        require_positive(voxel=self.voxel)
+
+
+def run(field: StoredField, request: MapRequest) -> JobEvents:
+    """Write the map and what belongs to it, then yield its numbers.
+
+    Raises NerfnavError where the field has no voxels or the files cannot be written.
+    """
+    out = prepare_file(request.out)
+    yield JobStarted("map")
+    yield Progress("looking at all voxels", 0.1)
+    grid = voxel_states(field, OccupancyConfig.threshold, request.voxel)
+    yield Progress("writing the map", 0.7)
+    contents = map_files(grid, out.suffix, out.stem, request.height)
+    files = tuple(write_bytes(out.with_name(name), content) for name, content in contents.items())
+    yield JobFinished("map", _numbers(grid) | {"files": [str(path) for path in files]}, files)
+
+
+def _numbers(grid: StateGrid) -> dict[str, object]:
+    shares = {f"{state.name.lower()}_share": grid.share(state) for state in VoxelState}
+    return {"shape": list(grid.state.shape), "lower": grid.lower.tolist(), "voxel_m": grid.voxel, **shares}
