@@ -7,13 +7,13 @@ from pathlib import Path
 
 import torch
 
+import scenes
 from app.events import JobEvent, JobFinished, Progress
 from app.jobs import plan
 from app.jobs.plan import PlanRequest
 from app.messages import PlaceOpened, SurfaceShaped
 from app.place import Place, open_place
 from app.session import opening_ends
-from app.sources import FIELD, is_source
 from app.surface import kept_surface, unlit_glb, without_specks
 from nerfnav.errors import NerfnavError
 from nerfnav.estimator.belief import Belief
@@ -23,6 +23,7 @@ from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.importers.kind import source_kind
 from nerfnav.navigation.replan import NavigateConfig
 
 _CELLS = 140
@@ -43,13 +44,15 @@ def run(
     Raises NerfnavError as `open_place` does, or where no field can be made. What makes fields is imported only then:
     most places come with one, and somebody waits for them.
     """
-    if is_source(what):
+    if source_kind(what, scenes.names()).command is not None:
         from app.jobs import adopt
 
-        made = Path(what).with_suffix(FIELD)
-        for event in adopt.run(Path(what), made):
-            if not isinstance(event, JobFinished):  # the job goes on
-                yield event
+        made = adopt.made_before(Path(what))
+        if made is None:
+            made = adopt.field_path(Path(what))
+            for event in adopt.run(Path(what), made):
+                if not isinstance(event, JobFinished):  # the job goes on
+                    yield event
         what = str(made)
     yield Progress("opening the field", 0.05)
     place = opener(what)
