@@ -13,14 +13,15 @@ from app.jobs.import_field import run as run_job
 
 @dataclass(frozen=True)
 class Arguments:
-    """Make a field of a trained NeRF (nerf-pytorch) or of Gaussian splats (.ply, .splat)."""
+    """Make a field of a trained NeRF (nerf-pytorch) or of Gaussian splats (.ply, .splat, .spz, .sog, .ksplat)."""
 
     source: Positional[Path]
-    """A checkpoint, a folder with one, or a file of splats."""
+    """A checkpoint, a folder with one, or splats: a file, or the folder of a SOG's meta.json."""
     out: Path
     """File for the field; splats themselves are kept beside it."""
-    bake: bool = False
-    """Turn a NeRF into a voxel field, which is far quicker to plan and fly in, and tell how alike the two look."""
+    keep_network: bool = False
+    """Keep a NeRF's networks, which take seconds for a picture; by default they become a voxel field, which is quick to
+    plan and fly in, and it is told how alike the two look."""
     voxel: float | None = None
     """Size of the field's voxels [m]; by default what suits the size of the place."""
     placement: OmitArgPrefixes[PlacementArguments] = field(default_factory=PlacementArguments)
@@ -35,7 +36,7 @@ def run(arguments: Arguments) -> None:
         arguments.source,
         arguments.out,
         voxel=arguments.voxel,
-        bake=arguments.bake,
+        keep_network=arguments.keep_network,
         placement=arguments.placement.placement(),
     )
     show(f"field {arguments.out}", follow(run_job(request)).summary, arguments.json)

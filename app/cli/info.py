@@ -9,7 +9,7 @@ from tyro.conf import Positional
 
 import scenes
 from app.cli.terminal import show
-from app.places.place import ground_truth
+from app.places.place import field_file, ground_truth
 from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.geometry import GeometryReport, measure_geometry
@@ -46,7 +46,7 @@ class Arguments:
 def run(arguments: Arguments) -> None:
     """Print box, resolution, quality, origin and size; compare with a mesh and take a picture where asked to."""
     name = arguments.field
-    path = scenes.trained_path(name) if name in scenes.names() else Path(name)
+    path = field_file(name)
     field = load_field(path)
     summary = {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},

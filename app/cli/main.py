@@ -21,6 +21,7 @@ from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 
 COMMANDS = {
     "serve": "open a scene or a field in the browser (what `nerfnav` alone does, with stonehenge)",
+    "open": "open anything in the browser: a field, a mesh, a capture, splats, a video, a trained NeRF",
     "scenes": "list the bundled scenes and their tasks",
     "train": "train a field of a scene, a mesh, or somebody's photographs",
     "import": "make a field of a trained NeRF or of Gaussian splats",

@@ -32,7 +32,8 @@ class Arguments:
     """Open a scene or a field in the browser, until Ctrl-C."""
 
     place: Positional[str] = "stonehenge"
-    """Name of a bundled scene, or path of a field file."""
+    """Name of a bundled scene, or path of anything that can be opened: a field, a mesh, a capture, splats, a video, a
+    trained NeRF. A field is made of it first, beside it, where it is none."""
     host: str = "127.0.0.1"
     """Address to listen at; the default is reached from this machine alone."""
     port: int = 8080
@@ -105,8 +106,11 @@ def _bundled(scene: str) -> Path:
 
 
 def _check(place: str) -> None:
-    """Raise NerfnavError where there is no such scene or file."""
+    """Raise NerfnavError where there is no such scene or file, or it is nothing that can be opened."""
+    import scenes
     from app.places.place import field_file
     from nerfnav.field.checkpoint import load_field
+    from nerfnav.importers.kind import source_kind
 
-    load_field(field_file(place))
+    if source_kind(place, scenes.names()).command is None:
+        load_field(field_file(place))

@@ -17,14 +17,13 @@ from nerfnav.field.field import Field
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
-from nerfnav.importers.nerf_pytorch import NerfPytorchConfig, is_checkpoint, load_nerf_pytorch
+from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
+from nerfnav.importers.nerf_pytorch import NerfPytorchConfig, load_nerf_pytorch
 from nerfnav.importers.placement import Placement, Vector, rotation_to_z
-from nerfnav.importers.splats.layouts import holds_splats, load_splats
+from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.splats import save_splats, splats_beside
+from nerfnav.importers.splats.upright import upright
 from nerfnav.importers.splats.voxels import VoxelizeConfig, voxelize
-
-SPLATS_UP: Vector = (0.0, -1.0, 0.0)
-"""Up in nearly all files of splats: their cameras come from COLMAP, whose y points down."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,8 @@ class ImportRequest:
     """The file for the field."""
     voxel: float | None = None
     """Distance of the nodes of a voxel field [m]; None: by the size of the place."""
-    bake: bool = False
-    """Whether a NeRF becomes a voxel field, which is far quicker to plan and fly in."""
+    keep_network: bool = False
+    """Whether a NeRF stays networks, which take seconds for a picture; else it is baked into a voxel field."""
     placement: Placement = field(default_factory=Placement)
     """How the source lies in the world."""
 
@@ -49,7 +48,7 @@ class ImportRequest:
 
 def imports(source: Path) -> bool:
     """Whether a file or folder is of a kind that is imported, not trained from."""
-    return holds_splats(source) or is_checkpoint(source)
+    return source_kind(source).command == "import"
 
 
 def run(request: ImportRequest) -> JobEvents:
@@ -59,10 +58,11 @@ def run(request: ImportRequest) -> JobEvents:
     """
     if not request.source.exists():
         raise InvalidInputError(f"there is no file or folder {request.source}")
+    kind = source_kind(request.source)
+    if kind not in (SourceKind.NERF, SourceKind.SPLATS):
+        raise wrong_kind(request.source, kind, "a trained NeRF or a file of Gaussian splats")
     out = prepare_file(request.out)
-    if is_checkpoint(request.source) or request.source.is_dir():
-        return _import_nerf(request, out)
-    return _import_splats(request, out)
+    return _import_nerf(request, out) if kind is SourceKind.NERF else _import_splats(request, out)
 
 
 def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:
@@ -87,10 +87,10 @@ def _import_nerf(request: ImportRequest, out: Path) -> JobEvents:
     yield JobStarted("import")
     yield Progress("reading the networks", 0.0)
     found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
-    shape, told = found.fine.config, {"kind": "nerf-pytorch", **_guesses(request.placement, (0.0, 0.0, 1.0))}
+    shape, told = found.fine.config, {"kind": "nerf-pytorch", **_placed(request.placement, (0.0, 0.0, 1.0))}
     told |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
     made: StoredField = found
-    if request.bake:
+    if not request.keep_network:
         made = yield from baking(found, request.voxel)
     summary = {**_numbers(made), "file_bytes": save_field(made, out), "source": told}
     yield JobFinished("import", summary, (out,))
@@ -100,7 +100,8 @@ def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield JobStarted("import")
     yield Progress("reading the splats", 0.0)
     place, read = request.placement, load_splats(request.source)
-    splats = read.placed(rotation_to_z(np.array(place.up or SPLATS_UP)), place.meters_per_unit or 1.0)
+    stands = upright(read, place, request.source)
+    splats = read.placed(rotation_to_z(np.array(stands.up)), stands.scale)
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)
     made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)
@@ -111,7 +112,8 @@ def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
         "declared": read.declared,
         "splats": len(read),
         "dropped": read.dropped,
-        **_guesses(place, SPLATS_UP),
+        **_placed(place, stands.up),
+        "guesses": list(stands.guesses),
     }
     yield JobFinished("import", {**_numbers(made), "file_bytes": bytes_, "source": told}, (out, beside))
 
@@ -122,7 +124,7 @@ def _numbers(made: StoredField) -> dict[str, Any]:
     return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db}
 
 
-def _guesses(placement: Placement, up: Vector) -> dict[str, Any]:
+def _placed(placement: Placement, up: Vector) -> dict[str, Any]:
     """Up and scale as they were taken, and which of them nobody gave."""
     given = {"up": placement.up, "scale": placement.meters_per_unit, "box": placement.box}
     return {

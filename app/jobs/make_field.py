@@ -6,6 +6,11 @@ from app.jobs import import_field, train
 from app.jobs.events import JobEvents
 from app.jobs.import_field import ImportRequest
 from app.jobs.train import TrainRequest
+from nerfnav.errors import NerfnavError
+from nerfnav.field.checkpoint import load_field
+from nerfnav.importers.kind import field_name, own_folder
+from nerfnav.importers.meshes.folders import meshes_in_archive
+from nerfnav.importers.suffixes import ARCHIVES
 
 BUDGET_S = 60.0
 """Time that is spent on learning a field [s]: enough to fly in, short enough to wait for."""
@@ -14,5 +19,39 @@ BUDGET_S = 60.0
 def run(source: Path, out: Path) -> JobEvents:
     """Yield what training or importing yields, and leave the field in `out`; NeRFs are baked, to be quick."""
     if import_field.imports(source):
-        return import_field.run(ImportRequest(source, out, bake=True))
+        return import_field.run(ImportRequest(source, out))
     return train.run(TrainRequest(str(source), out, budget=BUDGET_S))
+
+
+def made_before(source: Path) -> Path | None:
+    """The field that lies beside a source and was made of it since it last changed; None where there is none."""
+    path = _beside(source)
+    try:
+        if not path.is_file() or path.stat().st_mtime < source.stat().st_mtime:
+            return None
+        told = load_field(path).info.source
+    except (NerfnavError, OSError):
+        return None
+    return path if told in _called(source) else None
+
+
+def field_path(source: Path) -> Path:
+    """Where the field of a source is kept: beside it, under a name that no other file has."""
+    path = _beside(source)
+    names = (path.with_name(f"{path.stem}-{count}{path.suffix}") for count in range(2, 1000))
+    return path if not path.exists() else next(name for name in names if not name.exists())
+
+
+def _called(source: Path) -> set[str]:
+    """What a field may say that it was made of: the source, or the mesh or checkpoint in it that was meant."""
+    inside: set[str] = set()
+    if source.is_dir():
+        inside = {path.name for path in (*source.glob("*"), *source.glob("meshes/*"))}
+    elif source.suffix.lower() in ARCHIVES:
+        inside = {Path(name).name for name in meshes_in_archive(source)}
+    return {source.name, f"capture {source.name}", *inside}
+
+
+def _beside(source: Path) -> Path:
+    folder = own_folder(source)
+    return (source.parent if folder is None else folder.resolve().parent) / field_name(source)

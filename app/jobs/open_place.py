@@ -7,12 +7,12 @@ from pathlib import Path
 
 import torch
 
+import scenes
 from app.jobs import plan
 from app.jobs.events import JobEvent, JobFinished, PlaceOpened, Progress, SurfaceShaped
 from app.jobs.plan import PlanRequest
 from app.places.ends import opening_ends
 from app.places.place import Place, open_place
-from app.places.sources import FIELD, is_source
 from app.places.surface_glb import kept_surface, unlit_glb, without_specks
 from nerfnav.errors import NerfnavError
 from nerfnav.estimator.belief import Belief
@@ -22,6 +22,7 @@ from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.importers.kind import source_kind
 from nerfnav.navigation.replan import NavigateConfig
 
 _CELLS = 140
@@ -40,13 +41,15 @@ def run(what: str, opener: Callable[[str], Place] = open_place) -> Iterator[JobE
     Raises NerfnavError as `open_place` does, or where no field can be made. What makes fields is imported only then:
     most places come with one, and somebody waits for them.
     """
-    if is_source(what):
+    if source_kind(what, scenes.names()).command is not None:
         from app.jobs import make_field
 
-        made = Path(what).with_suffix(FIELD)
-        for event in make_field.run(Path(what), made):
-            if not isinstance(event, JobFinished):  # the job goes on
-                yield event
+        made = make_field.made_before(Path(what))
+        if made is None:
+            made = make_field.field_path(Path(what))
+            for event in make_field.run(Path(what), made):
+                if not isinstance(event, JobFinished):  # the job goes on
+                    yield event
         what = str(made)
     yield Progress("opening the field", 0.05)
     place = opener(what)

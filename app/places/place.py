@@ -15,8 +15,10 @@ from nerfnav.estimator.relocalise import Searcher
 from nerfnav.field.checkpoint import StoredField, load_field
 from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.geometry.camera import Camera
+from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
 from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.splats import Splats, splats_beside
+from nerfnav.importers.suffixes import FIELD
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.robot import Robot
 from nerfnav.world.task import Task
@@ -132,7 +134,8 @@ def searcher_of(place: Place, camera: Camera, noise: ColorNoise) -> Searcher:
 def field_file(what: str) -> Path:
     """The file of the field that a user means by a scene's name or a path.
 
-    Raises UnknownNameError where it is neither, NoTrainedFieldError where the scene comes without a field.
+    Raises UnknownNameError where it is neither, NoTrainedFieldError where the scene comes without a field,
+    WrongKindError, which says what makes a field of it, for anything else.
     """
     if what in scenes.names():
         path = scenes.trained_path(what)
@@ -144,6 +147,10 @@ def field_file(what: str) -> Path:
         return path
     if not _is_path(what):
         raise UnknownNameError("scene or field file", what, scenes.names())
+    kind = source_kind(what)
+    missing = kind is SourceKind.MISSING and Path(what).suffix in (FIELD, "")  # reading tells how to make it
+    if kind is not SourceKind.FIELD and not missing:
+        raise wrong_kind(what, kind, "a field")
     return Path(what)
 
 

@@ -4,22 +4,12 @@ import os
 import re
 from pathlib import Path
 
-FIELD = ".npz"
-"""Ending of a field that nerfnav wrote."""
-SUFFIXES = (
-    FIELD, ".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".splat", ".zip", ".ckpt", ".tar", ".pth", ".pt",
-)  # fmt: skip
-"""Endings of the files that a browser can bring; a .zip holds a capture, a .ply a mesh or Gaussian splats, the last
-four are checkpoints of trained NeRFs."""
+from nerfnav.importers.suffixes import UPLOADS as SUFFIXES
+
+__all__ = ["SUFFIXES", "title_of", "without_folder", "without_paths"]
 
 _FOLDERS = re.compile(r"(?<![\w.:/~<])(?:~|\.{0,2})/(?:[^\s/:'\"<>]+/)+")
 """Folders of a path that begins at the root, at home or here; addresses of the web are none."""
-
-
-def is_source(what: str) -> bool:
-    """Whether a field must be made from `what` before it can be opened."""
-    path = Path(what)
-    return path.suffix.lower() in SUFFIXES and path.suffix.lower() != FIELD and path.is_file()
 
 
 def title_of(what: str) -> str:

@@ -27,9 +27,8 @@ from nerfnav.geometry.camera import Pose
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.importers.nerf_pytorch_networks import network_of
 from nerfnav.importers.placement import Placement, rotation_to_z
+from nerfnav.importers.suffixes import CHECKPOINTS as SUFFIXES
 
-SUFFIXES = (".ckpt", ".tar", ".pth", ".pt")
-"""Endings of checkpoints."""
 _NETWORKS = (("model_coarse_state_dict", "model_fine_state_dict"), ("network_fn_state_dict", "network_fine_state_dict"))
 _CONFIGS = ("config.yml", "config.yaml", "config.txt", "args.txt")
 _SEEN_SHARE = 0.75
@@ -131,8 +130,12 @@ def _not_whole(file: Path) -> InvalidInputError:
 
 def _configured(folder: Path, config: NerfPytorchConfig) -> NerfPytorchConfig:
     """`config` with what the run's own configuration says, as far as that is plausible."""
-    said = _said(folder)
-    if str(said.get("type", said.get("dataset_type", ""))).lower() == "llff" and not _true(said.get("no_ndc", False)):
+    sections = _sections(folder)
+    said, dataset = _flat(sections), sections.get("dataset")
+    # networks have a type, too: the photographs' stands in their own section, or at the top
+    told = dataset if isinstance(dataset, dict) else sections
+    kind = str(told.get("type", told.get("dataset_type", ""))).lower()
+    if kind == "llff" and not _true(told.get("no_ndc", said.get("no_ndc", False))):
         raise InvalidInputError(
             f"the NeRF in {folder} was trained in normalised device coordinates (llff without no_ndc), where lengths "
             "mean nothing: train it with no_ndc"
@@ -149,21 +152,23 @@ def _configured(folder: Path, config: NerfPytorchConfig) -> NerfPytorchConfig:
     return config
 
 
-def _said(folder: Path) -> dict[str, Any]:
-    """Names and values of the first configuration in a folder, without their sections; later ones win."""
+def _sections(folder: Path) -> dict[str, Any]:
+    """Names and values of the first configuration in a folder, in their sections."""
     for name in _CONFIGS:
         if (folder / name).is_file():
             text = (folder / name).read_text(errors="replace")
             if name.endswith(".txt"):
                 text = re.sub(r"^\s*(\w+)\s*=", r"\1:", text, flags=re.MULTILINE)
             try:
-                return _flat(yaml.safe_load(text))
+                loaded = yaml.safe_load(text)
+                return loaded if isinstance(loaded, dict) else {}
             except yaml.YAMLError:
                 return {}  # weights say what matters; what the file would add has defaults
     return {}
 
 
 def _flat(section: Any) -> dict[str, Any]:
+    """The same without sections; later ones win."""
     flat: dict[str, Any] = {}
     for name, value in section.items() if isinstance(section, dict) else ():
         flat |= _flat(value) if isinstance(value, dict) else {str(name): value}

@@ -11,6 +11,12 @@ from nerfnav.errors import InvalidInputError
 Vector = tuple[float, float, float]
 AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 """Directions that have a name."""
+PLAUSIBLE = (0.5, 120.0)
+"""Longest edges that places have which somebody would fly a small robot in [m]."""
+FLATTER = 1.25
+"""An up axis is doubted where the place is higher along it than along another by this factor, and more."""
+LOWER = 0.03
+"""And where the middle of what is there lies lower along the other axis, by this share of its height."""
 _DOWN = 1e-24
 """Squared sine of the angle between straight down and what is taken for it: its heading is lost in rounding."""
 
@@ -67,3 +73,26 @@ def rotation_to_z(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
         [-x * y * bend, 1 - y * y * bend, -y],
         [x, y, z],
     ])  # fmt: skip
+
+
+def is_flatter(size: Float[np.ndarray, " 3"], own: int, other: int) -> bool:
+    """Whether a place is so much flatter along another axis than along its own up axis that the latter is doubtful."""
+    return bool(size[own] > FLATTER * size[other] and size[other] <= FLATTER * size.min())
+
+
+def length_in_words(meters: float) -> str:
+    """A length as people say it: in km, m, cm or mm."""
+    for unit, name in ((1000.0, "km"), (1.0, "m"), (0.01, "cm")):
+        if meters >= unit:
+            return f"{meters / unit:.3g} {name}"
+    return f"{1000 * meters:.3g} mm"
+
+
+def size_doubt(longest: float) -> str | None:
+    """What to say of a place whose longest edge [m] nobody gave and no place has; None where it is plausible."""
+    if PLAUSIBLE[0] <= longest <= PLAUSIBLE[1]:
+        return None
+    return (
+        f"this place would be {length_in_words(longest)} long: measure something (--picked X Y Z X Y Z DISTANCE gives "
+        "two points and how far they are apart in truth [m], --scale the metres in one unit)"
+    )

@@ -1,11 +1,17 @@
 """Files of splats in all layouts, written from the layouts' descriptions by other means than they are read."""
 
+import gzip
+import io
+import json
 import math
 import struct
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import zstandard
+from PIL import Image
 
 
 @dataclass(frozen=True)
@@ -101,6 +107,136 @@ def write_compressed(path: Path, splats: Gaussians) -> None:
             word = quads[0] << 24 | quads[1] << 16 | quads[2] << 8 | quads[3]
             rows += struct.pack("<4I", _triple(at), _smallest_three(wxyz), _triple(size), word)
     path.write_bytes(header.encode() + bytes(chunks) + bytes(rows))
+
+
+def write_spz(path: Path, splats: Gaussians, version: int = 3, bits: int = 12) -> None:
+    """Niantic's layout: attribute by attribute, in one gzip stream or, from version 4, a Zstandard stream each."""
+    columns = [bytearray() for _ in range(5)]
+    for center, scale, wxyz, rgb, opacity in _each(splats):
+        w, *xyz = wxyz / np.linalg.norm(wxyz)
+        for part in center:
+            columns[0] += round(part * (1 << bits)).to_bytes(3, "little", signed=True)
+        columns[1].append(round(255 * opacity))
+        columns[2] += bytes(round(255 * (0.5 + 0.15 * (part - 0.5) / 0.28209479177387814)) for part in rgb)
+        columns[3] += bytes(round(16 * (math.log(part) + 10)) for part in scale)
+        if version == 2:
+            columns[4] += bytes(round(127.5 * (1 + part * (1 if w >= 0 else -1))) for part in xyz)
+        else:
+            columns[4] += _signed_smallest_three([*xyz, w]).to_bytes(4, "little")
+    columns.append(bytearray())  # harmonics of degree 0
+    header = struct.pack("<4sIIBBBB", b"NGSP", version, len(splats.centers), 0, bits, 0, 6 if version == 4 else 0)
+    if version < 4:
+        path.write_bytes(gzip.compress(header + b"".join(columns)))
+        return
+    streams = [zstandard.ZstdCompressor().compress(bytes(column)) for column in columns]
+    table = b"".join(
+        struct.pack("<QQ", len(stored), len(column)) for stored, column in zip(streams, columns, strict=True)
+    )
+    path.write_bytes(header + struct.pack("<I12x", 32) + table + b"".join(streams))
+
+
+def write_sog(folder: Path, splats: Gaussians, width: int = 32) -> None:
+    """PlayCanvas' layout: pictures of one pixel a splat, and a meta.json that says what they stand for."""
+    folder.mkdir(parents=True, exist_ok=True)
+    count = len(splats.centers)
+    logs = np.sign(splats.centers) * np.log1p(np.abs(splats.centers))
+    steps = np.rint(65535 * (logs - logs.min(0)) / np.ptp(logs, axis=0)).astype(np.int64)
+    sizes, colors = np.linspace(-6, -1, 256), np.linspace(-2, 2, 256)
+    wanted = (splats.rgbs - 0.5) / 0.28209479177387814
+    planes = {
+        "means_l": steps & 255,
+        "means_u": steps >> 8,
+        "scales": np.abs(np.log(splats.scales)[..., None] - sizes).argmin(-1),
+        "sh0": np.column_stack([np.abs(wanted[..., None] - colors).argmin(-1), np.rint(255 * splats.opacities)]),
+        "quats": np.array([_tagged_smallest_three(wxyz) for wxyz in splats.wxyzs]),
+    }
+    for name, values in planes.items():
+        pixels = np.full((-(-count // width) * width, 4), 255, np.uint8)
+        pixels[:count, : values.shape[1]] = values
+        Image.fromarray(pixels.reshape(-1, width, 4)).save(folder / f"{name}.webp", lossless=True, exact=True)
+    meta = {
+        "version": 2,
+        "count": count,
+        "means": {"mins": [*logs.min(0)], "maxs": [*logs.max(0)], "files": ["means_l.webp", "means_u.webp"]},
+        "scales": {"codebook": [*sizes], "files": ["scales.webp"]},
+        "quats": {"files": ["quats.webp"]},
+        "sh0": {"codebook": [*colors], "files": ["sh0.webp"]},
+    }
+    (folder / "meta.json").write_text(json.dumps(meta))
+
+
+def bundle_sog(path: Path, splats: Gaussians) -> None:
+    """The same as one archive."""
+    folder = path.with_name(path.name + "_parts")
+    write_sog(folder, splats)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for file in sorted(folder.iterdir()):
+            archive.write(file, file.name)
+    path.write_bytes(packed.getvalue())
+
+
+def write_ksplat(path: Path, splats: Gaussians, level: int = 1, degree: int = 1) -> None:
+    """mkkellogg's layout, in two sections; buckets of 40 splats with one of them partly filled."""
+    half = len(splats.centers) // 2
+    parts = [slice(0, half), slice(half, len(splats.centers))]
+    heads, bodies = bytearray(), bytearray()
+    for part in parts:
+        head, body = _ksplat_section(splats, part, level, degree)
+        heads += head
+        bodies += body
+    header = bytearray(4096)
+    struct.pack_into("<BBHIIIIH", header, 0, 0, 1, 0, 2, 2, len(splats.centers), len(splats.centers), level)
+    path.write_bytes(bytes(header) + bytes(heads) + bytes(bodies))
+
+
+def _ksplat_section(splats: Gaussians, part: slice, level: int, degree: int) -> tuple[bytes, bytes]:
+    centers, size = splats.centers[part], 40
+    groups = [slice(first, min(first + size, len(centers))) for first in range(0, len(centers), size)]
+    full = sum(group.stop - group.start == size for group in groups)
+    middles = [0.5 * (centers[group].min(0) + centers[group].max(0)) for group in groups]
+    edge = 1.01 * max(np.ptp(centers[group], axis=0).max() for group in groups)
+    body = bytearray()
+    if level > 0:
+        for group in groups[full:]:
+            body += struct.pack("<I", group.stop - group.start)
+        for middle in middles:
+            body += struct.pack("<3f", *middle)
+    harmonics = bytes((0, 9, 24)[degree] * (4, 2, 1)[level])
+    rows = zip(centers, splats.scales[part], splats.wxyzs[part], splats.rgbs[part], splats.opacities[part], strict=True)
+    for index, (center, scale, wxyz, rgb, opacity) in enumerate(rows):
+        unit = wxyz / np.linalg.norm(wxyz)
+        if level == 0:
+            body += struct.pack("<10f", *center, *scale, *unit)
+        else:
+            steps = np.rint(2 * 32767 * (center - middles[index // size]) / edge + 32767).astype(int)
+            body += struct.pack("<3H7e", *steps, *scale, *unit)
+        body += bytes([*(round(255 * color) for color in rgb), round(255 * opacity)]) + harmonics
+    head = bytearray(1024)
+    buckets, partial = (len(groups), len(groups) - full) if level else (0, 0)
+    struct.pack_into("<IIIIfHxxI", head, 0, len(centers), len(centers), size, buckets, edge, 12, 32767)
+    struct.pack_into("<II", head, 32, full if level else 0, partial)
+    struct.pack_into("<H", head, 40, degree)
+    return bytes(head), bytes(body)
+
+
+def _signed_smallest_three(xyzw: list[float]) -> int:
+    """The number of the largest part, then the others as a sign and nine bits, x first."""
+    largest = int(np.abs(xyzw).argmax())
+    turned = np.array(xyzw) * np.sign(xyzw[largest])
+    word = largest
+    for index in range(4):
+        if index != largest:
+            word = word << 10 | (int(turned[index] < 0) << 9) | round(abs(turned[index]) * math.sqrt(2) * 511)
+    return word
+
+
+def _tagged_smallest_three(wxyz: np.ndarray) -> list[int]:
+    unit = wxyz / np.linalg.norm(wxyz)
+    largest = int(np.abs(unit).argmax())
+    unit = unit * np.sign(unit[largest])
+    others = [round(255 * (unit[index] * math.sqrt(0.5) + 0.5)) for index in range(4) if index != largest]
+    return [*others, 252 + largest]
 
 
 def _triple(shares: np.ndarray) -> int:

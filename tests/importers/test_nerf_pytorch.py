@@ -157,6 +157,29 @@ def test_the_configuration_says_what_weights_cannot(tmp_path: Path) -> None:
     assert is_checkpoint(tmp_path) and not is_checkpoint(tmp_path / "config.yml")
 
 
+@pytest.mark.parametrize(
+    ("config", "refused"),
+    [
+        ("dataset: {type: llff}\nmodels: {coarse: {type: FlexibleNeRFModel}, fine: {type: FlexibleNeRFModel}}\n", True),
+        ("dataset: {type: LLFF, no_ndc: false}\nmodels: {fine: {type: PaperNeRFModel}}\n", True),
+        ("dataset: {type: llff, no_ndc: true}\nmodels: {fine: {type: FlexibleNeRFModel}}\n", False),
+        ("dataset: {type: blender}\nmodels: {fine: {type: FlexibleNeRFModel, no_ndc: false}}\n", False),
+        ("dataset_type: llff\n", True),
+        ("dataset_type: llff\nno_ndc: true\n", False),
+    ],
+)
+def test_networks_of_normalised_device_coordinates_are_refused_wherever_the_configuration_says_so(
+    config: str, refused: bool, tmp_path: Path
+) -> None:
+    saved(tmp_path / "a.ckpt", Flexible(32, 4, 4, True))
+    (tmp_path / "config.yml").write_text(config)
+    if refused:
+        with pytest.raises(InvalidInputError, match="normalised device coordinates"):
+            load_nerf_pytorch(tmp_path, NerfPytorchConfig(placement=BOX))
+    else:
+        assert load_nerf_pytorch(tmp_path, NerfPytorchConfig(placement=BOX)).fine.config.depth == 4
+
+
 def test_evenly_spaced_frequencies_are_read_from_the_configuration(tmp_path: Path) -> None:
     saved(tmp_path / "a.ckpt", Flexible(32, 4, 4, True))
     (tmp_path / "config.yml").write_text("models: {coarse: {log_sampling_xyz: false, log_sampling_dir: true}}\n")

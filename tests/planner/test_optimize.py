@@ -44,6 +44,7 @@ def test_the_last_step_has_the_best_trajectory_of_all(around_the_ball: list[Plan
 
 
 def test_each_step_says_what_its_own_trajectory_costs(around_the_ball: list[PlanStep]):
+    problem = across(ball())
     for step in around_the_ball[::40]:
         motion = step.trajectory.motion(ROBOT)
         terms = problem.cost(motion, QUICK.weights).numbers()

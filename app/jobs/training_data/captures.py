@@ -1,4 +1,4 @@
-"""Training data from a capture: a folder, a transforms.json, or a .zip of either."""
+"""Training data from a capture: a folder, a transforms.json, a .zip or .r3d of either, or a video."""
 
 import os
 import tempfile
@@ -13,19 +13,15 @@ from app.jobs.training_data.request import TrainRequest
 from nerfnav.importers.captures.archive import unpacked
 from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.imported import ImportConfig, ImportedCapture
+from nerfnav.importers.captures.video import capture_of_video
 from nerfnav.importers.captures.views import CaptureError
+from nerfnav.importers.suffixes import ARCHIVES, VIDEOS
 
 ITERATIONS = 2000
 """Training steps that photographs ask for where nobody gave a number."""
 NODES = 2_000_000
 """Nodes of the field of a capture, where nobody gave the size of a voxel: fifty photographs do not tell more apart, and
 finer fields learn their noise (the fox: 22.5 dB with 6 million, 23.2 dB with 2)."""
-
-
-def takes(source: str) -> bool:
-    """Whether a source is a folder, or a file that may be or hold a capture."""
-    path = Path(source)
-    return path.is_dir() or (path.suffix.lower() in (".json", ".zip") and path.is_file())
 
 
 def gather(request: TrainRequest) -> Gathering:
@@ -38,6 +34,10 @@ def gather(request: TrainRequest) -> Gathering:
         "a capture", images=request.photographs.count, units=request.mesh.units, seen_from=request.mesh.seen_from
     )
     with _unzipped(Path(request.source)) as (source, within):
+        if (video := Path(request.source)).suffix.lower() in VIDEOS:
+            for posing in capture_of_video(video, source):
+                if (yield Progress(posing.doing, posing.fraction)):
+                    raise StoppedError("stopped while posing the video: nothing was learned yet, so nothing is saved")
         photographs = request.photographs
         config = ImportConfig(request.placement, photographs.downscale, photographs.held_out_every, within)
         for step in import_capture(source, config):
@@ -52,12 +52,13 @@ def gather(request: TrainRequest) -> Gathering:
 @contextmanager
 def _unzipped(source: Path) -> Iterator[tuple[Path, Path | None]]:
     """The capture, and the folder that it may not read beyond: one that came as a file may come from anybody."""
-    if source.suffix.lower() != ".zip":
+    suffix = source.suffix.lower()
+    if suffix not in (*ARCHIVES, *VIDEOS):
         yield source, None
         return
     with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:
         try:
-            yield unpacked(source, Path(folder)), Path(folder)
+            yield unpacked(source, Path(folder)) if suffix in ARCHIVES else Path(folder), Path(folder)
         except CaptureError as error:
             # people know the archive, not the folder that it was unpacked into
             raise CaptureError(str(error).replace(folder + os.sep, "").replace(folder, str(source))) from error

@@ -1,4 +1,4 @@
-"""What `nerfnav train` learns from. Each kind of source is a file with `takes(source)` and `gather(request)`."""
+"""What `nerfnav train` learns from. Each kind of source is a file with `gather(request)`."""
 
 import importlib
 from pathlib import Path
@@ -7,27 +7,29 @@ import scenes
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import Photographs, TrainRequest
 from nerfnav.errors import InvalidInputError
+from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
 
-KINDS = ("bundled", "meshes", "captures")
-"""The files, in the order in which they are asked; each is imported only when its turn comes."""
+KINDS = {
+    SourceKind.SCENE: "bundled",
+    SourceKind.MESH: "meshes",
+    SourceKind.CAPTURE: "captures",
+    SourceKind.VIDEO: "captures",
+}
+"""The file for each kind; it is imported only when it is needed."""
 
 __all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather"]
 
 
 def gather(request: TrainRequest) -> Gathering:
-    """The material of the first kind that takes the source.
+    """The material of a source.
 
-    Raises UnknownNameError or InvalidInputError where no kind does.
+    Raises UnknownNameError, InvalidInputError or WrongKindError where no field can be trained from it.
     """
-    for name in KINDS:
-        kind = importlib.import_module(f"app.jobs.training_data.{name}")
-        if kind.takes(request.source):
-            return kind.gather(request)
-    if Path(request.source).exists():
-        raise InvalidInputError(
-            f"{request.source} is nothing that a field can be trained from: give a bundled scene "
-            f"({', '.join(scenes.names())}), a mesh file, or a capture (a folder, transforms.json or .zip)"
-        )
+    kind = source_kind(request.source, scenes.names())
+    if kind in KINDS:
+        return importlib.import_module(f"app.jobs.training_data.{KINDS[kind]}").gather(request)
+    if kind is not SourceKind.MISSING:
+        raise wrong_kind(request.source, kind, "a scene, a mesh, a capture or a video")
     if Path(request.source).suffix or len(Path(request.source).parts) > 1:
         raise InvalidInputError(f"there is no file or folder {request.source}")
     scenes.load(request.source)

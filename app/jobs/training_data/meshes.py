@@ -15,9 +15,9 @@ from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.train import TrainConfig
-from nerfnav.importers.captures.archive import extract, names_in
-from nerfnav.importers.captures.views import CaptureError
+from nerfnav.importers.captures.archive import extract
 from nerfnav.importers.meshes.files import SUFFIXES
+from nerfnav.importers.meshes.folders import mesh_file, meshes_in_archive, only_one
 from nerfnav.importers.meshes.importer import Imported, SceneConfig, import_mesh
 from nerfnav.importers.meshes.refusal import MeshFileError
 from nerfnav.world.capture import split
@@ -26,14 +26,6 @@ _BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".t
 """Endings of the files that meshes in an archive may need."""
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""
-_OF_CAPTURES = ("transforms", "cameras.", "images.")
-"""How files begin that only captures have; theirs may hold a mesh too."""
-
-
-def takes(source: str) -> bool:
-    """Whether a source is a file that is called as meshes are, or a .zip of one."""
-    path = Path(source)
-    return path.is_file() and (path.suffix.lower() in SUFFIXES or bool(_meshes_in(path)))
 
 
 def gather(request: TrainRequest) -> Gathering:
@@ -70,32 +62,20 @@ def _imported(path: Path, config: SceneConfig) -> Generator[JobEvent, bool | Non
     raise AssertionError("an import ends with its scene")
 
 
-def _meshes_in(archive: Path) -> list[str]:
-    """Names of the meshes in a .zip that is no capture."""
-    if archive.suffix.lower() != ".zip":
-        return []
-    try:
-        names = [name for name in names_in(archive) if not name.startswith("__MACOSX/")]
-    except CaptureError:
-        return []  # the captures, which take every archive, tell what is wrong with it
-    if any(PurePosixPath(name).name.startswith(_OF_CAPTURES) for name in names):
-        return []
-    return [name for name in names if PurePosixPath(name).suffix.lower() in SUFFIXES]
-
-
 @contextmanager
 def _unzipped(source: Path) -> Iterator[Path]:
     """The mesh file, unpacked where it came in an archive."""
-    if source.suffix.lower() in SUFFIXES:
-        yield source
+    if source.suffix.lower() != ".zip":
+        yield mesh_file(source)
         return
-    names = _meshes_in(source)
-    if len(names) != 1:
+    names = meshes_in_archive(source)
+    name = only_one([PurePosixPath(name) for name in names])
+    if name is None:
         raise InvalidInputError(f"{source} holds {len(names)} meshes ({', '.join(names[:5])}): pack one alone")
     with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:
         extract(source, Path(folder), (*SUFFIXES, *_BESIDE))
         try:
-            yield Path(folder) / names[0]
+            yield Path(folder) / name
         except MeshFileError as error:
             # people know the archive, not the folder that it was unpacked into
             raise MeshFileError(str(error).replace(folder + os.sep, "")) from error

@@ -5,7 +5,7 @@ import viser
 
 from app.state.session import Session
 from app.state.view_settings import Backdrop
-from nerfnav.importers.splats.splats import Splats
+from nerfnav.importers.splats.splats import Splats, in_half_precision
 
 
 class SplatsLayer:
@@ -31,5 +31,8 @@ class SplatsLayer:
 
 
 def arrays(splats: Splats) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (n, 3), covariances (n, 3, 3), colours (n, 3) and opacities (n, 1), as a browser takes them."""
-    return splats.centers, splats.covariances, splats.rgbs, splats.opacities[:, None]
+    """Centres (n, 3), covariances (n, 3, 3), colours (n, 3) and opacities (n, 1), as a browser takes them.
+
+    It gets covariances in half precision: what that would make infinite or negative is brought within its range.
+    """
+    return splats.centers, in_half_precision(splats.covariances), splats.rgbs, splats.opacities[:, None]

@@ -30,7 +30,7 @@ class PlacePanel:
             color="gray",
             icon=viser.Icon.UPLOAD,
             mime_type=",".join(SUFFIXES),
-            hint="A field, a mesh (glb, obj, ply, ...), Gaussian splats (ply, splat), or a capture in a zip",
+            hint="A field, a mesh (glb, obj, ...), Gaussian splats (ply, spz, sog, ...), a capture in a zip, a video",
         )
         self._upload.on_upload(self._take)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)

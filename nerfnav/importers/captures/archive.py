@@ -17,6 +17,8 @@ MOST_SWELLING = 200
 """How many times larger than the archive its content may be, above what every archive may hold."""
 _FREE_BYTES = 64 << 20
 """Content that every archive may hold, however small it is."""
+_NAMED = ("metadata",)
+"""Names of files without an ending that a capture is made of: Record3D's."""
 _WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp")
 """Endings of the files that a capture is made of; others are left in the archive."""
 _BROKEN = (
@@ -68,7 +70,12 @@ def _wanted(content: zipfile.ZipFile, archive: Path, endings: tuple[str, ...]) -
         path = PurePosixPath(entry.filename.replace("\\", "/"))
         if path.is_absolute() or ".." in path.parts or ":" in path.parts[0]:
             raise CaptureError(f"{archive} names a file outside of its own folder: {entry.filename}")
-    wanted = [entry for entry in entries if Path(entry.filename).suffix.lower() in endings]
+    paths = {entry.filename: PurePosixPath(entry.filename) for entry in entries}
+    wanted = [
+        entry
+        for entry in entries
+        if paths[entry.filename].suffix.lower() in endings or paths[entry.filename].name in _NAMED
+    ]
     total = sum(entry.file_size for entry in wanted)
     if len(wanted) > MOST_FILES or total > MOST_BYTES:
         raise CaptureError(
@@ -89,5 +96,6 @@ def _capture_in(folder: Path, archive: Path) -> Path:
                 return candidate
         level = sorted(child for parent in level for child in parent.iterdir() if child.is_dir())
     raise CaptureError(
-        f"{archive} holds no capture: there is no transforms.json, no transforms_train.json and no COLMAP model in it"
+        f"{archive} holds no capture: there is no transforms.json, no transforms_train.json, no COLMAP model and no "
+        "export of Polycam, Record3D or 3D Scanner App in it"
     )

@@ -3,7 +3,6 @@
 Cameras are OpenGL, as here. Intrinsics stand in the file's head, or in a frame, where they hold for it alone.
 """
 
-import json
 import math
 import os
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from nerfnav.importers.captures.json_files import read_json
 from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, View, Views, rigid_pose
 
 SPLITS = ("train", "val", "test")
@@ -20,8 +20,19 @@ _KNOWN_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
+def is_transforms(folder: Path) -> bool:
+    """Whether a folder has a transforms.json."""
+    return (folder / "transforms.json").is_file()
+
+
+def is_blender(folder: Path) -> bool:
+    """Whether a folder has a file for any of Blender's splits."""
+    return any((folder / f"transforms_{split}.json").is_file() for split in SPLITS)
+
+
 def read_transforms(path: Path) -> Views:
-    """What a transforms.json says. Raises CaptureError where it says nothing that can be used."""
+    """What a transforms.json, or that of a folder, says. Raises CaptureError where it says nothing that can be used."""
+    path = path / "transforms.json" if path.is_dir() else path
     return Views("transforms.json", _views(path))
 
 
@@ -35,7 +46,7 @@ def read_blender(folder: Path) -> Views:
 
 
 def _views(path: Path, test: bool = False) -> tuple[View, ...]:
-    head = _json(path)
+    head = read_json(path)
     frames = head.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
         raise CaptureError(f"{path} has no list of frames: it is not a transforms.json")
@@ -56,18 +67,6 @@ def image_path(folder: Path, name: str) -> Path:
     named = folder / name
     found = (f"{named}{suffix}" for suffix in _SUFFIXES if os.path.isfile(f"{named}{suffix}"))
     return Path(next(found, named))
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        head = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise CaptureError(f"{path} is not readable as JSON: it is empty, cut off or another kind of file") from error
-    except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror}") from error
-    if not isinstance(head, dict):
-        raise CaptureError(f"{path} is JSON, but not the description of a capture")
-    return head
 
 
 def _lens(entries: dict[str, Any], where: str) -> Lens:

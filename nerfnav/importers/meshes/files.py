@@ -17,12 +17,12 @@ import trimesh
 from nerfnav.extras import from_extra
 from nerfnav.importers.meshes import gltf
 from nerfnav.importers.meshes.beside import Beside
+from nerfnav.importers.meshes.gltf_plain import Plain
 from nerfnav.importers.meshes.refusal import MeshFileError, first_sentence
+from nerfnav.importers.suffixes import MESHES as SUFFIXES
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # what it warns of is checked, and refused, here
 
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae")
-"""Endings of the files that can be read."""
 _DRACO = b"KHR_draco_mesh_compression"
 
 
@@ -72,11 +72,13 @@ def read_mesh(path: Path) -> MeshFile:
         raise MeshFileError(f"the mesh {path} cannot be read: {error.strerror}") from error
     if not data:
         raise MeshFileError(f"{path} is empty")
+    beside = Beside(path)
     declared = _LOOKS[suffix](path, data)
     _require_reader(suffix, data)
-    beside = Beside(path)
+    plain = _plain_gltf(path, data, beside) if suffix in (".glb", ".gltf") else None
+    file_type, data = (suffix[1:], data) if plain is None else ("glb", plain)
     try:
-        content = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
+        content = trimesh.load_scene(io.BytesIO(data), file_type=file_type, resolver=beside, process=False)
     except Exception as error:  # readers of foreign bytes raise whatever they stumble over
         beside.refuse_what_failed()
         raise MeshFileError(
@@ -104,17 +106,20 @@ def _is_one_point(part: object) -> bool:
     return isinstance(part, trimesh.Trimesh) and len(part.faces) > 0 and not part.extents.any()
 
 
-def _glb(path: Path, data: bytes) -> Declared:
-    header, binary = gltf.glb_parts(path, data)
-    return _checked_gltf(path, header, binary)
-
-
 def _gltf(path: Path, data: bytes) -> Declared:
-    return _checked_gltf(path, gltf.header_of(path, data), b"")
+    header, _ = _gltf_parts(path, data)
+    gltf.require_known(path, header)
+    return Declared("y", False, None, ("m", "cm", "mm"), linear=gltf.is_linear(header))
 
 
-def _checked_gltf(path: Path, header: dict[str, Any], binary: bytes) -> Declared:
-    beside = Beside(path)
+def _gltf_parts(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
+    """The header and, of a .glb, the binary chunk."""
+    return gltf.glb_parts(path, data) if path.suffix.lower() == ".glb" else (gltf.header_of(path, data), b"")
+
+
+def _plain_gltf(path: Path, data: bytes, beside: Beside) -> bytes | None:
+    """The file as a .glb that needs nothing but glTF 2.0; None where it is that already."""
+    header, binary = _gltf_parts(path, data)
 
     def read(entry: dict[str, Any]) -> bytes:
         if "uri" not in entry:
@@ -122,8 +127,10 @@ def _checked_gltf(path: Path, header: dict[str, Any], binary: bytes) -> Declared
         inside = gltf.embedded(entry)
         return beside.get(entry["uri"]) if inside is None else inside
 
-    gltf.check(path, header, read)
-    return Declared("y", False, None, ("m", "cm", "mm"), linear=gltf.is_linear(header))
+    plain = Plain(path, header, read)
+    plain.apply()
+    gltf.check(path, plain.header, read)
+    return plain.packed()
 
 
 def _obj(path: Path, data: bytes) -> Declared:
@@ -171,7 +178,7 @@ def _dae(path: Path, data: bytes) -> Declared:
 
 
 _LOOKS: dict[str, Callable[[Path, bytes], Declared]] = {
-    ".glb": _glb,
+    ".glb": _gltf,
     ".gltf": _gltf,
     ".obj": _obj,
     ".ply": _ply,

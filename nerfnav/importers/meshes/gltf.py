@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -19,8 +20,17 @@ _KNOWN = {
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_mesh_quantization",
     "EXT_texture_webp",
+    "KHR_texture_transform",
+    "KHR_texture_basisu",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
 }
 """Extensions without which a file may say that it cannot be understood, and that are understood here."""
+_IGNORED = re.compile(
+    r"KHR_materials_\w+|KHR_lights_\w+|EXT_lights_\w+|KHR_xmp\w*|KHR_animation_pointer|KHR_node_visibility"
+    r"|MSFT_packing_\w+|EXT_materials_\w+|KHR_audio\w*"
+)
+"""Extensions that say how surfaces shine, what lights there are, and the like: shape and base colour go without."""
 
 
 def glb_parts(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -55,16 +65,21 @@ def header_of(path: Path, text: bytes) -> dict[str, Any]:
     return header
 
 
-def check(path: Path, header: dict[str, Any], read: Callable[[dict[str, Any]], bytes]) -> None:
-    """Raise MeshFileError for extensions that are not understood, and for textures that cannot be decoded.
-
-    `read` gives the bytes of a buffer or an image that is not in a buffer, by its entry in the header.
-    """
-    unknown = sorted(set(header.get("extensionsRequired", [])) - _KNOWN)
+def require_known(path: Path, header: dict[str, Any]) -> None:
+    """Raise MeshFileError for extensions that a file requires and that are neither understood nor to be ignored."""
+    needed = [str(name) for name in header.get("extensionsRequired", [])]
+    unknown = sorted(name for name in needed if name not in _KNOWN and not _IGNORED.fullmatch(name))
     if unknown:
         raise MeshFileError(
             f"{path} cannot be read without {', '.join(unknown)}, which nerfnav does not know: export it without"
         )
+
+
+def check(path: Path, header: dict[str, Any], read: Callable[[dict[str, Any]], bytes]) -> None:
+    """Raise MeshFileError for textures that cannot be decoded.
+
+    `read` gives the bytes of a buffer or an image that is not in a buffer, by its entry in the header.
+    """
     for index, image in enumerate(header.get("images", [])):
         try:
             data = _view(header, image["bufferView"], read) if "bufferView" in image else read(image)

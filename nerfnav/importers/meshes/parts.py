@@ -12,14 +12,13 @@ from trimesh.visual.texture import TextureVisuals
 
 from nerfnav.geometry.srgb import to_srgb
 from nerfnav.importers.meshes.files import MeshFile
+from nerfnav.importers.meshes.gltf_plain import NO_TEXTURE
 from nerfnav.importers.meshes.refusal import MeshFileError, first_sentence
 from nerfnav.world.paint import Image as Pixels
 from nerfnav.world.paint import Paint
 
 _GREY = 178
 """sRGB brightness of what has no colour at all."""
-_NO_TEXTURE = 100
-"""sRGB brightness of the picture that trimesh gives to texture coordinates without a material."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +105,7 @@ def _piece(
     picture = None if uv is None else _image(visual)
     image = -1 if picture is None else palette.index_of(picture)
     tint = _tint(mesh, faces, file.declared.linear)
-    if image >= 0 and (palette.images[image] == _NO_TEXTURE).all():  # trimesh's stand-in for a material without any
+    if image >= 0 and (palette.images[image] == NO_TEXTURE).all():  # a stand-in for none
         image, tint = -1, np.full_like(tint, _GREY)
     plain = image < 0 and bool((tint == tint[0, 0]).all())
     return (

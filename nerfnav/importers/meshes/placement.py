@@ -13,18 +13,12 @@ from jaxtyping import Float
 from nerfnav.importers.meshes.files import Declared
 from nerfnav.importers.meshes.parts import Parts
 from nerfnav.importers.meshes.refusal import MeshFileError
-from nerfnav.importers.placement import AXES, Placement, rotation_to_z
+from nerfnav.importers.placement import AXES, LOWER, PLAUSIBLE, Placement, is_flatter, rotation_to_z
 
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Lengths of units [m]."""
-_PLAUSIBLE = (0.5, 120.0)
-"""Longest edges that places have which somebody would fly a small robot in [m]."""
 _POSSIBLE = (0.02, 5000.0)
 """Longest edges with which anything can be done [m]."""
-_FLATTER = 1.25
-"""An undeclared up axis is doubted where the file is higher along it than along the other by this factor, and more."""
-_LOWER = 0.03
-"""And where the middle of its surface lies lower along the other axis, by this share of its height."""
 _FAR_OFF = 50.0
 """A mesh further from its origin than so many of its longest edges is moved there: single precision ends somewhere."""
 
@@ -78,10 +72,9 @@ def _up_of(parts: Parts, declared: Declared) -> tuple[str, str]:
         return own, "(the file says so)"
     other = "z" if own == "y" else "y"
     size = np.ptp(parts.bounds, axis=0)
-    height = {axis: float(size["xyz".index(axis)]) for axis in (own, other)}
     middle = {axis: _middle(parts, "xyz".index(axis)) for axis in (own, other)}
-    flatter = height[own] > _FLATTER * height[other] and height[other] <= size.min() * _FLATTER
-    if flatter and middle[own] - middle[other] > _LOWER:
+    flatter = is_flatter(size, "xyz".index(own), "xyz".index(other))
+    if flatter and middle[own] - middle[other] > LOWER:
         return other, f"(guessed: along {other} it is flat and heavy below; {own} is the habit of its format)"
     return own, "(the habit of its format)"
 
@@ -100,7 +93,7 @@ def _scale_of(longest: float, declared: Declared) -> tuple[float, str]:
     said = [] if declared.meters is None else [declared.meters]
     tried = said + [METERS[name] for name in declared.units]
     for scale in tried:
-        if _PLAUSIBLE[0] <= scale * longest <= _PLAUSIBLE[1]:
+        if PLAUSIBLE[0] <= scale * longest <= PLAUSIBLE[1]:
             why = "the file says so" if said and scale == said[0] else f"guessed: so it is {scale * longest:.3g} m long"
             return scale, f"({why})"
     possible = [scale for scale in tried if _POSSIBLE[0] <= scale * longest <= _POSSIBLE[1]]

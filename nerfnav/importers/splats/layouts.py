@@ -1,4 +1,5 @@
-"""Splats in files: INRIA's .ply, the .splat of 32 bytes, SuperSplat's compressed .ply, and nerfnav's own.
+"""Splats in files: INRIA's .ply, the .splat of 32 bytes, SuperSplat's compressed .ply; .spz, .sog, .ksplat by their own
+readers.
 
 INRIA's training writes the logit of the opacity, the logarithms of the standard deviations, a quaternion (w, x, y, z)
 of any length and spherical harmonics f, of which the first, c = 1/2 + Y_0 f_dc with Y_0 = 1 / (2 sqrt(pi)), is the mean
@@ -12,15 +13,22 @@ standard deviations in 11, 10, 11 bits, colour and opacity in 4 times 8, and the
 largest part (2 bits) and the three others in 10 bits each from -1/sqrt(2) to 1/sqrt(2).
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.importers.magic import unlike
+from nerfnav.importers.splats.ksplat import read_ksplat
 from nerfnav.importers.splats.ply import ply_columns, read_ply
-from nerfnav.importers.splats.splats import SUFFIX, Splats, cleaned, saved_splats
+from nerfnav.importers.splats.quaternions import from_smallest_three
+from nerfnav.importers.splats.sog import META, is_sog, read_sog
+from nerfnav.importers.splats.splats import Splats, cleaned, rgb_of, saved_splats
+from nerfnav.importers.splats.spz import read_spz
+from nerfnav.importers.suffixes import OWN_SPLATS
+from nerfnav.importers.suffixes import SPLATS as SUFFIXES
 
-_Y0 = 0.5 / np.sqrt(np.pi)
 _ROW = np.dtype([("center", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("wxyz", "u1", 4)])
 _CHUNK = 256
 _NEEDED = (
@@ -36,32 +44,41 @@ def load_splats(path: Path) -> Splats:
 
     Raises InvalidInputError, in one sentence, where the file is missing, empty, truncated or of another kind.
     """
+    if path.is_dir() and (path / META).is_file():
+        return _some(path, read_sog(path))
     if not path.is_file():
         raise InvalidInputError(f"there is no file of splats {path}")
     if path.stat().st_size == 0:
         raise InvalidInputError(f"{path} is empty: splats were expected")
-    if path.name.lower().endswith(SUFFIX):
+    if path.name.lower().endswith(OWN_SPLATS):
         return saved_splats(path)
-    kind = path.suffix.lower()
-    if kind not in (".ply", ".splat"):
-        raise InvalidInputError(f"{path} is no file of splats: those end in .ply or .splat")
-    splats = _dot_splat(path) if kind == ".splat" else _ply(path)
-    if len(splats) == 0:
-        raise InvalidInputError(f"{path} holds no usable splat: of {splats.declared} none is finite and of sane size")
-    return splats
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InvalidInputError(f"{path} is no file of splats: those end in {', '.join(SUFFIXES)}, or are a {META}")
+    return _some(path, reader(path))
 
 
 def holds_splats(path: Path) -> bool:
-    """Whether a file is of splats: a .splat, or a .ply whose header names what splats have (other .ply are meshes)."""
-    if path.suffix.lower() == ".splat":
-        return True
-    if path.suffix.lower() != ".ply" or not path.is_file():
-        return False
+    """Whether a file is of splats: by its ending, by a PLY header that names what splats have (other .ply are meshes),
+    or by what a meta.json describes, which may stand for its folder."""
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return is_sog(path / META)
+    if suffix == ".json":
+        return path.name.lower() == META and is_sog(path)
+    if suffix != ".ply" or not path.is_file():
+        return suffix in SUFFIXES and suffix != ".ply"
     try:
         columns = ply_columns(path).get("vertex", ())
     except InvalidInputError:
         return False
     return set(_NEEDED) <= set(columns) or set(_PACKED) <= set(columns)
+
+
+def _some(path: Path, splats: Splats) -> Splats:
+    if len(splats) == 0:
+        raise InvalidInputError(f"{path} holds no usable splat: of {splats.declared} none is finite and of sane size")
+    return splats
 
 
 def _ply(path: Path) -> Splats:
@@ -79,7 +96,7 @@ def _ply(path: Path) -> Splats:
             _columns(vertices, "x", "y", "z"),
             np.exp(_columns(vertices, "scale_0", "scale_1", "scale_2")),
             _columns(vertices, "rot_0", "rot_1", "rot_2", "rot_3"),
-            0.5 + _Y0 * _columns(vertices, "f_dc_0", "f_dc_1", "f_dc_2"),
+            rgb_of(_columns(vertices, "f_dc_0", "f_dc_1", "f_dc_2")),
             1 / (1 + np.exp(-logit)),
         )
 
@@ -94,7 +111,7 @@ def _dot_splat(path: Path) -> Splats:
     # text and other files read as numbers, too, but as numbers that no place has
     sane = (np.abs(rows["center"]) < 1e6).all(1) & (rows["scale"] >= 0).all(1) & (rows["scale"] < 1e6).all(1)
     if 2 * np.count_nonzero(sane) < len(rows):
-        raise InvalidInputError(f"{path} is no .splat file: most of its positions and sizes make no sense")
+        raise InvalidInputError(f"{unlike(path, '.splat file')}: most of its positions and sizes make no sense")
     rgba = rows["rgba"].astype(np.float64) / 255
     wxyzs = (rows["wxyz"].astype(np.float64) - 128) / 128
     return cleaned(rows["center"], rows["scale"], wxyzs, rgba[:, :3], rgba[:, 3])
@@ -136,14 +153,18 @@ def _unpacked(words: np.ndarray, *parts: tuple[int, int]) -> np.ndarray:
 def _quaternions(words: np.ndarray) -> np.ndarray:
     """(w, x, y, z) of words that hold the three smaller parts and the number of the largest."""
     smaller = (_unpacked(words, (20, 10), (10, 10), (0, 10)) - 0.5) * np.sqrt(2)
-    largest = np.sqrt(np.maximum(0, 1 - (smaller**2).sum(1)))
-    which = (words >> 30).astype(np.int64)
-    others = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])[which]
-    wxyzs = np.empty((len(words), 4))
-    np.put_along_axis(wxyzs, others, smaller, 1)
-    np.put_along_axis(wxyzs, which[:, None], largest[:, None], 1)
-    return wxyzs
+    return from_smallest_three(smaller, (words >> 30).astype(np.int64))
 
 
 def _columns(table: np.ndarray, *names: str) -> np.ndarray:
     return np.stack([table[name].astype(np.float64) for name in names], 1)
+
+
+_READERS: dict[str, Callable[[Path], Splats]] = {
+    ".ply": _ply,
+    ".splat": _dot_splat,
+    ".spz": read_spz,
+    ".sog": read_sog,
+    ".ksplat": read_ksplat,
+    ".json": read_sog,
+}

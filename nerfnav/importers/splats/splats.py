@@ -16,9 +16,17 @@ from jaxtyping import Float
 from nerfnav.errors import InvalidInputError
 from nerfnav.files import write_npz
 from nerfnav.geometry import so3
+from nerfnav.importers.suffixes import OWN_SPLATS
 
-SUFFIX = ".splats.npz"
-"""Ending of nerfnav's own files of splats, which lie beside the field that was made of them."""
+_Y0 = 0.5 / np.sqrt(np.pi)
+_THINNEST = 1e-6
+"""Least variance of a splat, relative to its largest: single precision rounds by less, so none gets negative."""
+_CORE = (0.01, 0.99)
+"""Quantiles between which nearly everything is."""
+_SLAB = 0.1
+"""Share of an edge that is cut off at once where hardly anything is in it."""
+_HARDLY = 0.002
+"""Share of all that a slab may hold then: a fiftieth of what would be there if all were spread evenly."""
 _LARGEST = 0.5
 """Splats whose standard deviation exceeds this share of where nearly all splats are, are backdrops or mistakes."""
 
@@ -50,8 +58,14 @@ class Splats:
         return replace(
             self,
             centers=(self.centers @ turn.T).astype(np.float32),
-            covariances=(turn @ self.covariances @ turn.T).astype(np.float32),
+            covariances=positive(turn @ self.covariances @ turn.T),
         )
+
+    @property
+    def masses(self) -> Float[np.ndarray, " n"]:
+        """How much each splat shows: its opacity times its area, s_1 s_2 of its two larger standard deviations."""
+        squares = np.linalg.eigvalsh(self.covariances.astype(np.float64)).clip(0, None)  # ascending
+        return self.opacities * np.sqrt(squares[:, 1] * squares[:, 2])
 
 
 def cleaned(
@@ -69,10 +83,10 @@ def cleaned(
     kept = finite & ~large
     scales, wxyzs = scales[kept].astype(np.float64), wxyzs[kept].astype(np.float64)
     rotations = so3.matrix_from_quaternion(torch.from_numpy(wxyzs)).numpy()
-    axes = rotations * np.maximum(scales, 1e-7 * reach)[:, None, :]
+    axes = rotations * np.maximum(scales, 1e-7 * (reach if np.isfinite(reach) else 1.0))[:, None, :]
     return Splats(
         centers[kept].astype(np.float32),
-        (axes @ axes.transpose(0, 2, 1)).astype(np.float32),
+        positive(axes @ axes.transpose(0, 2, 1)),
         rgbs[kept].clip(0, 1).astype(np.float32),
         opacities[kept].clip(0, 1).astype(np.float32),
         len(centers),
@@ -105,25 +119,83 @@ def saved_splats(path: Path) -> Splats:
             raise ValueError("arrays of wrong shape")
     except (OSError, zipfile.BadZipFile, ValueError, KeyError, EOFError) as error:
         raise InvalidInputError(f"{path} is not a whole file of splats that nerfnav wrote") from error
-    covariances = upper[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(count, 3, 3)
+    covariances = positive(upper[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(count, 3, 3))
     share = np.float32(1 / 255)
     return Splats(centers, covariances, rgbs * share, opacities * share, count)
 
 
 def splats_beside(field_file: Path) -> Path:
     """Where the splats lie that a field was made of: castle.npz has them in castle.splats.npz."""
-    return field_file.with_name(field_file.stem + SUFFIX)
+    return field_file.with_name(field_file.stem + OWN_SPLATS)
 
 
-def extent(centers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (3) of where nearly all points (n, 3) are.
+def rgb_of(harmonics: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Mean colours over all directions, 1/2 + Y_0 f_dc with Y_0 = 1 / (2 sqrt(pi)), of the first harmonics f_dc."""
+    return 0.5 + _Y0 * harmonics
 
-    From the first to the last percentile and 15 % beyond, but no further than there are points: objects stay whole,
-    and strays far away do not count.
+
+def positive(covariances: Float[np.ndarray, "n 3 3"], least: float = _THINNEST) -> Float[np.ndarray, "n 3 3"]:
+    """Positive definite covariances, in single precision: no eigenvalue is below `least` times the largest.
+
+    Rounding makes the smallest one of a flat splat negative, and square roots of it are no numbers.
     """
-    lower, upper = np.quantile(centers, [0.01, 0.99], axis=0)
+    covariances = 0.5 * (covariances + covariances.transpose(0, 2, 1)).astype(np.float64)
+    squares, axes = np.linalg.eigh(covariances)
+    floor = np.maximum(least * squares[:, 2:], np.finfo(np.float32).tiny)
+    thin = (squares < floor).any(1)
+    raised = axes[thin] * np.maximum(squares, floor)[thin][:, None, :]
+    covariances[thin] = raised @ axes[thin].transpose(0, 2, 1)
+    return covariances.astype(np.float32)
+
+
+def in_half_precision(covariances: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Covariances that stay finite and without negative eigenvalues when they are rounded to half precision.
+
+    Too large ones shrink to its largest number; thin splats get as thick as their rounding is.
+    """
+    half = np.finfo(np.float16)
+    largest = np.maximum(np.diagonal(covariances, axis1=1, axis2=2).max(1), np.finfo(np.float32).tiny)
+    shrunk = covariances * np.minimum(1.0, 0.9 * float(half.max) / largest)[:, None, None]
+    # entries are rounded by half a step, which is no smaller than that of subnormal numbers
+    smallest = float(half.smallest_subnormal)
+    thick = positive(shrunk, 2 * float(half.eps)) + 2 * smallest * np.eye(3)
+    return thick.astype(np.float32)
+
+
+def extent(
+    centers: Float[np.ndarray, "n 3"], masses: Float[np.ndarray, " n"] | None = None
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """Lower and upper corner (3) of where nearly all points (n, 3) are, each counting as `masses` says, by default 1.
+
+    From the first to the last percentile, without ends that are all but empty, and 15 % beyond, but no further than
+    there are points: objects stay whole, and strays far away do not count.
+    """
+    masses = np.ones(len(centers)) if masses is None or not masses.any() else masses
+    ends = [_core(centers[:, axis], masses) for axis in range(3)]
+    lower, upper = np.array(ends, np.float64).T
     margin = 0.15 * (upper - lower)
     return np.maximum(lower - margin, centers.min(0)), np.minimum(upper + margin, centers.max(0))
+
+
+def _core(along: np.ndarray, masses: np.ndarray) -> tuple[float, float]:
+    """From where to where nearly all of a mass lies that is spread along one axis."""
+    order = np.argsort(along)
+    along, share = along[order], np.cumsum(masses[order]) / masses.sum()
+
+    def held(to: float) -> float:
+        """Share of the mass up to a coordinate."""
+        index = int(np.searchsorted(along, to, side="right"))
+        return float(share[index - 1]) if index else 0.0
+
+    low, high = (float(along[min(np.searchsorted(share, end), len(along) - 1)]) for end in _CORE)
+    while (slab := _SLAB * (high - low)) > 0:
+        if held(low + slab) - held(low) < _HARDLY:
+            low += slab
+        elif held(high) - held(high - slab) < _HARDLY:
+            high -= slab
+        else:
+            break
+    return low, high
 
 
 def _reach(centers: np.ndarray) -> float:

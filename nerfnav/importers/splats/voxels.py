@@ -49,7 +49,7 @@ class VoxelizeConfig:
     voxel: float | None = None
     """Distance of nodes [m]; None: a 200th of the longest edge, more where that is more than a few million nodes."""
     box: Box | None = None
-    """Where the field is defined; None: where nearly all splats are."""
+    """Where the field is defined; None: where nearly all of the splats' opacity is."""
     sweeps: int = 6
     """How many times raw densities are corrected."""
     empty_below: float = 0.005
@@ -87,8 +87,8 @@ def _voxel_for(box: Box) -> float:
 
 
 def _box_of(splats: Splats, config: VoxelizeConfig) -> Box:
-    """Where nearly all centres are, and a little more."""
-    lower, upper = extent(splats.centers)
+    """Where nearly all of the opacity is, and a little more."""
+    lower, upper = extent(splats.centers, splats.masses)
     widest = float((upper - lower).max()) or 6 * float(np.sqrt(np.trace(splats.covariances.mean(0))))
     margin = _MARGIN * (widest / _NODES_ALONG if config.voxel is None else config.voxel)
     flat = 0.05 * widest  # a sheet still needs a box that is not flat

@@ -203,7 +203,7 @@ def test_a_flight_is_planned_as_the_command_line_says(
         raise InvalidInputError("enough")
         yield
 
-    monkeypatch.setattr("app.commands.fly.run_job", remembered)
+    monkeypatch.setattr("app.cli.fly.run_job", remembered)
     assert main(["fly", str(field_file), *FROM, *TO, *words]) == 2
     (route,) = (request.route for request in asked)
     field, entry = balls_place().field, planners.load(route.planner)

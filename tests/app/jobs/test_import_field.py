@@ -56,17 +56,30 @@ def test_splats_have_their_y_axis_down_where_nobody_says_otherwise(tmp_path: Pat
     *_, last = run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz", voxel=0.05))
     assert isinstance(last, JobFinished)
     assert last.summary["source"]["guessed"] == ["up", "scale", "box"]
+    assert any("up is -y" in guess for guess in last.summary["source"]["guesses"])
     assert load_field(tmp_path / "moon.npz").box.center[2] == pytest.approx(3, abs=0.1)
 
 
+def test_a_place_of_absurd_size_is_told_to_be_measured(tmp_path: Path) -> None:
+    write_inria(tmp_path / "moon.ply", ball_of_splats(500, 600.0))
+    *_, last = run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz"))
+    assert isinstance(last, JobFinished)
+    told = [guess for guess in last.summary["source"]["guesses"] if "measure something" in guess]
+    assert len(told) == 1 and "would be 1.2 km long" in told[0]
+    picked = ((0.0, 0.0, 0.0), (0.0, 0.0, 600.0), 2.0)
+    *_, last = run(ImportRequest(tmp_path / "moon.ply", tmp_path / "small.npz", placement=Placement(picked=picked)))
+    assert isinstance(last, JobFinished)
+    assert not any("measure something" in guess for guess in last.summary["source"]["guesses"])
+
+
 @pytest.mark.slow
-def test_a_checkpoint_becomes_a_neural_field_and_baked_a_voxel_field(tmp_path: Path) -> None:
+def test_a_checkpoint_is_baked_unless_its_networks_are_to_be_kept(tmp_path: Path) -> None:
     source = checkpoint(tmp_path / "net.ckpt")
     placement = Placement(box=BOX)
-    *_, last = run(ImportRequest(source, tmp_path / "net.npz", placement=placement))
+    *_, last = run(ImportRequest(source, tmp_path / "net.npz", keep_network=True, placement=placement))
     assert isinstance(last, JobFinished) and last.summary["source"]["layers"] == 4
     assert isinstance(load_field(tmp_path / "net.npz"), NeuralField)
-    events = list(run(ImportRequest(source, tmp_path / "baked.npz", 0.06, bake=True, placement=placement)))
+    events = list(run(ImportRequest(source, tmp_path / "baked.npz", 0.06, placement=placement)))
     fractions = [event.fraction for event in events if isinstance(event, Progress)]
     assert fractions == sorted(fractions) and len(fractions) >= 4
     baked = load_field(tmp_path / "baked.npz")
@@ -78,7 +91,7 @@ def test_a_checkpoint_becomes_a_neural_field_and_baked_a_voxel_field(tmp_path: P
 def test_the_command_line_imports_bakes_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, net, baked = checkpoint(tmp_path / "net.ckpt"), tmp_path / "net.npz", tmp_path / "baked.npz"
     corners = [str(number) for corner in BOX for number in corner]
-    assert cli.main(["import", str(source), "--out", str(net), "--json", "--box", *corners]) == 0
+    assert cli.main(["import", str(source), "--out", str(net), "--json", "--keep-network", "--box", *corners]) == 0
     assert json.loads(capsys.readouterr().out)["source"]["kind"] == "nerf-pytorch"
     assert cli.main(["info", str(net), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -93,8 +106,12 @@ def test_the_command_line_imports_bakes_and_tells(tmp_path: Path, capsys: pytest
     [
         ("a.ckpt", b"", "is empty"),
         ("a.splat", b"short", "truncated or no .splat"),
-        ("a.ply", b"solid words", "not a PLY file"),
-        ("a.txt", b"words", "no file of splats"),
+        ("a.ply", b"solid words", "it is a text STL mesh"),
+        ("a.spz", b"ply\nformat", "it is a PLY file"),
+        ("a.sog", b"<!DOCTYPE html><html>", "it is a web page"),
+        ("a.ksplat", b"version https://git-lfs.github.com/spec/v1", "pointer of Git LFS"),
+        ("a.txt", b"words", "is not a trained NeRF or a file of Gaussian splats: it is text"),
+        ("a.glb", b"glTF", "is a mesh, and a trained NeRF or a file of Gaussian splats is asked for: `nerfnav train"),
     ],
 )
 def test_what_cannot_be_imported_is_one_sentence_and_leaves_no_file(

@@ -101,7 +101,7 @@ def test_a_source_that_is_nothing_known_is_refused(tmp_path: Path) -> None:
         next(run(TrainRequest(str(tmp_path / "missing.zip"), tmp_path / "f.npz")))
     text = tmp_path / "letter.txt"
     text.touch()
-    with pytest.raises(InvalidInputError, match="nothing that a field can be trained from: give a bundled scene"):
+    with pytest.raises(InvalidInputError, match="is not a scene, a mesh, a capture or a video: it is of no kind"):
         next(run(TrainRequest(str(text), tmp_path / "f.npz")))
 
 

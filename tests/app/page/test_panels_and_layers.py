@@ -158,8 +158,8 @@ def test_chart_data_has_a_column_for_each_term_and_no_zeros() -> None:
 
 def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
     session = Session.opening("balls")
-    assert "press Plan" in plan_panel.describe(None, stale=False, plan_settings=False)
-    assert "press Fly" in fly_panel.describe(None, stale=False, flight_settings=False)
+    assert "press Plan" in plan_panel.describe(None, stale=False, planning=False)
+    assert "press Fly" in fly_panel.describe(None, stale=False, flying=False)
     assert "Opening" in activity(session)
     assert subject(session) is None and recording_of(session) is None
     assert "Checking" in ends_panel.describe(session)
@@ -169,7 +169,7 @@ def test_numbers_of_a_flight_carry_their_units() -> None:
     record = FlightRecord(ENDS)
     for index in range(3):
         record = record.with_step(flight_step(ENDS, index, EpisodeOutcome.REACHED if index == 2 else None))
-    words = fly_panel.describe(record, stale=False, flight_settings=False)
+    words = fly_panel.describe(record, stale=False, flying=False)
     assert "0.2 s" in words and "1 cm" in words and "1 ms" in words and "2 ms" in words
     assert "The robot is at the goal." in words
 

@@ -1,11 +1,10 @@
 """Files that visitors bring."""
 
-from pathlib import Path
 
 import pytest
 
 from app.places import uploads
-from app.places.sources import is_source, title_of, without_folder
+from app.places.sources import title_of, without_folder
 from app.places.uploads import UploadError, Uploads, safe_name
 
 
@@ -44,14 +43,6 @@ def test_what_cannot_be_opened_is_refused_with_the_reason(
     monkeypatch.setattr(uploads, "MOST_BYTES", 2)
     with pytest.raises(UploadError, match=reason):
         Uploads().keep(name, content)
-
-
-def test_only_files_that_are_no_fields_are_sources(tmp_path: Path) -> None:
-    mesh, field = tmp_path / "a.GLB", tmp_path / "a.npz"
-    mesh.touch()
-    field.touch()
-    assert is_source(str(mesh)) and not is_source(str(field))
-    assert not is_source("stonehenge") and not is_source(str(tmp_path / "missing.glb"))
 
 
 def test_visitors_are_not_told_where_files_lie() -> None:

@@ -10,7 +10,7 @@ import torch
 from app.jobs import make_field as adopt
 from app.jobs.events import JobFinished, Progress
 from app.jobs.train import run
-from app.jobs.training_data.captures import NODES, gather, takes
+from app.jobs.training_data.captures import NODES, gather
 from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
@@ -109,13 +109,6 @@ def test_an_archive_may_not_name_photographs_of_others(tmp_path: Path) -> None:
     changed(folder, lambda said: said["frames"][0].update(file_path=str(secret)))
     with pytest.raises(CaptureError, match="outside of its own folder"):
         list(run(request(zipped(folder), tmp_path / "f.npz")))
-
-
-def test_only_folders_and_files_that_may_be_captures_are_taken(tmp_path: Path) -> None:
-    for name in ("a.zip", "transforms.json", "a.glb"):
-        (tmp_path / name).touch()
-    assert takes(str(tmp_path)) and takes(str(tmp_path / "a.zip")) and takes(str(tmp_path / "transforms.json"))
-    assert not takes(str(tmp_path / "a.glb")) and not takes("stonehenge") and not takes(str(tmp_path / "no.zip"))
 
 
 def test_an_upload_is_learned_within_its_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,135 @@
+"""nerfstudio's run folders: config.yml names the data that a field was trained from, dataparser_transforms.json says
+how nerfstudio turned and moved it; the field itself, a pickle of nerfstudio's own classes, is not read.
+
+The data are learned anew, in nerfstudio's world as far as that is rigid: with T (3 x 4) of the dataparser a camera is
+at T T_data_camera; the unit stays that of the data (nerfstudio shrinks them to fit a box of its own, which is no unit).
+
+config.yml is full of tags that name Python objects. None is ever made: tagged nodes are read as the plain mappings,
+sequences and strings that they are.
+"""
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+import yaml
+
+from nerfnav.importers.captures.json_files import read_json
+from nerfnav.importers.captures.views import LARGEST, CaptureError, Views
+
+CONFIG, TRANSFORMS = "config.yml", "dataparser_transforms.json"
+_PARENTS = 5
+"""Folders above a run in which relative paths are looked up: outputs/NAME/METHOD/TIME, and where it was started."""
+_COLMAP = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
+"""What nerfstudio takes for applied where the data came from COLMAP and their file does not say."""
+
+
+class _Plain(yaml.SafeLoader):
+    """Reads tags of Python as if they were not there."""
+
+
+def _plain(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> Any:
+    if isinstance(node, yaml.MappingNode):
+        return loader.construct_mapping(node, deep=True)
+    if isinstance(node, yaml.SequenceNode):
+        return loader.construct_sequence(node, deep=True)
+    return loader.construct_scalar(node) if isinstance(node, yaml.ScalarNode) else None
+
+
+_Plain.add_multi_constructor("tag:yaml.org,2002:python/", _plain)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder."""
+
+    data: Path
+    """The data that it was trained from."""
+    moved: np.ndarray
+    """What nerfstudio did to the data's own world: a rigid 4 x 4 transform."""
+
+
+def is_run(path: Path) -> bool:
+    """Whether a path is a run folder or its config.yml; other programs have files of this name, too."""
+    config = _config(path)
+    try:
+        with config.open("rb") as file:
+            head = file.read(1 << 16)
+    except OSError:
+        return False
+    return b"python/object:nerfstudio" in head
+
+
+def read_run(path: Path) -> Run:
+    """Where the data of a run are, and what was done to them. Raises CaptureError where they are not to be found."""
+    config = _config(path)
+    try:
+        said = yaml.load(config.read_text(encoding="utf-8", errors="replace"), Loader=_Plain)
+    except (yaml.YAMLError, OSError, RecursionError, ValueError, TypeError) as error:
+        raise CaptureError(f"{config} is cut off or no configuration of nerfstudio") from error
+    data = _found(config, _named(said))
+    transforms = config.parent / TRANSFORMS
+    return Run(data, _matrix(transforms) if transforms.is_file() else np.eye(4))
+
+
+def moved(views: Views, run: Run) -> Views:
+    """The views of a run's data in its world."""
+    similarity = run.moved
+    file = run.data if run.data.is_file() else run.data / "transforms.json"
+    by_colmap = file.is_file() and (file.parent / "colmap" / "sparse" / "0").is_dir()
+    if by_colmap and not read_json(file).get("applied_transform"):
+        similarity = similarity @ np.linalg.inv(_COLMAP)
+    return replace(views, kind="nerfstudio run", views=tuple(view.moved(similarity) for view in views.views))
+
+
+def _config(path: Path) -> Path:
+    return path / CONFIG if path.is_dir() else path
+
+
+def _named(said: Any) -> list[PurePosixPath]:
+    """Paths that a configuration gives for its data, the most specific first."""
+    places = (("pipeline", "datamanager", "dataparser"), ("pipeline", "datamanager"), ())
+    paths = []
+    for place in places:
+        section = said
+        for name in place:
+            section = section.get(name) if isinstance(section, dict) else None
+        parts = section.get("data") if isinstance(section, dict) else None
+        parts = [parts] if isinstance(parts, str) else parts
+        if isinstance(parts, list) and parts and all(isinstance(part, str) for part in parts):
+            paths.append(PurePosixPath(*parts))
+    return paths
+
+
+def _found(config: Path, named: list[PurePosixPath]) -> Path:
+    folder = config.resolve().parent
+    bases = [Path.cwd(), folder, *list(folder.parents)[:_PARENTS]]
+    for path in named:
+        # as it is written, from where the run was started; else by its name alone, for runs that were moved with it
+        for tail in (path, PurePosixPath(path.name)):
+            found = next((base / tail for base in bases if _is_data(base / tail, folder)), None)
+            if found is not None:
+                return found
+    if not named:
+        raise CaptureError(f"{config} names no data that it was trained from: give the folder of photographs instead")
+    raise CaptureError(
+        f"{config} was trained from {named[0]}, which is not here: put that folder beside the run, or train from it"
+    )
+
+
+def _is_data(path: Path, run: Path) -> bool:
+    return os.path.exists(path) and path.resolve() != run and not is_run(path)
+
+
+def _matrix(file: Path) -> np.ndarray:
+    """T of the dataparser as a 4 x 4 matrix."""
+    try:
+        rows = np.array(read_json(file)["transform"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        rows = np.zeros(0)
+    whole = rows.shape in ((3, 4), (4, 4)) and bool((np.abs(rows) < LARGEST).all())
+    if not whole or np.abs(rows[:3, :3] @ rows[:3, :3].T - np.eye(3)).max() > 1e-3:
+        raise CaptureError(f"{file} has no rigid transform of 3 x 4 numbers: it is cut off, or of another program")
+    return np.vstack([rows[:3], [0.0, 0.0, 0.0, 1.0]])

@@ -1,0 +1,97 @@
+"""Exports of Polycam, Record3D and 3D Scanner App: the poses and lenses that were written are those that are read."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nerfnav.importers.captures.archive import unpacked
+from nerfnav.importers.captures.capture import import_capture
+from nerfnav.importers.captures.formats import is_capture, read_views
+from nerfnav.importers.captures.imported import ImportConfig
+from nerfnav.importers.captures.views import CaptureError
+from tests.importers.captures.phones import (
+    arkit_poses,
+    write_polycam,
+    write_r3d,
+    write_record3d,
+    write_scanner,
+)
+from tests.importers.captures.synthetic import CAMERA, matrices, ring
+
+EXPORTS: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "Polycam": (write_polycam, "Polycam"),
+    "Polycam corrected": (partial(write_polycam, corrected=True), "Polycam"),
+    "3D Scanner App": (write_scanner, "3D Scanner App"),
+    "Record3D": (write_record3d, "Record3D"),
+    "Record3D export": (partial(write_record3d, exported=True), "Record3D"),
+    "Record3D own lenses": (partial(write_record3d, own_lenses=True), "Record3D"),
+}
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_poses_and_lenses_are_read_as_they_were_written(name: str, tmp_path: Path) -> None:
+    write, kind = EXPORTS[name]
+    folder = tmp_path / "scan"
+    folder.mkdir()
+    write(folder)
+    assert is_capture(folder)
+    found = read_views(folder)
+    assert found.kind == kind and len(found.views) == 8
+    assert all(view.exists for view in found.views)
+    np.testing.assert_allclose([view.pose for view in found.views], arkit_poses(), atol=1e-6)
+    for view in found.views:
+        camera = view.lens.camera(CAMERA.width, CAMERA.height)
+        np.testing.assert_allclose(
+            [camera.fx, camera.fy, camera.cx, camera.cy], [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy], rtol=1e-6
+        )
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_exports_are_imported_upright(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / "scan"
+    folder.mkdir()
+    EXPORTS[name][0](folder)
+    *_, last = import_capture(folder, ImportConfig())
+    assert last.capture is not None
+    assert last.capture.report.up == (0, 1, 0) and last.capture.report.images_used == 8
+    poses = np.concatenate([last.capture.learned.poses.position.numpy(), last.capture.held_out.poses.position.numpy()])
+    heights = np.sort(matrices(ring())[:, 2, 3])
+    np.testing.assert_allclose(np.sort(poses[:, 2]), heights, atol=1e-5)
+
+
+def test_a_recording_of_one_file_is_unpacked_and_read(tmp_path: Path) -> None:
+    folder = unpacked(write_r3d(tmp_path / "walk.r3d"), tmp_path / "into")
+    assert read_views(folder).kind == "Record3D" and all(view.exists for view in read_views(folder).views)
+
+
+@pytest.mark.parametrize(
+    ("write", "told"),
+    [
+        (partial(write_polycam, fx="wide"), "is not a camera of Polycam"),
+        (partial(write_polycam, t_00=float("nan")), "not finite"),
+        (partial(write_polycam, width=None), "is not a camera of Polycam"),
+        (partial(write_scanner, cameraPoseARFrame=[1, 2, 3]), "no cameraPoseARFrame and intrinsics"),
+        (partial(write_scanner, intrinsics=["a"] * 9), "intrinsics that are no numbers"),
+        (partial(write_record3d, poses=[[0, 0, 0, 0, 1, 2, 3]] * 8), "no pose of seven finite numbers"),
+        (partial(write_record3d, poses="none"), "lacks poses, w or h"),
+        (partial(write_record3d, K=[1, 2]), "no intrinsics of nine numbers"),
+    ],
+)
+def test_exports_that_are_damaged_are_one_sentence(write: Callable[[Path], Path], told: str, tmp_path: Path) -> None:
+    folder = tmp_path / "scan"
+    folder.mkdir()
+    write(folder)
+    with pytest.raises(CaptureError, match=told) as caught:
+        read_views(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_export_that_was_cut_off_says_so(tmp_path: Path) -> None:
+    folder = write_scanner(tmp_path)
+    file = folder / "frame_00004.json"
+    file.write_text(file.read_text()[:40])
+    with pytest.raises(CaptureError, match=r"frame_00004\.json is not readable as JSON: it is empty, cut off"):
+        read_views(folder)
