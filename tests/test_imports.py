@@ -21,6 +21,35 @@ BESIDE = {("world", "robots")}
 """Exceptions within a level: ground truth judges the bodies of robots."""
 WALL = ("planner", "estimator", "navigation")
 """They plan and estimate on the field alone: planned on the field, judged on the mesh."""
+ROOMS: dict[str, tuple[str, ...]] = {
+    "cli": ("server", "page", "page_server", "jobs", "storage", "places", "security", "registry", "system", "text"),
+    "server": ("page", "page_server", "worker", "reducers", "state", "places", "security", "system"),
+    "page_server": ("page.theme", "places", "security"),
+    "worker": ("queries", "state", "jobs", "storage", "places", "text", "system"),
+    "page": (
+        "queries", "state", "places", "jobs.events", "storage.run_metadata", "storage.experiment_store", "registry",
+        "text",
+    ),
+    "queries": ("reducers", "state", "jobs", "storage", "places", "registry", "text"),
+    "reducers": ("state", "jobs.events", "places", "registry", "text"),
+    "state": ("jobs.events", "storage.run_metadata", "places", "registry"),
+    "jobs": ("benchmarks", "storage", "places", "registry"),
+    "storage": ("places", "text"),
+    "benchmarks": (),
+    "places": (),
+    "security": (),
+    "system": (),
+    "registry": (),
+    "text": (),
+}  # fmt: skip
+"""Rooms of app/, the highest floor first, and what each may import of app/ besides itself."""
+ONLY_IN = {
+    "viser": ("app.page", "app.page_server", "app.security", "app.cli.serve"),
+    "threading": ("app.worker", "app.server", "app.security", "app.cli.serve"),
+}
+"""Modules of app/ that may import these."""
+SETTING_THREADS = ("app.worker", "app.cli.terminal", "app.benchmarks")
+"""Modules of app/ that may tell torch how many threads it has."""
 SOURCES = sorted(path for folder in ("nerfnav", "scenes", "app") for path in (ROOT / folder).rglob("*.py"))
 LIBRARY = [path for path in SOURCES if path.is_relative_to(ROOT / "nerfnav")]
 
@@ -121,3 +150,43 @@ def test_the_library_has_no_viewer_no_threads_no_arguments_and_no_prints(path: P
 @pytest.mark.parametrize("path", SOURCES, ids=relative)
 def test_files_stay_small(path: Path) -> None:
     assert len(path.read_text().splitlines()) <= 270, f"{relative(path)} is too long: split it"
+
+
+APP = [path for path in SOURCES if path.is_relative_to(ROOT / "app") and path.name != "__init__.py"]
+
+
+def within(module: str, places: tuple[str, ...]) -> bool:
+    """Whether a module is one of these, or in one of these packages."""
+    return any(module == place or module.startswith(f"{place}.") for place in places)
+
+
+@pytest.mark.parametrize("path", APP, ids=relative)
+def test_a_room_of_the_app_imports_only_what_its_row_allows(path: Path) -> None:
+    room = module_of(path).split(".")[1]
+    assert room in ROOMS, f"app/{room} has no row: place it in ROOMS"
+    allowed = tuple(f"app.{name}" for name in (room, *ROOMS[room]))
+    for module in imported(path):
+        if within(module, ("app",)):
+            assert within(module, allowed), f"{relative(path)} imports {module}, which app/{room} may not"
+
+
+def test_the_rooms_stand_on_floors() -> None:
+    floors = list(ROOMS)
+    for room, others in ROOMS.items():
+        for other in others:
+            assert floors.index(other.split(".")[0]) > floors.index(room), f"{room} is below {other}"
+
+
+@pytest.mark.parametrize("path", APP, ids=relative)
+def test_viser_threads_and_torchs_settings_are_named_where_they_belong(path: Path) -> None:
+    module = module_of(path)
+    for name, places in ONLY_IN.items():
+        named = [other for other in imported(path) if within(other, (name,)) and other != "viser.transforms"]
+        assert not named or within(module, places), f"{relative(path)} imports {named}"
+    if not within(module, SETTING_THREADS):
+        assert "set_num_threads" not in path.read_text(), f"{relative(path)} sets torch's threads"
+
+
+@pytest.mark.parametrize("path", [p for p in SOURCES if p.name == "__init__.py" and "app" in p.parts], ids=relative)
+def test_packages_of_the_app_are_empty_so_that_the_page_is_shown_before_torch_is_imported(path: Path) -> None:
+    assert not imported(path)
