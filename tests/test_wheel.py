@@ -23,7 +23,7 @@ import viser
 import zstandard
 from websockets.sync.client import connect
 
-from tests.app.security.hostile import free_port
+from tests.waiting import free_port
 from tests.wheel_environment import ROOT, build, install
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
