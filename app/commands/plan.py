@@ -11,6 +11,15 @@ from app.commands.values import PLANNER, Route
 from app.jobs.plan import PlanSettings
 from app.jobs.plan import run as run_job
 from app.registry import PLAN_CONFIGS, named
+from nerfnav.errors import NerfnavError
+from nerfnav.planner.steps import PlanOutcome
+
+UNTRUE = (PlanOutcome.LIKELY_COLLISION, PlanOutcome.TOUCHES_MESH)
+"""Outcomes of plans that look good and are not."""
+
+
+class UnsafePlanError(NerfnavError):
+    """A plan that would hurt the robot."""
 
 
 @dataclass(frozen=True)
@@ -50,4 +59,8 @@ def run(arguments: Any) -> None:
     )
     if isinstance(arguments.duration, float):
         request = request.lasting(arguments.duration)
-    show(f"plan in {place.name}", follow(run_job(request, place)).summary, arguments.json)
+    summary = follow(run_job(request, place)).summary
+    show(f"plan in {place.name}", summary, arguments.json)
+    untrue = next((outcome for outcome in UNTRUE if outcome.name.lower() == summary["outcome"]), None)
+    if untrue is not None:
+        raise UnsafePlanError(f"this plan is not safe to fly: {untrue.value}")

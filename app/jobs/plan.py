@@ -25,7 +25,7 @@ from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.rrt import RRTConfig
 from nerfnav.planner.safety import Safety, safety_of
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion
 
@@ -94,7 +94,11 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
         yield Progress("optimising", min(1.0, (step.iteration + 1) / request.settings.iterations))
     assert last is not None, "a planner yields at least one step"
     yield Progress("judging", 1.0)
-    summary = summary_of(last, place, clock.seconds, request.max_collision)
+    overlap = mesh_overlap_m3(place, last.motion)
+    if overlap and last.outcome in GOOD:
+        last = replace(last, outcome=PlanOutcome.TOUCHES_MESH)
+        yield last
+    summary = summary_of(last, place, clock.seconds, overlap, request.max_collision)
     yield JobFinished("plan", summary, () if out is None else save(out, last.motion, place, summary))
 
 
@@ -119,7 +123,9 @@ def _steps(
     yield from within_chance(problem, last, careful, request.max_collision, occupancy)
 
 
-def summary_of(step: PlanStep, place: Place, wall_s: float, max_collision: float | None = None) -> dict[str, Any]:
+def summary_of(
+    step: PlanStep, place: Place, wall_s: float, overlap_m3: float | None, max_collision: float | None = None
+) -> dict[str, Any]:
     """What `plan --json` prints, for the last step of a planner."""
     motion = step.motion
     safety = safety_of(place.field, motion, place.robot.body)
@@ -133,7 +139,7 @@ def summary_of(step: PlanStep, place: Place, wall_s: float, max_collision: float
             "total": step.cost.total,
         },
         "collision_probability_bound": safety.bound,
-        "mesh_overlap_m3": mesh_overlap_m3(place, motion),
+        "mesh_overlap_m3": overlap_m3,
         "max_thrust_n": _max_thrust_n(place, motion),
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
         "duration_s": motion.actions.shape[-2] * motion.dt,

@@ -17,7 +17,7 @@ MOST_SWELLING = 200
 """How many times larger than the archive its content may be, above what every archive may hold."""
 _FREE_BYTES = 64 << 20
 """Content that every archive may hold, however small it is."""
-_WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp")
+_WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".npy")
 """Endings of the files that a capture is made of; others are left in the archive."""
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, UnicodeDecodeError, ValueError,
