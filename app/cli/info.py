@@ -12,11 +12,12 @@ from app.cli.terminal import show
 from app.places.place import field_file, ground_truth
 from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.errors import InvalidInputError
+from nerfnav.experiments.freedom import Freedom, freedom_alone, freedom_on_mesh, in_words
 from nerfnav.experiments.geometry import GeometryReport, measure_geometry
 from nerfnav.field.checkpoint import StoredField, load_field
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.camera import Camera, look_at
+from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.images import picture_file
 from nerfnav.importers.meshes.importer import SceneConfig, import_mesh
 from nerfnav.importers.placement import Placement
@@ -54,8 +55,13 @@ def run(arguments: Arguments) -> None:
         **asdict(field.info),
         "file_bytes": path.stat().st_size,
     }
+    for name in ("surface_taken_for_free", "free_taken_for_free", "unproven_share"):
+        del summary[name]  # told together, below
+    freedom = _freedom(field, path)
+    summary["geometry"] = asdict(freedom)
     if arguments.mesh is not None:
-        summary["geometry"] = asdict(_geometry(field, _truth(arguments.mesh, field, path)))
+        summary["geometry"] |= asdict(_geometry(field, _truth(arguments.mesh, field, path)))
+    summary["in_words"] = in_words(freedom)
     if arguments.png is not None:
         summary["png"] = str(_picture(field, arguments.png))
     show(str(path), summary, arguments.json)
@@ -69,15 +75,31 @@ def _grain(field: StoredField) -> dict[str, Any]:
     return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
 
 
+def _freedom(field: StoredField, path: Path) -> Freedom:
+    """What planners take for free: as it was measured when the field was made, else as far as it can be now."""
+    info, voxel = field.info, _grain(field)["voxel_m"]
+    if info.unproven_share is not None:
+        return Freedom(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, voxel)
+    truth = ground_truth(field, path)
+    if truth is None:
+        return freedom_alone(field, voxel)
+    scene = truth.load()
+    return freedom_on_mesh(field, voxel, scene, _seen_from(field, scene))
+
+
 def _geometry(field: StoredField, scene: Scene) -> GeometryReport:
     """The field against the mesh, seen from where the photographs that it was trained from were taken."""
+    return measure_geometry(field, _grain(field)["voxel_m"], scene, _seen_from(field, scene))
+
+
+def _seen_from(field: StoredField, scene: Scene) -> tuple[Camera, Pose]:
+    """The camera that a field of a scene was photographed with, and its poses T_world_camera, which the seed tells."""
     learned = field.info.images
     config = CaptureConfig(images=images_taken(learned) if learned else CaptureConfig.images)
     imported = scene.paint is not None  # a place of any size
     config = config.clear_of(_grain(field)["voxel_m"]) if imported else config.suiting(scene)
     poses = capture_poses(scene, config, torch.Generator().manual_seed(field.info.seed))
-    camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
-    return measure_geometry(field, _grain(field)["voxel_m"], scene, (camera, poses))
+    return Camera.from_fov(config.width, config.height, config.horizontal_fov_deg), poses
 
 
 def _truth(what: str, field: StoredField, path: Path) -> Scene:

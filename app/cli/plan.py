@@ -8,7 +8,16 @@ from typing import Any, Literal
 from app.cli.route_arguments import Route, planner_of
 from app.cli.terminal import follow, show
 from app.jobs.plan import run as run_job
+from nerfnav.errors import NerfnavError
 from nerfnav.planner.planner import PlannerConfig
+from nerfnav.planner.steps import PlanOutcome
+
+UNTRUE = (PlanOutcome.LIKELY_COLLISION, PlanOutcome.TOUCHES_MESH)
+"""Outcomes of plans that look good and are not."""
+
+
+class UnsafePlanError(NerfnavError):
+    """A plan that would hurt the robot."""
 
 
 @dataclass(frozen=True)
@@ -44,4 +53,8 @@ def run(arguments: Any) -> None:
     )
     if isinstance(arguments.duration, float):
         request = request.lasting(arguments.duration)
-    show(f"plan in {place.name}", follow(run_job(request, place)).summary, arguments.json)
+    summary = follow(run_job(request, place)).summary
+    show(f"plan in {place.name}", summary, arguments.json)
+    untrue = next((outcome for outcome in UNTRUE if outcome.name.lower() == summary["outcome"]), None)
+    if untrue is not None:
+        raise UnsafePlanError(f"this plan is not safe to fly: {untrue.value}")

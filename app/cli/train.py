@@ -99,6 +99,9 @@ class Arguments:
     """What is trained: voxels, or networks as the paper has them, which want a GPU."""
     neural: OmitArgPrefixes[NeuralOptions] = field(default_factory=NeuralOptions)
     """What only networks leave open."""
+    depth: Literal["auto", "on", "off"] = "auto"
+    """Whether depth teaches where surfaces are: a mesh's, or that of a capture which brings it; auto: where there is
+    any, but for bundled scenes."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
@@ -115,6 +118,7 @@ def run(arguments: Arguments) -> None:
         photographs=arguments.photographs.photographs(),
         placement=arguments.placement.placement(),
         mesh=arguments.mesh,
+        depth={"auto": None, "on": True, "off": False}[arguments.depth],
         neural=arguments.neural if arguments.kind == "neural" else None,
     )
     show(f"field {arguments.out}", follow(run_job(request), can_stop_early=True).summary, arguments.json)

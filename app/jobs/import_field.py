@@ -1,7 +1,7 @@
 """Import: make a field of what somebody else has trained, a NeRF's checkpoint or Gaussian splats."""
 
 from collections.abc import Generator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from app.jobs.events import JobEvent, JobEvents, JobFinished, JobStarted, Progre
 from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_file
 from nerfnav.errors import InvalidInputError
+from nerfnav.experiments.freedom import freedom_alone, in_words
 from nerfnav.field.bake import BakeConfig, BakeStep, bake
 from nerfnav.field.checkpoint import StoredField, save_field
 from nerfnav.field.field import Field
@@ -121,7 +122,9 @@ def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
 def _numbers(made: StoredField) -> dict[str, Any]:
     nodes = {} if isinstance(made, NeuralField) else {"voxels": int(np.prod(made.shape))}
     corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
-    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db}
+    freedom = freedom_alone(made, float(made.spacing.max()) if isinstance(made, VoxelField) else made.step)
+    told = {"geometry": asdict(freedom), "in_words": in_words(freedom)}
+    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **told}
 
 
 def _placed(placement: Placement, up: Vector) -> dict[str, Any]:

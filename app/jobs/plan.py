@@ -23,7 +23,7 @@ from nerfnav.planner.planner import Planner, PlannerConfig
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.route import Route
 from nerfnav.planner.safety import Safety, safety_of
-from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
+from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome, PlanStep
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion
 
@@ -93,7 +93,11 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
         yield Progress("optimising", min(1.0, (step.iteration + 1) / request.settings.iterations))
     assert last is not None, "a planner yields at least one step"
     yield Progress("judging", 1.0)
-    summary = summary_of(last, place, clock.seconds, request.max_collision)
+    overlap = mesh_overlap_m3(place, last.motion)
+    if overlap and last.outcome in GOOD:
+        last = replace(last, outcome=PlanOutcome.TOUCHES_MESH)
+        yield last
+    summary = summary_of(last, place, clock.seconds, overlap, request.max_collision)
     yield JobFinished("plan", summary, () if out is None else save(out, last.motion, place, summary))
 
 
@@ -118,7 +122,9 @@ def _steps(
     yield from within_chance(problem, last, careful, request.max_collision, occupancy)
 
 
-def summary_of(step: PlanStep, place: Place, wall_s: float, max_collision: float | None = None) -> dict[str, Any]:
+def summary_of(
+    step: PlanStep, place: Place, wall_s: float, overlap_m3: float | None, max_collision: float | None = None
+) -> dict[str, Any]:
     """What `plan --json` prints, for the last step of a planner."""
     motion = step.motion
     safety = safety_of(place.field, motion, place.robot.body)
@@ -128,7 +134,7 @@ def summary_of(step: PlanStep, place: Place, wall_s: float, max_collision: float
         "wall_s": wall_s,
         "cost": _cost(step.cost),
         "collision_probability_bound": safety.bound,
-        "mesh_overlap_m3": mesh_overlap_m3(place, motion),
+        "mesh_overlap_m3": overlap_m3,
         "max_thrust_n": _max_thrust_n(place, motion),
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
         "duration_s": motion.actions.shape[-2] * motion.dt,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Generator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import torch
@@ -13,6 +13,14 @@ from app.jobs.train_neural import learn_networks
 from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
 from app.storage.output_files import prepare_file
 from nerfnav.errors import InvalidInputError
+from nerfnav.experiments.freedom import (
+    Freedom,
+    freedom_alone,
+    freedom_noted,
+    freedom_on_depth,
+    freedom_on_mesh,
+    in_words,
+)
 from nerfnav.field.checkpoint import StoredField, save_field
 from nerfnav.field.train import TrainConfig, train
 from nerfnav.field.voxel import VoxelField
@@ -50,15 +58,32 @@ def run(request: TrainRequest) -> JobEvents:
     # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
     name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
     trained = replace(trained, info=replace(trained.info, source=name, seed=request.seed))
+    yield Progress("judging", 1.0)
+    freedom = _freedom(trained, material)
+    trained = replace(trained, info=freedom_noted(trained.info, freedom))
     file_bytes, files = _save(trained, material.truth, out)
     summary = {
         "psnr_db": trained.info.psnr_db,
         "train_s": trained.info.train_s,
         "voxels": math.prod(trained.shape) if isinstance(trained, VoxelField) else None,
         "file_bytes": file_bytes,
+        "learned_from": trained.info.learned_from,
+        "geometry": asdict(freedom),
+        "in_words": in_words(freedom),
         "source": material.report,
     }
     yield JobFinished("train", summary, files)
+
+
+def _freedom(trained: StoredField, material: TrainingData) -> Freedom:
+    """What planners take for free there, against the best that tells what is."""
+    voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
+    if material.truth is not None:
+        seen_from = (material.learned.camera, material.learned.poses)
+        return freedom_on_mesh(trained, voxel, material.truth, seen_from)
+    if material.held_out.depth is not None and len(material.held_out):
+        return freedom_on_depth(trained, voxel, material.held_out, material.learned)
+    return freedom_alone(trained, voxel)
 
 
 def _save(trained: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:

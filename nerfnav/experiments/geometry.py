@@ -83,7 +83,7 @@ def measure_geometry(
     counted = (views(scene.mesh, surface, *seen_from, 0.5 * voxel) >= config.views) & field.box.contains(surface)
     drawn = torch.rand(config.free_points, 3, generator=torch.Generator().manual_seed(0))
     space = field.box.lower + drawn * field.box.size
-    free = space[_is_free(scene, space, config.voxels * voxel, 0.5 * voxel)]
+    free = space[is_free(scene, space, config.voxels * voxel, 0.5 * voxel)]
     if not counted.any() or len(free) == 0:
         raise InvalidInputError(
             "the mesh cannot judge the field: no point of its surface in the field's box is seen from where the "
@@ -130,8 +130,8 @@ def views(
     return seen
 
 
-def _is_free(scene: Scene, points: Float[Tensor, "n 3"], distance: float, spacing: float) -> Bool[Tensor, " n"]:
-    """Which points lie in no solid and further than `distance` [m] from points `spacing` [m] apart on the mesh."""
+def is_free(scene: Scene, points: Float[Tensor, "n 3"], distance: float, spacing: float) -> Bool[Tensor, " n"]:
+    """Which points [m] lie in no solid and further than `distance` [m] from points `spacing` [m] apart on the mesh."""
     count = min(_MOST_SURFACE, max(1, round(scene.mesh.area / spacing**2)))
     surface = trimesh.sample.sample_surface(scene.mesh, count, seed=1)[0]
     asked = points.double().numpy()

@@ -13,19 +13,20 @@ import numpy as np
 import torch
 
 from nerfnav.errors import FieldFileError
+from nerfnav.field.evidence import EMPTY_RAW, State, states_of_unseen
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.neural_checkpoint import FORMAT as _NEURAL_FORMAT
 from nerfnav.field.neural_checkpoint import VERSION as _NEURAL_VERSION
 from nerfnav.field.neural_checkpoint import neural_field_of, save_neural_field
 from nerfnav.field.surroundings import Surroundings
-from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.voxel import VoxelField
 from nerfnav.files import write_npz
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import with_neighbours
 
 _FORMAT = "nerfnav-voxel-field"
-_VERSION = 2  # 2: surroundings and unknown nodes, both optional
+_VERSION = 3  # 2: surroundings and unseen nodes, both optional; 3: evidence in place of unseen nodes
 _VERSIONS = {_FORMAT: _VERSION, _NEURAL_FORMAT: _NEURAL_VERSION}
 StoredField = VoxelField | NeuralField
 """What a field file can hold."""
@@ -48,8 +49,8 @@ def save_field(field: StoredField, path: Path) -> int:
     }
     if field.outside is not None:
         arrays["outside_raw"], arrays["outside_color"] = _quantised(field.outside.values)
-    if field.unknown is not None:
-        arrays["unknown"] = np.packbits(field.unknown.cpu().numpy())
+    if field.evidence is not None:
+        arrays["evidence"] = field.evidence.cpu().numpy()
     try:
         return write_npz(path, arrays)
     except OSError as error:
@@ -92,7 +93,7 @@ def _field_of(file: np.lib.npyio.NpzFile, info: dict[str, Any]) -> VoxelField:
         torch.from_numpy(file["background"]),
         FieldInfo.of(info),
         None if outside is None else Surroundings(outside),
-        _unknown_of(file["unknown"], values) if "unknown" in file else None,
+        _evidence_of(file, values),
     )
 
 
@@ -116,8 +117,15 @@ def _values_of(raw: np.ndarray, color: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(values)
 
 
-def _unknown_of(bits: np.ndarray, values: torch.Tensor) -> torch.Tensor:
-    """One flag for each node, from packed bits."""
-    nx, ny, nz, _ = values.shape
-    flags = np.unpackbits(bits, count=nx * ny * nz).astype(bool)
-    return torch.from_numpy(flags.reshape(nx, ny, nz))
+def _evidence_of(file: np.lib.npyio.NpzFile, values: torch.Tensor) -> torch.Tensor | None:
+    """The state of each node; of older files, which only tell what no camera saw, as far as they go."""
+    shape = values.shape[:3]
+    if "evidence" in file:
+        states = file["evidence"]
+        if states.dtype != np.uint8 or states.shape != tuple(shape) or states.max() > max(State):
+            raise ValueError("evidence of another kind or shape")
+        return torch.from_numpy(states)
+    if "unknown" not in file:
+        return None
+    flags = np.unpackbits(file["unknown"], count=shape.numel()).astype(bool)
+    return states_of_unseen(torch.from_numpy(flags.reshape(shape)), values[..., 0])

@@ -28,6 +28,14 @@ class FieldInfo:
     """The same without its outliers, from the median (see field/calibration.py)."""
     outlier_share: float | None = None
     """Share of pixels on held-out views that are outliers of the latter."""
+    learned_from: str = ""
+    """What taught it where things are: "pictures", or "pictures and depth"; empty where nobody noted it."""
+    surface_taken_for_free: float | None = None
+    """Share of true surface that planners take for free; None where nothing tells where surfaces are."""
+    free_taken_for_free: float | None = None
+    """Share of truly free space that planners take for free; None likewise."""
+    unproven_share: float | None = None
+    """Share of the box that is neither proven free nor solid; None where that was never asked."""
     seed: int = 0
     """Seed of training."""
     iterations: int = 0

@@ -8,11 +8,13 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, raw_of
+from nerfnav.field.fusion import Fused
 from nerfnav.field.kernels import learn
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.surroundings import SPAN, Surroundings, uncontracted
 from nerfnav.field.trained_grid import TrainedGrid, refined
-from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField, occupied_blocks
+from nerfnav.field.voxel import VoxelField, occupied_blocks
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, spacing_of, with_neighbours
 from nerfnav.geometry.images import PosedImages
@@ -91,14 +93,26 @@ class GridLearner:
     ) -> "GridLearner":
         """A nearly clear grey box, with a grid of `outside`^3 nodes around it; 0 for a plain background."""
         seen = views_of(node_positions(place.box, shape), photographs)
-        clear = _clear(shape, _raw_of(_START_DENSITY / place.unit))
+        clear = _clear(shape, raw_of(_START_DENSITY / place.unit))
         inner = TrainedGrid(clear, seen, _all_blocks(shape), VALUE_BOUNDS, workers)
-        if outside == 0:
-            return cls(place, inner, TrainedGrid.nothing(workers))
-        grid = (outside, outside, outside)
-        seen = views_of(uncontracted(place.box, node_positions(SPAN, grid)), photographs)
-        clear = _clear(grid, _START_OUTSIDE)
-        return cls(place, inner, TrainedGrid(clear, seen, _all_blocks(grid), VALUE_BOUNDS, workers))
+        return cls(place, inner, _clear_around(place, photographs, outside, workers))
+
+    @classmethod
+    def from_depth(
+        cls, place: Place, told: Fused, photographs: PosedImages, workers: int, outside: int = 0
+    ) -> "GridLearner":
+        """What depths tell, and keeps on saying: densities that they know rest, colours and all else are learned."""
+        shape = tuple(told.raw.shape)
+        seen = views_of(node_positions(place.box, shape), photographs)
+        values = _clear(shape, raw_of(_START_DENSITY / place.unit))
+        values[..., 0] = torch.where(told.known, told.raw, values[..., 0])
+        values[..., 1:] = told.color
+        rates = torch.where(told.known, 0.0, seen)
+        near = with_neighbours(dense_blocks(values, place))
+        inner = TrainedGrid(values, rates, near, VALUE_BOUNDS, workers)
+        learner = cls(place, inner, _clear_around(place, photographs, outside, workers))
+        learner.occupied = near.numpy().astype(np.uint8)
+        return learner
 
     @classmethod
     def of(cls, field: VoxelField, unit: float, workers: int) -> "GridLearner":
@@ -174,7 +188,7 @@ def looks_for_empty_blocks(step: int) -> bool:
 
 def dense_blocks(values: Float[Tensor, "nx ny nz 4"], place: Place) -> Bool[Tensor, "bx by bz"]:
     """Blocks with enough density to be looked at in training."""
-    return occupied_blocks(values[..., 0], _raw_of(_OCCUPIED_ABOVE / place.unit))
+    return occupied_blocks(values[..., 0], raw_of(_OCCUPIED_ABOVE / place.unit))
 
 
 def finished_field(
@@ -189,9 +203,9 @@ def finished_field(
     for axis in range(3):
         occupied = occupied.repeat_interleave(4, axis)
     raw = values[..., 0]
-    raw[(raw < _raw_of(finish.empty_below / place.unit)) | ~occupied[:nx, :ny, :nz]] = EMPTY_RAW
+    raw[(raw < raw_of(finish.empty_below / place.unit)) | ~occupied[:nx, :ny, :nz]] = EMPTY_RAW
     # below a raw density of about 0, the density is exponential in it
-    raw[raw > _raw_of(finish.firm_above / place.unit)] += math.log(finish.firmness)
+    raw[raw > raw_of(finish.firm_above / place.unit)] += math.log(finish.firmness)
     raw.clamp_(max=float(VALUE_BOUNDS[1, 0]))
     if outer is None:
         return VoxelField(place.box, values, place.background)
@@ -209,6 +223,15 @@ def views_of(points: Float[Tensor, "*batch 3"], photographs: PosedImages) -> Flo
     return (seen / seen.max().clamp_min(1)).reshape(points.shape[:-1])
 
 
+def _clear_around(place: Place, photographs: PosedImages, outside: int, workers: int) -> TrainedGrid:
+    """Surroundings on a grid of `outside`^3 nodes in which nothing is known yet; 0 for a plain background."""
+    if outside == 0:
+        return TrainedGrid.nothing(workers)
+    grid = (outside, outside, outside)
+    seen = views_of(uncontracted(place.box, node_positions(SPAN, grid)), photographs)
+    return TrainedGrid(_clear(grid, _START_OUTSIDE), seen, _all_blocks(grid), VALUE_BOUNDS, workers)
+
+
 def _clear(shape: tuple[int, int, int], raw: float) -> Float[Tensor, "nx ny nz 4"]:
     values = torch.full((*shape, 4), 0.5)
     values[..., 0] = raw
@@ -222,8 +245,3 @@ def _all_blocks(shape: tuple[int, int, int]) -> Bool[Tensor, "bx by bz"]:
 
 def _refined_scale(grid: TrainedGrid, shape: tuple[int, int, int]) -> Float[Tensor, "nx ny nz"]:
     return refined(torch.from_numpy(grid.rate_scale)[..., None], shape)[..., 0]
-
-
-def _raw_of(density: float) -> float:
-    """The raw value that stands for a density [1/m]: the inverse of scale * softplus."""
-    return math.log(math.expm1(density / DENSITY_SCALE))

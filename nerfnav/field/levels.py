@@ -51,7 +51,7 @@ def coarser(field: VoxelField) -> VoxelField:
     mean, colored = _halved(stopped, shape).clamp_max(_OPAQUE), _halved(stopped * colors, shape)
     coarse_colors = torch.where(mean > _NOTHING, colored / mean.clamp_min(_NOTHING), _halved(colors, shape))
     values = torch.cat([raw_of(-torch.log1p(-mean) / length), coarse_colors], -1)
-    return replace(field, values=values, unknown=None)  # what was seen matters to planners alone
+    return replace(field, values=values, evidence=None)  # what was seen matters to planners alone
 
 
 def raw_of(density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:

@@ -19,13 +19,15 @@ from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
 from nerfnav.field.calibration import calibrated
+from nerfnav.field.carving import carved
+from nerfnav.field.evidence import states_of
 from nerfnav.field.exposure import gains
+from nerfnav.field.fusion import Fused, fused
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.learner import Finish, GridLearner, LearningRates, Place
 from nerfnav.field.rays import RaySampler
 from nerfnav.field.torch_learner import TorchLearner
 from nerfnav.field.trainable import require_memory, require_trainable
-from nerfnav.field.unknown import with_unknown
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import shape_for
@@ -121,9 +123,15 @@ def train(
     stop: bool | None = None
     ends = list(itertools.accumulate(config.stage_iterations if config.budget is None else config.stage_time))
     ends[-1] = math.inf  # whatever the shares add up to, the last stage lasts to the end
+    finest = _shape(box, config, len(config.stages) - 1)
     with threads(default_threads()) as workers:
-        require_memory(_shape(box, config, len(config.stages) - 1), config.outside, workers)
-        learner = _learner(Place(box, background, VOXELS_IN_UNIT * config.voxel), photographs, config, workers)
+        require_memory(finest, config.outside, workers)
+        told = None if photographs.depth is None else fused(photographs, box, finest)
+        place = Place(box, background, VOXELS_IN_UNIT * config.voxel)
+        if told is not None:  # where things are is known: there is nothing to find out coarsely first
+            stage, learner = len(ends) - 1, _learner_of_depth(place, told, photographs, config, workers)
+        else:
+            learner = _learner(place, photographs, config, workers)
     while fraction < 1 and not stop:
         if fraction >= ends[stage]:
             stage += 1
@@ -140,7 +148,7 @@ def train(
             left = elapsed * (1 - fraction) / fraction
             stop = yield TrainStep(iteration, fraction, psnr_db(error), iteration * config.rays / elapsed, left)
     rate = iteration * config.rays / (time.perf_counter() - begun)
-    trained = _judged(learner.field(config.finish), photographs, held_out, iteration, generator)
+    trained = _judged(learner.field(config.finish), told, photographs, held_out, iteration, generator)
     info = replace(trained.info, train_s=time.perf_counter() - begun)
     yield TrainStep(iteration, fraction, info.psnr_db or 0.0, rate, 0.0, replace(trained, info=info))
 
@@ -148,16 +156,34 @@ def train(
 def _learner(place: Place, photographs: PosedImages, config: TrainConfig, workers: int) -> GridLearner | TorchLearner:
     """What learns the first stage: kernels on the processor, torch elsewhere."""
     learner = GridLearner.start(place, _shape(place.box, config, 0), photographs, workers, _outside(config, 0))
+    return _on_device(learner, config)
+
+
+def _learner_of_depth(
+    place: Place, told: Fused, photographs: PosedImages, config: TrainConfig, workers: int
+) -> GridLearner | TorchLearner:
+    """The same where depths tell where things are."""
+    return _on_device(GridLearner.from_depth(place, told, photographs, workers, config.outside), config)
+
+
+def _on_device(learner: GridLearner, config: TrainConfig) -> GridLearner | TorchLearner:
     device = torch.device(config.device)
     return learner if device.type == "cpu" else TorchLearner.of(learner, device)
 
 
 def _judged(
-    field: VoxelField, photographs: PosedImages, held_out: PosedImages, iterations: int, generator: torch.Generator
+    field: VoxelField,
+    told: Fused | None,
+    photographs: PosedImages,
+    held_out: PosedImages,
+    iterations: int,
+    generator: torch.Generator,
 ) -> VoxelField:
-    """What was learned, with the nodes that no camera saw and with what held-out views say about it."""
-    trained = with_unknown(field, photographs, generator)
+    """What was learned, with what is proven of its nodes and with what held-out views say about it."""
+    free = carved(field, photographs) if told is None else told.free
+    trained = replace(field, evidence=states_of(free, field.values[..., 0]))
     info = FieldInfo(
+        learned_from="pictures" if told is None else "pictures and depth",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         images=len(photographs),
         seed=generator.initial_seed(),

@@ -12,10 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
+from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State, planned_raw
 from nerfnav.field.field import Points, RaySamples, uniform_samples
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.jacobian import jacobian_by_autograd
@@ -27,12 +28,6 @@ from nerfnav.field.surroundings import Backdrop, Surroundings
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import spacing_of, trilinear
 
-DENSITY_SCALE = 400.0
-"""scale [1/m]: density at a raw value of 0.54; large, so that a surface is opaque within a voxel or two."""
-EMPTY_RAW = -20.0
-"""Raw density of empty nodes: rho below 1e-6 / m."""
-SOLID_RAW = 0.0
-"""Raw density of what is taken for solid: 277 / m."""
 _LEAST_DENSITY = 0.01  # [1/m] of samples that are kept: 10 cm of what is left out change a colour by 0.1 %
 
 _WORTH_THREADS = 20_000  # points that take longer than waking the threads up
@@ -52,8 +47,8 @@ class VoxelField:
     """Where the field comes from and how good it is."""
     outside: Surroundings | None = None
     """What stands around the box; None where rays that leave it see the background."""
-    unknown: Bool[Tensor, "nx ny nz"] | None = None
-    """Nodes that no camera saw into (see field/unknown.py); None where that was never asked."""
+    evidence: UInt8[Tensor, "nx ny nz"] | None = None
+    """What is proven of each node (see field/evidence.py); None where that was never asked."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -84,7 +79,7 @@ class VoxelField:
             values=self.values.to(device),
             background=self.background.to(device),
             outside=None if self.outside is None else Surroundings(self.outside.values.to(device)),
-            unknown=None if self.unknown is None else self.unknown.to(device),
+            evidence=None if self.evidence is None else self.evidence.to(device),
         )
 
     def density(self, points: Points) -> Float[Tensor, "*batch"]:
@@ -160,13 +155,25 @@ class VoxelField:
         return torch.from_numpy(colors), torch.from_numpy(jacobians)
 
     @cached_property
-    def solid_where_unknown(self) -> "VoxelField":
-        """The same field with all unknown nodes solid; made once."""
-        if self.unknown is None or not self.unknown.any():
+    def unknown(self) -> Bool[Tensor, "nx ny nz"] | None:
+        """Nodes that are not proven to be anything; None where that was never asked."""
+        return None if self.evidence is None else self.evidence == State.UNPROVEN
+
+    @cached_property
+    def planned(self) -> "VoxelField":
+        """The field as planners take it: free where that is proven, solid where nothing is; made once."""
+        return self._planned(False)
+
+    @cached_property
+    def planned_as_it_says(self) -> "VoxelField":
+        """The same with unproven nodes as they are; made once."""
+        return self._planned(True)
+
+    def _planned(self, unproven_is_free: bool) -> "VoxelField":
+        if self.evidence is None:
             return self
         values = self.values.clone()
-        raw = values[..., 0]
-        raw[self.unknown] = raw[self.unknown].clamp_min(SOLID_RAW)
+        values[..., 0] = planned_raw(values[..., 0], self.evidence, unproven_is_free)
         return replace(self, values=values)
 
     @cached_property

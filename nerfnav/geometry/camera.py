@@ -77,7 +77,10 @@ class Camera:
 
     def scaled(self, factor: float) -> "Camera":
         """The same view with `factor` times as many pixels along each side."""
-        width, height = max(1, round(self.width * factor)), max(1, round(self.height * factor))
+        return self.resized(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The same view with so many pixels along each side."""
         along_u, along_v = width / self.width, height / self.height
         focal, center = (self.fx * along_u, self.fy * along_v), (self.cx * along_u, self.cy * along_v)
         return Camera(width, height, *focal, *center, self.distortion)

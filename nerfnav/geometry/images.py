@@ -1,7 +1,7 @@
 """Photographs with known poses: what a capture yields and what a field is trained from."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -22,6 +22,11 @@ class PosedImages:
     """Intrinsics, the same for all images."""
     poses: Pose
     """T_world_camera of each image; batch shape (n,)."""
+    depth: Float[Tensor, "n depth_height depth_width"] | None = None
+    """How far away what each pixel shows is, along the pixel's ray [m], for pixels of the same view that may be more or
+    fewer than the images'; infinite where the ray meets nothing, 0 where nobody measured. None: no depth is known."""
+    depth_noise: float = 0.0
+    """How wrong depths may be, as a share of them; 0 for those of a renderer."""
 
     def __len__(self) -> int:
         """How many images there are."""
@@ -29,7 +34,19 @@ class PosedImages:
 
     def subset(self, index: "list[int] | slice") -> "PosedImages":
         """The images at `index`, with their poses."""
-        return PosedImages(self.images[index], self.camera, self.poses[index])
+        depth = None if self.depth is None else self.depth[index]
+        return replace(self, images=self.images[index], poses=self.poses[index], depth=depth)
+
+    @property
+    def depth_camera(self) -> Camera:
+        """The camera of the depths. Raises ValueError where there are none."""
+        if self.depth is None:
+            raise ValueError("these images have no depth")
+        return self.camera.resized(self.depth.shape[2], self.depth.shape[1])
+
+    def without_depth(self) -> "PosedImages":
+        """The images alone."""
+        return replace(self, depth=None)
 
 
 def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:

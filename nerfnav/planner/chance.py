@@ -16,10 +16,10 @@ from nerfnav.planner.costs import CostWeights, collision_probability_bound
 from nerfnav.planner.fast import FastPlanConfig, improve, plan_fast
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem
-from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
+from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep, last_step
 
-GOOD = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
-"""Outcomes of plans that can be flown."""
+_TO_REFINE = (*GOOD, PlanOutcome.LIKELY_COLLISION)
+"""Outcomes of plans that can be made safer."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def within_chance(
     chance, best = ChanceConfig(), planned
     risk, weighed = _risk(problem, best), (*chance.improving, *chance.anew)
     for turn, factor in enumerate(weighed, 1):
-        if risk <= most or best.outcome not in GOOD:
+        if risk <= most or best.outcome not in _TO_REFINE:
             break
         weights = replace(config.weights, collision=factor * config.weights.collision, margin=0.0)
         careful = replace(config, weights=weights)
@@ -55,10 +55,10 @@ def within_chance(
         found = last_step(
             improve(problem, (best.trajectory,), careful) if improving else plan_fast(problem, careful, occupancy)
         )
-        if found.outcome in GOOD and (now := _risk(problem, found)) < risk:
+        if found.outcome in _TO_REFINE and (now := _risk(problem, found)) < risk:
             best, risk = _restated(problem, found, config.weights, planned.iteration + turn), now
         yield replace(best, iteration=planned.iteration + turn, outcome=None)
-    missed = best.outcome in GOOD and risk > most
+    missed = best.outcome in _TO_REFINE and risk > most
     yield replace(best, outcome=PlanOutcome.TOO_RISKY if missed else best.outcome)
 
 

@@ -7,7 +7,7 @@ from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.robot import Robot
 
-_HOPELESS = (PlanOutcome.NO_PATH, PlanOutcome.IN_COLLISION, PlanOutcome.DIVERGED)
+_HOPELESS = (PlanOutcome.NO_PATH, PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIVERGED)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from torch import Tensor
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.safety import honest
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.state import Motion
@@ -24,11 +25,11 @@ def step_along(
 
 
 def step_of(problem: PlanProblem, trajectory: Trajectory, weights: CostWeights, outcome: PlanOutcome) -> PlanStep:
-    """A trajectory as it is, with its J."""
+    """A trajectory as it is, with its J; `outcome`, if that is good, only where the field agrees."""
     with torch.no_grad():
         motion = trajectory.motion(problem.robot)
         cost = problem.cost(motion, weights).numbers()
-    return PlanStep(0, trajectory, motion, cost, outcome)
+    return PlanStep(0, trajectory, motion, cost, honest(problem, motion, outcome))
 
 
 def carried_on(problem: PlanProblem, last: Motion, executed: int, weights: CostWeights) -> Iterator[PlanStep]:

@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from nerfnav.field.evidence import SOLID_DENSITY
 from nerfnav.field.field import Field
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for, spacing_of
@@ -28,9 +29,8 @@ _POINTS_AT_ONCE = 1 << 17
 class OccupancyConfig:
     """How a field becomes a map."""
 
-    threshold: float = 5.0
-    """Density above which a place counts as occupied [1/m]: a body of 10 cm in there would be hit with a chance of
-    40 %. Stones have 50 and more, fog less than 1."""
+    threshold: float = SOLID_DENSITY
+    """Density above which a place counts as occupied [1/m]."""
     voxel: float = 0.04
     """Edge of a voxel [m]: about half a body."""
     samples_per_voxel: int = 2

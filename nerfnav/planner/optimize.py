@@ -12,6 +12,7 @@ from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
+from nerfnav.planner.safety import honest
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.terms.evaluate import Evaluated
 from nerfnav.planner.trajectory import Trajectory
@@ -96,7 +97,7 @@ def descend(problem: PlanProblem, trajectory: Trajectory, config: PlanConfig) ->
         if iteration == config.iterations - 1:
             settled = settling - best.cost.total <= config.settled_change * best.cost.control
             outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
-            yield replace(best, iteration=iteration, outcome=outcome)
+            yield replace(best, iteration=iteration, outcome=honest(problem, best.motion, outcome))
             return
         yield now
         adam.zero_grad()

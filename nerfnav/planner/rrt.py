@@ -26,6 +26,7 @@ from nerfnav.planner.ends import check_ends
 from nerfnav.planner.follow import step_along
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.safety import honest
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.tracking import Reference, TrackingConfig, track
 from nerfnav.planner.trajectory import motion_of
@@ -109,7 +110,7 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
     flown = follow(problem.robot, problem, waypoints, config.tracking)
     with torch.no_grad():
         cost = problem.cost(flown, config.weights).numbers()
-    return replace(planned, motion=flown, cost=cost)
+    return replace(planned, motion=flown, cost=cost, outcome=honest(problem, flown, PlanOutcome.CONVERGED))
 
 
 @singledispatch

@@ -2,7 +2,9 @@
 
     bound(t) = sum_b rho(x_b) s(b)      P(collision) <= sum_t bound(t)      (Boole's inequality, twice)
 
-All of it is what the field believes, and a bound is no guarantee: a field knows nothing of what no camera saw.
+All of it is what the field believes, and a bound is no guarantee. In a field with evidence (field/evidence.py) it is
+founded on proofs, if `field` is the one to plan in: where space is proven free the density is 0, however much light fog
+was learned there, and what is unproven counts as solid.
 """
 
 from dataclasses import dataclass
@@ -14,10 +16,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.field import Field
-from nerfnav.planner.costs import body_points_world, collision_per_step, point_exposure
+from nerfnav.planner.costs import body_points_world, collision_per_step, collision_probability_bound, point_exposure
 from nerfnav.planner.occupancy import OccupancyConfig
 from nerfnav.planner.problem import PlanProblem
-from nerfnav.planner.steps import PlanCost, PlanOutcome
+from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome
 from nerfnav.robots.body import Body
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.state import Motion
@@ -25,6 +27,8 @@ from nerfnav.robots.state import Motion
 _CERTAIN = 1.0
 """Hits to be expected along the way of one body point."""
 _BISECTIONS = 12
+NEAR_CERTAIN = 0.5
+"""Bound on the probability of a collision from which nobody should be told that a plan is good: as likely as not."""
 
 
 @dataclass(frozen=True)
@@ -95,10 +99,23 @@ def verdict(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanO
     """`outcome`, or what is wrong with a plan that a search has ended with."""
     if not np.isfinite(cost.total):
         return PlanOutcome.DIVERGED
+    told = honest(problem, motion, outcome)
+    if told is not PlanOutcome.IN_COLLISION and any(use.violated for use in limit_uses(problem.robot, motion)):
+        return PlanOutcome.OVER_LIMITS
+    return told
+
+
+def honest(problem: PlanProblem, motion: Motion, outcome: PlanOutcome) -> PlanOutcome:
+    """`outcome`, or what is wrong where that says that a plan is good and the field says that it is not.
+
+    A plan that is as likely as not to collide has not converged, nor is it worth more iterations.
+    """
+    if outcome not in GOOD:
+        return outcome
     if meets_density(problem, motion):
         return PlanOutcome.IN_COLLISION
-    if any(use.violated for use in limit_uses(problem.robot, motion)):
-        return PlanOutcome.OVER_LIMITS
+    if collision_probability_bound(problem.field, motion, problem.robot.body) >= NEAR_CERTAIN:
+        return PlanOutcome.LIKELY_COLLISION
     return outcome
 
 

@@ -90,19 +90,21 @@ def capture(scene: Scene, config: CaptureConfig, generator: torch.Generator) -> 
     camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
     renderer = MeshRenderer(scene, supersample=config.supersample)
     poses = capture_poses(scene, config, generator)
-    images = []
+    images, depths = [], []
     for index in range(config.images):
         picture = renderer.render(camera, poses[index])
         images.append(picture.image)
+        depths.append(picture.fine_depth)
         last = index + 1 == config.images
-        captured = PosedImages(torch.stack(images), camera, poses) if last else None
+        captured = PosedImages(torch.stack(images), camera, poses, torch.stack(depths)) if last else None
         yield CaptureStep(index, config.images, picture, poses[index], captured)
 
 
 def photograph(renderer: MeshRenderer, camera: Camera, poses: Pose) -> PosedImages:
     """The pictures taken from poses T_world_camera of batch shape (n,)."""
-    images = [renderer.render(camera, poses[k]).image for k in range(len(poses.position))]
-    return PosedImages(torch.stack(images), camera, poses)
+    pictures = [renderer.render(camera, poses[k]) for k in range(len(poses.position))]
+    depth = torch.stack([picture.fine_depth for picture in pictures])
+    return PosedImages(torch.stack([picture.image for picture in pictures]), camera, poses, depth)
 
 
 def split(captured: PosedImages, every: int = 10) -> tuple[PosedImages, PosedImages]:

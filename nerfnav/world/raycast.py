@@ -66,6 +66,8 @@ class Picture:
     """sRGB colours, 0 to 255."""
     depth: Float[Tensor, "height width"]
     """Distance along each pixel's central ray [m], infinite where it sees the sky."""
+    fine_depth: Float[Tensor, "fine_height fine_width"]
+    """The same for every ray that was cast: `supersample` times as many along each side."""
 
 
 class MeshRenderer:
@@ -103,8 +105,9 @@ class MeshRenderer:
         blocks = colors.reshape(camera.height, k, camera.width, k, 3)
         rays = [blocks[:, i, :, j] for i in range(k) for j in range(k)]
         image = sum(rays[1:], rays[0]) / len(rays) + 0.5  # faster than a mean over axes
-        depth = hits.distance.reshape(finer.height, finer.width)[k // 2 :: k, k // 2 :: k]
-        return Picture(torch.from_numpy(image.astype(np.uint8)), torch.from_numpy(np.ascontiguousarray(depth)))
+        fine = hits.distance.reshape(finer.height, finer.width)
+        depth = np.ascontiguousarray(fine[k // 2 :: k, k // 2 :: k])
+        return Picture(*(torch.from_numpy(part) for part in (image.astype(np.uint8), depth, fine)))
 
 
 def _numpy(rays: Float[Tensor, "n 3"]) -> Rays:

@@ -99,8 +99,8 @@ def test_a_refined_grid_shows_what_the_coarse_one_showed():
 
 def test_a_field_on_another_device_is_the_same_field():
     field = random_voxels_in_a_room()
-    moved = replace(field, unknown=torch.zeros(field.shape, dtype=torch.bool)).to("cpu")
-    assert moved.outside is not None and moved.unknown is not None
+    moved = replace(field, evidence=torch.zeros(field.shape, dtype=torch.uint8)).to("cpu")
+    assert moved.outside is not None and moved.evidence is not None
     rays = random_rays(50)
     assert torch.equal(moved.render_rays(*rays).color, field.render_rays(*rays).color)
 

@@ -68,13 +68,13 @@ def test_colours_of_the_surroundings_are_differentiable_in_the_ray():
     assert torch.autograd.gradcheck(color, (origin.requires_grad_(),))
 
 
-def test_surroundings_and_unknown_nodes_come_back_from_a_file(tmp_path: Path):
+def test_surroundings_and_evidence_come_back_from_a_file(tmp_path: Path):
     field = random_voxels_in_a_room()
-    unknown = torch.rand(field.shape, generator=torch.Generator().manual_seed(0)) < 0.3
-    save_field(replace(field, unknown=unknown), tmp_path / "field.npz")
+    evidence = torch.randint(3, field.shape, generator=torch.Generator().manual_seed(0), dtype=torch.uint8)
+    save_field(replace(field, evidence=evidence), tmp_path / "field.npz")
     loaded = load_field(tmp_path / "field.npz")
     assert isinstance(loaded, VoxelField)
-    assert loaded.unknown is not None and torch.equal(loaded.unknown, unknown)
+    assert loaded.evidence is not None and torch.equal(loaded.evidence, evidence)
     rays = random_rays(200)
     assert (loaded.render_rays(*rays).color - field.render_rays(*rays).color).abs().mean() < 0.01
 

@@ -1,47 +1,47 @@
-"""Unknown space: what no camera saw into, and what planners make of it."""
+"""Unproven space: what planners make of it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from nerfnav.errors import FieldFileError
+from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.composite import CompositeField, PlacedField
+from nerfnav.field.evidence import EMPTY_RAW, State, states_of, states_of_unseen
 from nerfnav.field.field import density_and_gradient
-from nerfnav.field.unknown import Unknown, planning_field, with_unknown
-from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Pose
 from nerfnav.geometry.grid import node_positions
-from tests.field.fields import BOX, ball, photographs_of_ball
+from tests.field.fields import BOX, ball
+
+SHAPE = (51, 51, 28)
+RADIUS = node_positions(BOX, SHAPE).norm(dim=-1)
 
 
 @pytest.fixture(scope="module")
 def hollow() -> VoxelField:
-    """A hollow ball of radius 0.3, seen from all around; its shell is two voxels thick."""
-    values = torch.full((51, 51, 28, 4), EMPTY_RAW)
-    radius = node_positions(BOX, (51, 51, 28)).norm(dim=-1)
-    values[..., 0] = torch.where((radius - 0.28).abs() < 0.04, torch.tensor(0.5), values[..., 0])
-    field = VoxelField(BOX, values, torch.ones(3))
-    return with_unknown(field, photographs_of_ball(60, size=32), torch.Generator().manual_seed(0))
+    """A hollow ball of radius 0.3 in light fog, whose outside is proven free; its shell is two voxels thick."""
+    values = torch.full((*SHAPE, 4), -9.0)  # 0.05 / m
+    values[..., 0] = torch.where((RADIUS - 0.28).abs() < 0.04, 0.5, values[..., 0])
+    return VoxelField(BOX, values, torch.ones(3), evidence=states_of(RADIUS > 0.34, values[..., 0]))
 
 
-def radii(field: VoxelField) -> torch.Tensor:
-    return node_positions(field.box, field.shape).norm(dim=-1)
+def test_planners_take_unproven_space_for_solid_unless_told_otherwise(hollow: VoxelField):
+    inside = torch.zeros(1, 3)
+    assert hollow.density(inside).item() < 1
+    assert planning_field(hollow, Unknown.OCCUPIED).density(inside).item() > 40
+    assert planning_field(hollow, Unknown.FREE).density(inside).item() < 1
 
 
-def test_the_inside_of_a_hollow_body_is_unknown_and_the_air_around_it_is_not(hollow: VoxelField):
-    assert hollow.unknown is not None
-    radius = radii(hollow)
-    assert hollow.unknown[radius < 0.2].float().mean() > 0.99
-    assert hollow.unknown[(radius > 0.36) & (radius < 0.45)].float().mean() < 0.01
-
-
-def test_planners_take_unknown_space_for_solid_unless_told_otherwise(hollow: VoxelField):
-    inside, outside = torch.zeros(1, 3), torch.tensor([[0.42, 0.0, 0.0]])
-    solid = planning_field(hollow, Unknown.OCCUPIED)
-    assert hollow.density(inside).item() < 1 < 100 < solid.density(inside).item()
-    assert solid.density(outside).item() < 1
-    assert planning_field(hollow, Unknown.FREE) is hollow
+def test_there_is_no_density_where_space_is_proven_free(hollow: VoxelField):
+    outside = torch.tensor([[0.42, 0.0, 0.0]])
+    assert hollow.density(outside).item() > 0.04
+    for unknown in Unknown:
+        assert planning_field(hollow, unknown).density(outside).item() < 1e-5
 
 
 def test_the_planners_field_is_made_once_and_keeps_its_fast_densities(hollow: VoxelField):
@@ -52,8 +52,8 @@ def test_the_planners_field_is_made_once_and_keeps_its_fast_densities(hollow: Vo
     np.testing.assert_allclose(density, solid.density(torch.from_numpy(points)).numpy(), rtol=1e-4, atol=1e-3)
 
 
-def test_fields_that_know_of_no_unknown_are_planned_in_as_they_are(hollow: VoxelField):
-    known = replace(hollow, unknown=None)
+def test_fields_without_evidence_are_planned_in_as_they_are(hollow: VoxelField):
+    known = replace(hollow, evidence=None)
     assert planning_field(known, Unknown.OCCUPIED) is known
     formula = ball()
     assert planning_field(formula, Unknown.OCCUPIED) is formula
@@ -65,3 +65,34 @@ def test_unknown_space_of_a_part_of_a_composite_field_is_solid_too(hollow: Voxel
     middle = torch.zeros(1, 3)
     assert torch.equal(planned.density(middle), planning_field(hollow, Unknown.OCCUPIED).density(middle))
     assert planned.density(middle) > hollow.density(middle)
+
+
+def test_older_files_which_tell_what_no_camera_saw_still_load(hollow: VoxelField, tmp_path: Path):
+    unseen, path = RADIUS < 0.2, tmp_path / "field.npz"
+    save_field(replace(hollow, evidence=None), path)
+    with np.load(path, allow_pickle=False) as file:
+        arrays = dict(file)
+    np.savez_compressed(path, **arrays, unknown=np.packbits(unseen.numpy()))
+    old = load_field(path)
+    assert isinstance(old, VoxelField) and old.unknown is not None
+    assert torch.equal(old.unknown, unseen)
+    # nothing that such a file says is taken away
+    shell = torch.tensor([[0.28, 0.0, 0.0], [0.42, 0.0, 0.0]])
+    torch.testing.assert_close(old.planned.density(shell), old.density(shell))
+    assert old.planned.density(torch.zeros(1, 3)).item() > 40
+
+
+def test_evidence_of_another_shape_is_no_whole_file(hollow: VoxelField, tmp_path: Path):
+    path = tmp_path / "field.npz"
+    save_field(hollow, path)
+    with np.load(path, allow_pickle=False) as file:
+        arrays = dict(file)
+    np.savez_compressed(path, **{**arrays, "evidence": arrays["evidence"][1:]})
+    with pytest.raises(FieldFileError, match="not a whole nerfnav field"):
+        load_field(path)
+
+
+def test_what_was_seen_in_an_older_file_is_as_the_field_says():
+    raw = torch.tensor([[[EMPTY_RAW, -9.0, 0.0]]])
+    unseen = torch.tensor([[[False, False, True]]])
+    assert states_of_unseen(unseen, raw).tolist() == [[[State.FREE, State.SOLID, State.UNPROVEN]]]

@@ -49,7 +49,8 @@ def test_where_nothing_dense_is_near_there_is_no_clearance_to_tell():
     [
         (ball(), PAST, FINE, PlanOutcome.CONVERGED),
         (ball(), THROUGH, FINE, PlanOutcome.IN_COLLISION),
-        (Fog(rho=3.0), PAST, FINE, PlanOutcome.CONVERGED),  # hopeless by its bound, but nothing is dense
+        (Fog(rho=3.0), PAST, FINE, PlanOutcome.LIKELY_COLLISION),  # nothing is dense, but the bound is hopeless
+        (Fog(rho=1e-4), PAST, FINE, PlanOutcome.CONVERGED),
         (ball(), straight_motion((-0.7, 0.7, 0.4), (0.7, 0.7, 0.4), 2), FINE, PlanOutcome.CONVERGED),
         (ball(), PAST, PlanCost(float("nan"), 1.0, 0.0), PlanOutcome.DIVERGED),
     ],

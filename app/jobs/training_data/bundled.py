@@ -44,7 +44,7 @@ def gather(request: TrainRequest) -> Gathering:
     volume = scene.box.size.prod().item() / coarser**3
     config = replace(request.capture.suiting(scene), images=request.photographs.count or images_for(volume))
     photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
-    learned, held_out = split(photographs)
+    learned, held_out = split(photographs if request.depth else photographs.without_depth())
     report: dict[str, object] = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}
     return TrainingData(
         learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)

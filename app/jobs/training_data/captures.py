@@ -10,6 +10,7 @@ from pathlib import Path
 from app.jobs.events import Progress
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
+from nerfnav.errors import InvalidInputError
 from nerfnav.importers.captures.archive import unpacked
 from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.imported import ImportConfig, ImportedCapture
@@ -39,10 +40,14 @@ def gather(request: TrainRequest) -> Gathering:
                 if (yield Progress(posing.doing, posing.fraction)):
                     raise StoppedError("stopped while posing the video: nothing was learned yet, so nothing is saved")
         photographs = request.photographs
-        config = ImportConfig(request.placement, photographs.downscale, photographs.held_out_every, within)
+        config = ImportConfig(
+            request.placement, photographs.downscale, photographs.held_out_every, request.depth is not False, within
+        )
         for step in import_capture(source, config):
             stop = yield Progress("reading photographs", step.fraction)
             if step.capture is not None:
+                if request.depth and not step.capture.report.images_with_depth:
+                    raise InvalidInputError(f"{source} has no depth maps (depth_file_path) to learn with")
                 return _material(step.capture)
             if stop:
                 raise StoppedError("stopped while reading photographs: nothing was learned yet, so nothing is saved")

@@ -40,7 +40,7 @@ def gather(request: TrainRequest) -> Gathering:
     volume = scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
     capture = replace(request.capture.clear_of(scene.voxel), images=request.photographs.count or images_for(volume))
     photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
-    learned, held_out = split(photographs)
+    learned, held_out = split(photographs if request.depth is not False else photographs.without_depth())
     report = {**imported.report, "images_used": len(photographs), "images_skipped": 0}
     return TrainingData(
         learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)

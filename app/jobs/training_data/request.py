@@ -80,6 +80,8 @@ class TrainRequest:
     """How else to train."""
     capture: CaptureConfig = field(default_factory=CaptureConfig)
     """How else to take pictures of scenes and meshes."""
+    depth: bool | None = None
+    """Whether to learn with depth; None: where there is any, but for bundled scenes, which show what pictures do."""
     neural: NeuralOptions | None = None
     """The networks of a neural field; None: a voxel field is trained."""
 

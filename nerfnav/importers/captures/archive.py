@@ -19,7 +19,7 @@ _FREE_BYTES = 64 << 20
 """Content that every archive may hold, however small it is."""
 _NAMED = ("metadata",)
 """Names of files without an ending that a capture is made of: Record3D's."""
-_WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp")
+_WANTED = (".json", ".txt", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".npy")
 """Endings of the files that a capture is made of; others are left in the archive."""
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, UnicodeDecodeError, ValueError,

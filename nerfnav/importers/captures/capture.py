@@ -7,11 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
 from nerfnav.geometry.images import PosedImages
-from nerfnav.importers.captures import pictures, placing
+from nerfnav.importers.captures import depths, pictures, placing
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.imported import CaptureReport, ImportConfig, ImportedCapture, ImportStep
 from nerfnav.importers.captures.pictures import Picture
@@ -43,6 +44,7 @@ def import_capture(source: Path, config: ImportConfig) -> Iterator[ImportStep]:
         _require_inside(found, config.within)
     views: list[View] = []
     shots: list[Picture] = []
+    maps: list[np.ndarray | None] = []
     downscale, held = config.downscale, 0
     for index, view in enumerate(found.views):
         pixels = pictures.read_pixels(view.path) if view.exists else None
@@ -50,13 +52,14 @@ def import_capture(source: Path, config: ImportConfig) -> Iterator[ImportStep]:
             downscale = downscale or max(1, -(-max(pixels.shape[:2]) // _LONGEST))
             views.append(view)
             shots.append(_shrunk(view, pixels, downscale))
-            held += shots[-1].pixels.nbytes
+            maps.append(depths.read_depth(view) if config.depth and view.depth is not None else None)
+            held += shots[-1].pixels.nbytes + (0 if maps[-1] is None else maps[-1].nbytes)
         if held > _MOST_BYTES:
             raise CaptureError(f"the photographs take more than {_MOST_BYTES >> 30} GB of memory: make them smaller")
         yield ImportStep(0.9 * (index + 1) / len(found.views))
     _require_enough(found, views)
     _require_parallax(np.stack([view.pose for view in views]))
-    yield ImportStep(1.0, _placed(found, views, shots, config, downscale or 1))
+    yield ImportStep(1.0, _placed(found, (views, shots, maps), config, downscale or 1))
 
 
 def _shrunk(view: View, pixels: np.ndarray, downscale: int) -> Picture:
@@ -83,8 +86,8 @@ def _require_enough(found: Views, views: list[View]) -> None:
 
 
 def _require_inside(found: Views, folder: Path) -> None:
-    outside = (view.name for view in found.views if not view.path.resolve().is_relative_to(folder.resolve()))
-    name = next(outside, None)
+    files = (path for view in found.views for path in (view.path, view.depth) if path is not None)
+    name = next((path.name for path in files if not path.resolve().is_relative_to(folder.resolve())), None)
     if name is not None:
         raise CaptureError(f"the capture names a photograph outside of its own folder: {name}")
 
@@ -107,10 +110,17 @@ class _World:
 
 
 def _placed(
-    found: Views, views: list[View], shots: list[Picture], config: ImportConfig, downscale: int
+    found: Views,
+    read: tuple[list[View], list[Picture], list[np.ndarray | None]],
+    config: ImportConfig,
+    downscale: int,
 ) -> ImportedCapture:
+    views, shots, maps = read
     world = _world(views, config.placement)
+    known = _depths(views, shots, maps, world)
     photographs, silhouettes = _photographs(shots, world.poses)
+    if known is not None:
+        photographs = replace(photographs, depth=known, depth_noise=depths.NOISE)
     box, guesses = _box(photographs, silhouettes, world, config.placement)
     if config.downscale is None and downscale > 1:
         guesses += (f"downscale: photographs are made {downscale} times smaller, to {_LONGEST} pixels at most",)
@@ -124,12 +134,31 @@ def _placed(
         len(held_out),
         (photographs.camera.width, photographs.camera.height),
         downscale,
+        sum(depth is not None for depth in maps),
         world.scale,
         _rounded(world.up),
         (_rounded(box.lower.numpy()), _rounded(box.upper.numpy())),
         world.guesses + guesses,
     )
     return ImportedCapture(learned, held_out, box, background, silhouettes is not None, report)
+
+
+def _depths(
+    views: list[View], shots: list[Picture], maps: list[np.ndarray | None], world: _World
+) -> Float[torch.Tensor, "n h w"] | None:
+    """Depths along the rays of the camera that all pictures will have [m]; None where there are none."""
+    if all(depth is None for depth in maps):
+        return None
+    camera = pictures.common_camera(shots)
+    seen = [(shot.camera, shot.distortion) for shot in shots]
+    rays = [
+        None if depth is None else world.scale * depths.along_rays(depth, lens, camera, view)
+        for depth, lens, view in zip(maps, seen, views, strict=True)
+    ]
+    known = depths.stacked(rays)
+    assert known is not None, "some picture has a depth map"
+    depths.require_units(known, world.poses[:, :3, 3])
+    return known
 
 
 def _world(views: list[View], placement: Placement) -> _World:
@@ -161,6 +190,10 @@ def _box(
     if placement.box is not None:
         lower, upper = (torch.from_numpy(np.array(corner) - world.origin).float() for corner in placement.box)
         return Box(lower, upper), ()
+    if photographs.depth is not None:
+        shown = depths.points_of(photographs.depth, photographs.depth_camera, world.poses)
+        around = placing.box_of_points(shown, world.poses)
+        return around, (f"box: {around.describe()}, around the cameras and what the depth maps show",)
     cameras = placing.box_of_cameras(world.poses)
     cut = None if silhouettes is None else placing.box_of_silhouettes(photographs, silhouettes, cameras)
     if cut is not None:

@@ -21,6 +21,8 @@ class ImportConfig:
     """How many times smaller the photographs are made; None: until the longest side has at most 640 pixels."""
     held_out_every: int = 8
     """One of so many photographs is held out, unless the capture itself says which."""
+    depth: bool = True
+    """Whether depth maps are read where there are any."""
     within: Path | None = None
     """Folder outside of which no photograph is read, for captures that anybody may have brought; None: anywhere."""
 
@@ -43,6 +45,8 @@ class CaptureReport:
     """Width and height of the photographs after all [pixels]."""
     downscale: int
     """How many times smaller they were made."""
+    images_with_depth: int
+    """Photographs with a depth map."""
     scale: float
     """Metres in one unit of the capture."""
     up: tuple[float, ...]

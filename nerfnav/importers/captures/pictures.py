@@ -95,15 +95,20 @@ def resampled(picture: Picture, camera: Camera) -> np.ndarray:
     """What `camera` sees of a picture: (height, width, 3 or 4)."""
     if not picture.distortion and np.allclose(_numbers(picture.camera), _numbers(camera), rtol=0, atol=1e-6):
         return picture.pixels
-    into_u, into_v = cv2.initUndistortRectifyMap(
-        _matrix(picture.camera),
-        np.array(picture.distortion or (0.0, 0.0, 0.0, 0.0)),
+    maps = undistortion(picture.camera, picture.distortion, camera)
+    return cv2.remap(picture.pixels, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def undistortion(seen: Camera, distortion: tuple[float, ...], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Where the pixels of a pinhole `camera` lie in pictures of another one with a distortion, as cv2.remap has it."""
+    return cv2.initUndistortRectifyMap(
+        _matrix(seen),
+        np.array(distortion or (0.0, 0.0, 0.0, 0.0)),
         np.eye(3),
         _matrix(camera),
         (camera.width, camera.height),
         cv2.CV_32FC1,
     )
-    return cv2.remap(picture.pixels, into_u, into_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def over_white(pixels: np.ndarray) -> np.ndarray:

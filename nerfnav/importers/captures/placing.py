@@ -32,6 +32,10 @@ _SUBJECT = 0.35
 """Radius of what is looked at, relative to its distance: about what fills a picture."""
 _FAR = 1000.0
 """Distance of the cameras from the origin, relative to their spread, that single precision cannot hold."""
+_ASTRAY = 0.005
+"""Share of what is seen that may lie outside of the box on each side: depth maps have wild points."""
+_AROUND = 0.02
+"""Space around what is seen, in longest edges of that."""
 _NODES = 40
 """Nodes along the longest edge of the box in which silhouettes are looked for."""
 _HULL_MARGIN = 1.5
@@ -97,6 +101,14 @@ def box_of_cameras(poses: np.ndarray) -> Box:
     points = np.concatenate([centers, ahead, np.reshape(around, (-1, 3))])
     lower, upper = points.min(0), points.max(0)
     margin = np.maximum(0.05 * (upper - lower), 0.02 * (upper - lower).max())
+    return _box(lower - margin, upper + margin)
+
+
+def box_of_points(points: Float[np.ndarray, "m 3"], poses: Float[np.ndarray, "n 4 4"]) -> Box:
+    """A box around cameras with poses (n, 4, 4) and all but the outermost of the points that are seen [m]."""
+    lower, upper = np.quantile(points, (_ASTRAY, 1 - _ASTRAY), axis=0)
+    lower, upper = np.minimum(lower, poses[:, :3, 3].min(0)), np.maximum(upper, poses[:, :3, 3].max(0))
+    margin = _AROUND * (upper - lower).max()
     return _box(lower - margin, upper + margin)
 
 

@@ -79,6 +79,10 @@ class View:
     """T_world_camera (4, 4), OpenGL axes, in the capture's own world and units."""
     test: bool = False
     """Whether the capture keeps it for judging."""
+    depth: Path | None = None
+    """Where its depth map lies; None where it has none."""
+    depth_unit: float = 0.001
+    """What a stored depth of 1 is, in the capture's units."""
 
     @property
     def exists(self) -> bool:

@@ -18,6 +18,7 @@ from app.queries.query import Resources
 from app.queries.space import Space, SpaceQuery
 from app.state.session import Click
 from app.state.view_settings import Eye
+from nerfnav.field.evidence import states_of_unseen
 from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.occupancy import OccupancyConfig, body_density
 from nerfnav.robots.state import Motion, RigidState
@@ -36,7 +37,7 @@ def partly_seen() -> tuple[Place, np.ndarray, np.ndarray]:
     unseen[UNSEEN] = True
     corners = np.array([[part.start for part in UNSEEN], [part.stop - 1 for part in UNSEEN]])
     lower, upper = field.box.lower.numpy() + corners * field.spacing.numpy()
-    return replace(PLACE, field=replace(field, unknown=unseen)), lower, upper
+    return replace(PLACE, field=replace(field, evidence=states_of_unseen(unseen, field.values[..., 0]))), lower, upper
 
 
 def test_an_end_in_a_ball_is_refused_and_the_offer_is_free() -> None:

@@ -1,0 +1,121 @@
+"""Depth maps beside photographs: read, checked, and brought to what `PosedImages` holds.
+
+Files hold the distance along the camera's optical axis, in units of `depth_unit_scale_factor` (nerfstudio: 0.001, so
+millimetres), 0 where nothing was measured. What is kept is the distance along each pixel's ray, in metres.
+"""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.geometry.camera import Camera
+from nerfnav.importers.captures.pictures import undistortion
+from nerfnav.importers.captures.views import CaptureError, View
+
+NOISE = 0.01
+"""Share by which the depths of sensors may be wrong: 2 to 3 cm at 3 m."""
+_ASPECT = 0.02
+"""How far the shape of a depth map may be from its picture's."""
+_NEAREST, _FARTHEST = 0.02, 500.0
+"""Median depth, in what the cameras are apart, beyond which the unit of depths must be another one."""
+
+
+def read_depth(view: View) -> Float[np.ndarray, "h w"]:
+    """Depths along the optical axis, in the capture's units. Raises CaptureError for what is no depth map."""
+    assert view.depth is not None
+    path = view.depth
+    stored = _stored(path)
+    if stored is None or stored.ndim != 2 or stored.dtype == np.uint8:
+        raise CaptureError(
+            f"{path} is no readable depth map: one channel of 16-bit or floating-point numbers is needed, as .png, "
+            ".tiff or .npy"
+        )
+    depth = stored.astype(np.float32) * np.float32(view.depth_unit)
+    if not np.isfinite(depth).all() or (depth < 0).any():
+        raise CaptureError(f"{path} has depths that are NaN, infinite or below 0: write 0 where nothing was measured")
+    return depth
+
+
+def along_rays(
+    depth: Float[np.ndarray, "h w"], seen: tuple[Camera, tuple[float, ...]], camera: Camera, view: View
+) -> Float[np.ndarray, "h w"]:
+    """Depths as distances along the rays of `camera`, of a map that was seen by another camera with a distortion.
+
+    Raises CaptureError where the map has another shape than its picture.
+    """
+    height, width = depth.shape
+    own, distortion = seen
+    if abs(width / height * own.height / own.width - 1) > _ASPECT + 1 / min(width, height):
+        raise CaptureError(
+            f"the depth map {view.depth} of {width} x {height} pixels has another shape than its picture {view.name}: "
+            "depth must be registered to the colours"
+        )
+    fine = depth_camera(camera, own, (width, height))
+    if distortion or own.resized(width, height) != fine:
+        maps = undistortion(own.resized(width, height), distortion, fine)
+        depth = cv2.remap(depth, *maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+    ahead = -fine.directions(fine.pixels())[:, 2].reshape(fine.height, fine.width).numpy()
+    return depth / ahead
+
+
+def depth_camera(camera: Camera, own: Camera, size: tuple[int, int]) -> Camera:
+    """What `camera` is for depths, when those of a picture of camera `own` have `size` (width, height)."""
+    return camera.resized(
+        max(1, round(camera.width * size[0] / own.width)), max(1, round(camera.height * size[1] / own.height))
+    )
+
+
+def require_units(depths: Float[Tensor, "n h w"], centers: Float[np.ndarray, "n 3"]) -> None:
+    """Raise CaptureError where depths [m] cannot be in the unit that the cameras' positions [m] are in."""
+    told = depths[depths > 0]
+    if len(told) == 0:
+        raise CaptureError("the depth maps hold no depth at all: every pixel is 0")
+    middle = float(told.median())
+    spread = float(np.linalg.norm(centers - centers.mean(0), axis=1).mean())
+    if not _NEAREST * spread <= middle <= _FARTHEST * spread:
+        raise CaptureError(
+            f"half of the depths are above {middle:.3g} m although the cameras are {spread:.3g} m apart: they are in "
+            "another unit, which depth_unit_scale_factor must tell (0.001 for millimetres)"
+        )
+
+
+def points_of(
+    depths: Float[Tensor, "n h w"], camera: Camera, poses: Float[np.ndarray, "n 4 4"], every: int = 7
+) -> Float[np.ndarray, "m 3"]:
+    """World points [m] that every so many pixels of depth maps along rays show."""
+    pixels = camera.pixels()[::every]
+    directions, found = camera.directions(pixels).numpy(), []
+    for depth, pose in zip(depths, poses, strict=True):
+        along = depth.reshape(-1)[::every].numpy()
+        told = along > 0
+        found.append(pose[:3, 3] + along[told, None] * (directions[told] @ pose[:3, :3].T))
+    return np.concatenate(found)
+
+
+def stacked(maps: list[Float[np.ndarray, "h w"] | None]) -> Float[Tensor, "n h w"] | None:
+    """All depth maps, 0 for pictures without one; None where no picture has any.
+
+    Raises CaptureError where they differ in size.
+    """
+    sizes = {depth.shape for depth in maps if depth is not None}
+    if not sizes:
+        return None
+    if len(sizes) > 1:
+        told = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
+        raise CaptureError(f"the depth maps differ in size ({told} pixels): make them all alike")
+    (size,) = sizes
+    return torch.from_numpy(np.stack([np.zeros(size, np.float32) if depth is None else depth for depth in maps]))
+
+
+def _stored(path: Path) -> np.ndarray | None:
+    """The numbers in a file; None where it is no whole file of a known kind."""
+    try:
+        if path.suffix.lower() == ".npy":
+            return np.load(path, allow_pickle=False)
+        return cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
+    except (OSError, ValueError, EOFError, cv2.error):
+        return None

@@ -1,0 +1,56 @@
+"""Prove again what is free in the fields of the bundled worlds, by the pictures that they were learned from.
+
+    python -m scenes.prove stonehenge church
+
+The pictures follow from a field's seed, so they are taken again; nothing is learned. Fields are replaced in trained/.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+import scenes
+from nerfnav.experiments.freedom import Freedom, freedom_noted, freedom_on_mesh, in_words
+from nerfnav.field.carving import carved
+from nerfnav.field.checkpoint import load_field, save_field
+from nerfnav.field.evidence import states_of
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry.images import PosedImages
+from nerfnav.world.capture import CaptureConfig, capture, images_taken, split
+from nerfnav.world.scene import Scene
+
+
+def learned_from(field: VoxelField, scene: Scene) -> PosedImages:
+    """The pictures alone that a field of a bundled scene was learned from, taken again."""
+    config = CaptureConfig(images=images_taken(field.info.images))
+    *_, last = capture(scene, config, torch.Generator().manual_seed(field.info.seed))
+    assert last.captured is not None, "a capture ends with its photographs"
+    return split(last.captured)[0].without_depth()
+
+
+def proven(field: VoxelField, scene: Scene, photographs: PosedImages) -> VoxelField:
+    """The field with what its pictures prove, and with what planners then take for free."""
+    states = states_of(carved(field, photographs), field.values[..., 0])
+    known = replace(field, evidence=states, info=replace(field.info, learned_from="pictures"))
+    seen_from = (photographs.camera, photographs.poses)
+    freedom = freedom_on_mesh(known, float(field.spacing.max()), scene, seen_from)
+    return replace(known, info=freedom_noted(known.info, freedom))
+
+
+def main(names: list[str]) -> None:
+    """Do so for the fields of some scenes."""
+    for name in names:
+        path, scene = scenes.trained_path(name), scenes.load(name)
+        field = load_field(path)
+        assert isinstance(field, VoxelField), "bundled worlds have voxel fields"
+        known = proven(field, scene, learned_from(field, scene))
+        size = save_field(known, Path(path))
+        info = known.info
+        freedom = Freedom(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, 0.0)
+        sys.stdout.write(f"{name}: {in_words(freedom)}; {size / 1e6:.1f} MB\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or [name for name in scenes.names() if scenes.trained_path(name).is_file()])
