@@ -51,10 +51,10 @@ def reaches(values, occupied, lower, per_meter, origins, directions, scale, step
 def look_through(grid, view, maps, sizes, background, sums):
     """Add to `sums` what one picture says of each node that it looks through.
 
-    `grid` = (lower, spacing, how far windows reach from a node [m]), `view` = (rotation, position, lens), `maps` = (reach (levels, h, w), least,
-    most (levels, h, w, 3)): the shortest reach of rays [m] and the smallest and largest colours, 0 to 255, within
-    windows of `sizes` pixels that begin at each pixel. `background` (2, 3) are the smallest and largest colours that
-    count as that of nothing.
+    `grid` = (lower, spacing, how far windows reach from a node [m]), `view` = (rotation, position, lens), `maps` =
+    (reach (levels, h, w), least, most (levels, h, w, 3)): the shortest reach of rays [m] and the smallest and largest
+    colours, 0 to 255, within windows of `sizes` pixels that begin at each pixel. `background` (2, 3) are the smallest
+    and largest colours that count as that of nothing.
     `sums` = (looks, clear (nx, ny, nz): pictures that look through the node, and that see nothing there but the
     background; kept (nx, ny, nz, 3, 4) uint8: for each channel the largest and second largest of the smallest colours,
     the smallest and second smallest of the largest).
