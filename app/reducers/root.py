@@ -90,7 +90,7 @@ def _command(session: Session, command: m.Command) -> Session:
         case m.Looked(client, eye):
             return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
         case m.Left(client):
-            return replace(session, eyes={key: eye for key, eye in session.eyes.items() if key != client})
+            return session.without_tab(client)
         case m.StartComparison():
             return _begin(session, JobKind.COMPARE)
         case StartExperiment() | ShowResult() | ListExperiments():

@@ -6,7 +6,7 @@ No other place holds state: a reloaded page and a second tab show the same, and 
 """
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
@@ -224,6 +224,12 @@ class Session:
     def run_list_stamp(self) -> tuple[int, ...]:
         """Changes whenever the list of stored runs may have changed."""
         return self.jobs_begun, int(self.job is not None), self.runs.asked
+
+    def without_tab(self, client: int) -> "Session":
+        """After a tab was closed: what was rendered for it alone is forgotten."""
+        eyes = {tab: eye for tab, eye in self.eyes.items() if tab != client}
+        kept = {slot: pair for slot, pair in self.results.items() if getattr(pair[0], "client", None) != client}
+        return replace(self, eyes=eyes, results=kept)
 
     @property
     def steps_reported(self) -> int:

@@ -13,6 +13,7 @@ from app.places.ends import End, Ends, Which
 from app.places.place import Truth
 from app.queries.catalog import pending_queries
 from app.queries.end_fit import EndFit, EndFitQuery
+from app.queries.field_view import FieldView, FieldViewQuery
 from app.queries.following_plan import FollowingPlan, FollowingPlanQuery
 from app.queries.robot_view import RobotViewQuery
 from app.reducers.root import reduce
@@ -21,12 +22,15 @@ from app.state import actions as m
 from app.state.flight_settings import GUST
 from app.state.records import CostHistory, PlanRecord
 from app.state.session import JobKind, Session
+from app.state.view_settings import Eye
 from app.worker.flight_orders import FlightOrders
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.task import Task
 from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
 from tests.app.sessions import after, planned, reports
+
+EYE = Eye((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), 1.0, 1.5)
 
 
 def test_a_session_begins_by_opening_its_place_and_refuses_commands_until_then() -> None:
@@ -357,3 +361,13 @@ def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened
     for step in (*steps, replace(plan_step(ends, 4, PlanOutcome.CONVERGED), start_index=1)):
         record = record.with_step(step)
     assert record.others == (steps[1].motion, steps[3].motion)
+
+
+def test_what_was_rendered_for_a_closed_tab_is_forgotten(opened: Session) -> None:
+    here, there = (FieldViewQuery(client, EYE, 240) for client in (1, 2))
+    seen = FieldView(np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2)))
+    both = after(opened, *(m.Looked(query.client, EYE) for query in (here, there)))
+    both = after(both, *(m.QueryAnswered(query, seen) for query in (here, there)))
+    left = after(both, m.Left(1))
+    assert set(left.eyes) == {2} and not here.is_answered(left) and there.is_answered(left)
+    assert after(left, m.QueryAnswered(here, seen)).results == left.results, "nobody looks from there any more"
