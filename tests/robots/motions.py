@@ -11,6 +11,8 @@ STEPS, DT = 12, 0.1
 PARTS = ("position", "velocity", "rotation", "body_rate")
 EVERY = {name: robots.load(name) for name in robots.names()}
 """A new robot needs no line of its own: its tests are these."""
+SMALL = {name: robot for name, robot in EVERY.items() if max(robot.body.extents) < 0.3001}
+"""Those that fit into the test places of the planners, which are 2 m wide."""
 
 
 def ends(robot: Robot, seed: int = 0, *, still: bool = False, goal_yaw: float = -2.0) -> tuple[RigidState, RigidState]:

@@ -95,7 +95,7 @@ def test_what_a_scene_needs_grows_with_its_size() -> None:
 
 
 def test_a_source_that_is_nothing_known_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="known are: blocks, church, playground, stonehenge"):
+    with pytest.raises(UnknownNameError, match="known are: apartment, blocks, church, playground, stonehenge"):
         next(run(TrainRequest("atlantis", tmp_path / "f.npz")))
     with pytest.raises(InvalidInputError, match=r"there is no file or folder .*missing\.zip"):
         next(run(TrainRequest(str(tmp_path / "missing.zip"), tmp_path / "f.npz")))
