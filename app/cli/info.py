@@ -14,6 +14,7 @@ from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.geometry import GeometryReport, measure_geometry
 from nerfnav.field.checkpoint import StoredField, load_field
+from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Camera, look_at
@@ -65,8 +66,10 @@ def _grain(field: StoredField) -> dict[str, Any]:
     """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
     if isinstance(field, VoxelField):
         return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
-    shape = field.fine.config
-    return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
+    if isinstance(field, NeuralField):
+        shape = field.fine.config
+        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
+    return {"voxel_m": field.step}
 
 
 def _geometry(field: StoredField, scene: Scene) -> GeometryReport:

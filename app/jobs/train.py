@@ -13,7 +13,8 @@ from app.jobs.train_neural import learn_networks
 from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
 from app.storage.output_files import prepare_file
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.checkpoint import StoredField, save_field
+from nerfnav.field.checkpoint import save_field
+from nerfnav.field.neural import NeuralField
 from nerfnav.field.train import TrainConfig, train
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
@@ -61,7 +62,7 @@ def run(request: TrainRequest) -> JobEvents:
     yield JobFinished("train", summary, files)
 
 
-def _save(trained: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
+def _save(trained: VoxelField | NeuralField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
     """Store a field, and beside it the ground truth that is not bundled. Its size in bytes, and what was written."""
     if truth is None or truth.name in scenes.names():
         return save_field(trained, out), (out,)
