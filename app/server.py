@@ -22,6 +22,7 @@ from app.page.layers.overlays import OverlaysLayer
 from app.page.layers.plan import PlanLayer
 from app.page.layers.search import SearchLayer
 from app.page.layers.splats import SplatsLayer
+from app.page.panels.panel import Page
 from app.page.panels.tabs import panels
 from app.page.theme import apply_theme
 from app.page_server import page_server
@@ -103,7 +104,7 @@ class App:
             NoticesLayer(server),
         )
         with icons_at_hand():
-            self._parts = (*layers, *panels(server, self.post, self._uploads))
+            self._parts = (*layers, *panels(Page(server, self.post, self._uploads)))
         self._loop.start()
 
     def stop(self) -> None:

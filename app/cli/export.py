@@ -1,31 +1,38 @@
 """nerfnav export: trajectories for other programs."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, make_dataclass
 from pathlib import Path
+from typing import Any
 
 from tyro.conf import Positional
 
 from app.cli.terminal import follow, show
 from app.jobs.export import ExportRequest
 from app.jobs.export import run as run_job
+from nerfnav.export.formats import FORMATS
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """Write the trajectory of a plan or a flight in another format.
-
-    Formats: csv, json (tables); tum, tum-estimate (for evaluation); px4, crazyflie (setpoints, polynomials); mcap,
-    rosbag2 (ROS 2); gltf (the path and the moving robot); html (a replay that needs no server).
-    """
+    """Write the trajectory of a plan or a flight in another format."""
 
     run: Positional[Path]
     """Folder that `nerfnav plan --out` or `nerfnav fly` wrote, or the name of a flight in runs/."""
     format: str
-    """csv, json, tum, tum-estimate, px4, crazyflie, mcap, rosbag2, gltf or html."""
+    """Name of the format, as they are listed above."""
     out: Path
     """File to write."""
     json: bool = False
     """Print one JSON object and nothing else."""
+
+
+def arguments_for(words: Sequence[str]) -> type[Any]:
+    """The arguments, whose help lists the formats that there are."""
+    listed = "; ".join(f"{form.name} ({form.purpose})" for form in FORMATS.values())
+    chosen = make_dataclass("Arguments", [], bases=(Arguments,), frozen=True)
+    chosen.__doc__ = f"{Arguments.__doc__}\n\nFormats: {listed}."
+    return chosen
 
 
 def run(arguments: Arguments) -> None:

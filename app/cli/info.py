@@ -15,6 +15,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.freedom import Freedom, freedom_alone, freedom_on_mesh, in_words
 from nerfnav.experiments.geometry import GeometryReport, measure_geometry
 from nerfnav.field.checkpoint import StoredField, load_field
+from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Camera, Pose, look_at
@@ -71,8 +72,10 @@ def _grain(field: StoredField) -> dict[str, Any]:
     """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
     if isinstance(field, VoxelField):
         return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
-    shape = field.fine.config
-    return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
+    if isinstance(field, NeuralField):
+        shape = field.fine.config
+        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
+    return {"voxel_m": field.step}
 
 
 def _freedom(field: StoredField, path: Path) -> Freedom:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
 from app.places.place import open_place
-from app.registry import named
 from app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
 from nerfnav.errors import InvalidInputError, MissingExtraError
 from nerfnav.experiments.arena import Arena
@@ -45,7 +44,7 @@ class ExperimentRequest:
 
 def run(request: ExperimentRequest) -> JobEvents:
     """Yield how far it is, then the summary and what was written. Raises NerfnavError for bad requests."""
-    experiment = named("experiment", request.name, EXPERIMENTS)
+    experiment = EXPERIMENTS[request.name]
     out = None if request.out is None else prepare_folder(request.out)
     yield JobStarted("experiment")
     yield Progress("opening the field", 0.0)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from nerfnav.experiments import basin, correlation, estimation, ground_robots, planners, relocalisation, tangent
 from nerfnav.experiments.study import ExperimentStep, Study
+from nerfnav.registry import Registry
 from nerfnav.world.task import Task
 from scenes.tasks import stonehenge
 
@@ -13,6 +14,8 @@ from scenes.tasks import stonehenge
 class Experiment:
     """One experiment."""
 
+    name: str
+    """What users call it."""
     run: Callable[[Study], Iterator[ExperimentStep]]
     """What does it."""
     purpose: str
@@ -23,36 +26,51 @@ class Experiment:
     """Flights in that place; None: those of its scene."""
 
 
-EXPERIMENTS = {
-    "planners": Experiment(
+EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
+    Experiment(
+        "planners",
         planners.run,
         "nerfnav, minimum snap and RRT on the same flights: collision cost, effort, failures",
         tasks=stonehenge.EXPERIMENT_TASKS,
     ),
-    "collision-correlation": Experiment(
+    Experiment(
+        "collision-correlation",
         correlation.run,
         "collision loss in the field against true overlap, over the iterations of plans",
         place="playground",
     ),
-    "ground-robots": Experiment(
+    Experiment(
+        "ground-robots",
         ground_robots.run,
         "a couch that must turn to pass a gap, and wheels that never slide: overlap, lateral velocity",
         place="church",
     ),
-    "estimation": Experiment(
+    Experiment(
+        "estimation",
         estimation.run,
         "the pose filter against iNeRF on the same disturbed flights: errors, honesty",
         tasks=stonehenge.EXPERIMENT_TASKS[:10],
     ),
-    "relocalisation": Experiment(
-        relocalisation.run, "finding a camera anywhere in the place from one picture: how often, how sure, how fast"
+    Experiment(
+        "relocalisation",
+        relocalisation.run,
+        "finding a camera anywhere in the place from one picture: how often, how sure, how fast",
     ),
-    "basin": Experiment(
+    Experiment(
+        "basin",
         basin.run,
         "from how far off one picture leads the pose filter back",
         tasks=stonehenge.EXPERIMENT_TASKS[:10],
     ),
-    "tangent-plane": Experiment(
-        tangent.run, "Adam in the tangent of the last state against a single tangent plane: convergence (paper Eq. 8)"
+    Experiment(
+        "tangent-plane",
+        tangent.run,
+        "Adam in the tangent of the last state against a single tangent plane: convergence (paper Eq. 8)",
     ),
-}
+))  # fmt: skip
+"""Name to experiment."""
+
+
+def register(experiment: Experiment) -> None:
+    """Make an experiment known by its name. Raises NameTakenError where another one has it."""
+    EXPERIMENTS.register(experiment)

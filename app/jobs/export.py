@@ -6,7 +6,6 @@ from pathlib import Path
 from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.open_place import surface_of
 from app.places.place import open_place
-from app.registry import named
 from app.storage import step_log as log
 from app.storage.output_files import prepare_file, write_bytes
 from app.storage.run_metadata import RunMetadata
@@ -35,7 +34,7 @@ class ExportRequest:
 
 def run(request: ExportRequest) -> JobEvents:
     """Write the file. Raises NerfnavError where the run, the format or the file is not what it should be."""
-    form = named("format", request.format, FORMATS)
+    form = FORMATS[request.format]
     folder = _folder(request.run)
     made = read_run(folder)
     out = prepare_file(request.out)

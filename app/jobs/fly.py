@@ -11,10 +11,10 @@ from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
 from app.jobs.export import TRAJECTORY
 from app.jobs.plan import PlanRequest
 from app.places.place import Place, occupancy_of, planning_place, searcher_of
-from app.registry import ESTIMATORS, named
 from app.storage.output_files import prepare_folder, write_text
 from app.storage.run_metadata import RunMetadata
 from app.storage.step_log import logged
+from nerfnav.estimator import estimators
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseStep
@@ -125,7 +125,7 @@ def _about(request: FlyRequest, place: Place) -> RunMetadata:
 
 def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     route, seen_as = request.route, planning_place(place, request.route.unknown)
-    estimator = named("estimator", request.estimator, ESTIMATORS)
+    estimator = estimators.load(request.estimator)
     occupancy = occupancy_of(seen_as, route.settings.occupancy)
     planner = planners.load(route.planner).planner(
         seen_as.field, place.robot, route.settings, route.again, occupancy
@@ -135,7 +135,7 @@ def _begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
         planner,
-        estimator(place.field, place.robot, CAMERA, config=config.filter),
+        estimator.make(place.field, place.robot, CAMERA, config=config.filter),
         searcher_of(place, CAMERA, config.filter.color_noise),
     )
     simulator = Simulator(

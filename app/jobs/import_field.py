@@ -15,7 +15,6 @@ from nerfnav.experiments.freedom import freedom_alone, in_words
 from nerfnav.field.bake import BakeConfig, BakeStep, bake
 from nerfnav.field.checkpoint import StoredField, save_field
 from nerfnav.field.field import Field
-from nerfnav.field.neural import NeuralField
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
@@ -120,7 +119,7 @@ def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
 
 
 def _numbers(made: StoredField) -> dict[str, Any]:
-    nodes = {} if isinstance(made, NeuralField) else {"voxels": int(np.prod(made.shape))}
+    nodes = {"voxels": int(np.prod(made.shape))} if isinstance(made, VoxelField) else {}
     corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
     freedom = freedom_alone(made, float(made.spacing.max()) if isinstance(made, VoxelField) else made.step)
     told = {"geometry": asdict(freedom), "in_words": in_words(freedom)}

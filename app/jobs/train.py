@@ -21,7 +21,8 @@ from nerfnav.experiments.freedom import (
     freedom_on_mesh,
     in_words,
 )
-from nerfnav.field.checkpoint import StoredField, save_field
+from nerfnav.field.checkpoint import save_field
+from nerfnav.field.neural import NeuralField
 from nerfnav.field.train import TrainConfig, train
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
@@ -75,7 +76,7 @@ def run(request: TrainRequest) -> JobEvents:
     yield JobFinished("train", summary, files)
 
 
-def _freedom(trained: StoredField, material: TrainingData) -> Freedom:
+def _freedom(trained: VoxelField | NeuralField, material: TrainingData) -> Freedom:
     """What planners take for free there, against the best that tells what is."""
     voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
     if material.truth is not None:
@@ -86,7 +87,7 @@ def _freedom(trained: StoredField, material: TrainingData) -> Freedom:
     return freedom_alone(trained, voxel)
 
 
-def _save(trained: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
+def _save(trained: VoxelField | NeuralField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
     """Store a field, and beside it the ground truth that is not bundled. Its size in bytes, and what was written."""
     if truth is None or truth.name in scenes.names():
         return save_field(trained, out), (out,)

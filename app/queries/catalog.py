@@ -15,6 +15,7 @@ from app.queries.run_list import RunListQuery
 from app.queries.space import SpaceQuery
 from app.queries.stored_run import StoredRunQuery
 from app.state.session import Session
+from nerfnav.errors import UnknownNameError
 
 _KINDS: list[type[Query[Any]]] = [
     StoredRunQuery,
@@ -35,6 +36,13 @@ def register(kind: type[Query[Any]]) -> None:
     """Let the worker answer one more kind of query, after the others."""
     if kind not in _KINDS:
         _KINDS.append(kind)
+
+
+def unregister(kind: type[Query[Any]]) -> None:
+    """Ask queries of this kind no longer. Raises UnknownNameError where none are asked."""
+    if kind not in _KINDS:
+        raise UnknownNameError("query", kind.__name__, (known.__name__ for known in _KINDS))
+    _KINDS.remove(kind)
 
 
 def pending_queries(session: Session) -> tuple[Query[Any], ...]:

@@ -88,7 +88,7 @@ def noise_of(photographs: PosedImages) -> float:
 def _patch_noise(image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, " patches"]:
     """What the noise would be by each patch of a picture that is nowhere cut off."""
     behind = np.abs(cv2.filter2D(image.astype(np.float32), cv2.CV_32F, _NOISE_KERNEL)).mean(-1)
-    cut = ((image < _CUT_OFF) | (image > 255 - _CUT_OFF)).any(-1)
+    cut = np.any((image < _CUT_OFF) | (image > 255 - _CUT_OFF), axis=-1)
     rows, columns = (length // _PATCH for length in behind.shape)
     patches = [
         part[: rows * _PATCH, : columns * _PATCH].reshape(rows, _PATCH, columns, _PATCH).mean((1, 3)).reshape(-1)

@@ -1,10 +1,12 @@
 """Fields in files: npz without pickle, versioned; no failure loses an older file.
 
-Raw densities are stored in steps of 1/8 and colours in steps of 1/255, which zip well: empty nodes are all alike.
+A kind of field has a FieldCodec; `register` adds one from outside. Of voxel fields, whose codec is here, raw densities
+are stored in steps of 1/8 and colours in steps of 1/255, which zip well: empty nodes are all alike.
 """
 
 import json
 import zipfile
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,47 +14,32 @@ from typing import Any
 import numpy as np
 import torch
 
-from nerfnav.errors import FieldFileError
+from nerfnav.errors import FieldFileError, InvalidInputError
+from nerfnav.field.codec import Encoded, FieldCodec, StoredField
 from nerfnav.field.evidence import EMPTY_RAW, State, states_of_unseen
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.neural import NeuralField
-from nerfnav.field.neural_checkpoint import FORMAT as _NEURAL_FORMAT
-from nerfnav.field.neural_checkpoint import VERSION as _NEURAL_VERSION
-from nerfnav.field.neural_checkpoint import neural_field_of, save_neural_field
+from nerfnav.field.neural_checkpoint import NEURAL
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import VoxelField
 from nerfnav.files import write_npz
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import with_neighbours
+from nerfnav.registry import Registry
 
-_FORMAT = "nerfnav-voxel-field"
 _VERSION = 3  # 2: surroundings and unseen nodes, both optional; 3: evidence in place of unseen nodes
-_VERSIONS = {_FORMAT: _VERSION, _NEURAL_FORMAT: _NEURAL_VERSION}
-StoredField = VoxelField | NeuralField
-"""What a field file can hold."""
 _RAW_STEP = 1 / 8  # [raw]: less than 13 % of a density, far below what images can tell
 
 
 def save_field(field: StoredField, path: Path) -> int:
-    """Write a field to `path` and return its size in bytes. An existing file is replaced only once all is written."""
-    if isinstance(field, NeuralField):
-        return save_neural_field(field, path)
-    raw, color = _quantised(field.values)
-    color[~with_neighbours(torch.from_numpy(raw > 0)).numpy()] = 0  # colours that nothing can show
-    header = {"format": _FORMAT, "version": _VERSION, "info": asdict(field.info)}
-    arrays = {
-        "header": np.array(json.dumps(header)),
-        "raw": raw,
-        "color": color,
-        "box": torch.stack([field.box.lower, field.box.upper]).cpu().numpy(),
-        "background": field.background.cpu().numpy(),
-    }
-    if field.outside is not None:
-        arrays["outside_raw"], arrays["outside_color"] = _quantised(field.outside.values)
-    if field.evidence is not None:
-        arrays["evidence"] = field.evidence.cpu().numpy()
+    """Write a field to `path` and return its size in bytes. An existing file is replaced only once all is written.
+
+    Raises InvalidInputError for a kind of field without codec, FieldFileError where the file cannot be written.
+    """
+    codec = _codec_of(field)
+    header, arrays = codec.encode(field)
+    header = {**header, "format": codec.name, "version": codec.version}
     try:
-        return write_npz(path, arrays)
+        return write_npz(path, {**arrays, "header": np.array(json.dumps(header))})
     except OSError as error:
         raise FieldFileError(f"the field cannot be written to {path}: {error.strerror}") from error
 
@@ -64,13 +51,12 @@ def load_field(path: Path) -> StoredField:
     try:
         with np.load(path, allow_pickle=False) as file:
             header = json.loads(str(file["header"]))
-            if header.get("format") not in _VERSIONS:
+            codec = CODECS.get(header.get("format"))
+            if codec is None:
                 raise FieldFileError(f"{path} is not a nerfnav field; make one with nerfnav train")
-            if header["version"] > _VERSIONS[header["format"]]:
+            if header["version"] > codec.version:
                 raise FieldFileError(f"{path} was written by a newer nerfnav; update nerfnav to read it")
-            if header["format"] == _NEURAL_FORMAT:
-                return neural_field_of(file, header)
-            return _field_of(file, header["info"])
+            return codec.decode(header, file)
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError, TypeError, RuntimeError) as error:
         raise FieldFileError(
             f"{path} is not a whole nerfnav field (truncated, or another kind of file); "
@@ -80,7 +66,38 @@ def load_field(path: Path) -> StoredField:
         raise FieldFileError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
-def _field_of(file: np.lib.npyio.NpzFile, info: dict[str, Any]) -> VoxelField:
+def _codec_of(field: StoredField) -> FieldCodec:
+    """The codec of the field's class, or of the nearest class above it that has one."""
+    of_class = {codec.type: codec for codec in CODECS.values()}
+    found = next((of_class[kind] for kind in type(field).__mro__ if kind in of_class), None)
+    if found is None:
+        known = ", ".join(sorted(kind.__name__ for kind in of_class))
+        raise InvalidInputError(
+            f"a {type(field).__name__} cannot be kept in a file: bake it, or register a FieldCodec for it (known are "
+            f"those of {known})"
+        )
+    return found
+
+
+def _encode(field: VoxelField) -> Encoded:
+    """See FieldCodec."""
+    raw, color = _quantised(field.values)
+    color[~with_neighbours(torch.from_numpy(raw > 0)).numpy()] = 0  # colours that nothing can show
+    arrays = {
+        "raw": raw,
+        "color": color,
+        "box": torch.stack([field.box.lower, field.box.upper]).cpu().numpy(),
+        "background": field.background.cpu().numpy(),
+    }
+    if field.outside is not None:
+        arrays["outside_raw"], arrays["outside_color"] = _quantised(field.outside.values)
+    if field.evidence is not None:
+        arrays["evidence"] = field.evidence.cpu().numpy()
+    return {"info": asdict(field.info)}, arrays
+
+
+def _decode(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> VoxelField:
+    """See FieldCodec."""
     values, box = _values_of(file["raw"], file["color"]), file["box"]
     if box.shape != (2, 3):
         raise ValueError("arrays of wrong shape")
@@ -91,7 +108,7 @@ def _field_of(file: np.lib.npyio.NpzFile, info: dict[str, Any]) -> VoxelField:
         Box(torch.from_numpy(box[0]), torch.from_numpy(box[1])),
         values,
         torch.from_numpy(file["background"]),
-        FieldInfo.of(info),
+        FieldInfo.of(header["info"]),
         None if outside is None else Surroundings(outside),
         _evidence_of(file, values),
     )
@@ -117,7 +134,7 @@ def _values_of(raw: np.ndarray, color: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(values)
 
 
-def _evidence_of(file: np.lib.npyio.NpzFile, values: torch.Tensor) -> torch.Tensor | None:
+def _evidence_of(file: Mapping[str, np.ndarray], values: torch.Tensor) -> torch.Tensor | None:
     """The state of each node; of older files, which only tell what no camera saw, as far as they go."""
     shape = values.shape[:3]
     if "evidence" in file:
@@ -129,3 +146,14 @@ def _evidence_of(file: np.lib.npyio.NpzFile, values: torch.Tensor) -> torch.Tens
         return None
     flags = np.unpackbits(file["unknown"], count=shape.numel()).astype(bool)
     return states_of_unseen(torch.from_numpy(flags.reshape(shape)), values[..., 0])
+
+
+CODECS: Registry[FieldCodec] = Registry(
+    "format of fields", (FieldCodec("nerfnav-voxel-field", _VERSION, VoxelField, _encode, _decode), NEURAL)
+)
+"""Name of a format to its codec."""
+
+
+def register(codec: FieldCodec) -> None:
+    """Let `save_field` and `load_field` know a kind of field. Raises NameTakenError where a format has its name."""
+    CODECS.register(codec)

@@ -102,7 +102,8 @@ class GridLearner:
         cls, place: Place, told: Fused, photographs: PosedImages, workers: int, outside: int = 0
     ) -> "GridLearner":
         """What depths tell, and keeps on saying: densities that they know rest, colours and all else are learned."""
-        shape = tuple(told.raw.shape)
+        nx, ny, nz = told.raw.shape
+        shape = (nx, ny, nz)
         seen = views_of(node_positions(place.box, shape), photographs)
         values = _clear(shape, raw_of(_START_DENSITY / place.unit))
         values[..., 0] = torch.where(told.known, told.raw, values[..., 0])

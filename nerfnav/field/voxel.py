@@ -61,7 +61,7 @@ class VoxelField:
         """Distance of neighbouring nodes along x, y, z [m]."""
         return spacing_of(self.box, self.shape)
 
-    @cached_property
+    @property
     def step(self) -> float:
         """Distance of samples along rays [m]: half a voxel."""
         return 0.5 * float(self.spacing.min())

@@ -96,10 +96,16 @@ class TorchFlatMap(FlatMap):
         """See FlatMap."""
         states = self._motion.states
         skew = so3.hat(torch.from_numpy(by_rotation))
-        outputs = (states.position, states.rotation, self._motion.actions)
-        # <R [g]x / 2, R [delta]x> = g . delta turns a tangent adjoint into one of the matrix
-        weights = (torch.from_numpy(by_position), 0.5 * states.rotation.detach() @ skew, torch.from_numpy(by_action))
-        if self._penalty is not None and self._penalty.requires_grad:
-            outputs, weights = (*outputs, self._penalty), (*weights, torch.ones_like(self._penalty))
+        parts = [
+            (states.position, torch.from_numpy(by_position)),
+            # <R [g]x / 2, R [delta]x> = g . delta turns a tangent adjoint into one of the matrix
+            (states.rotation, 0.5 * states.rotation.detach() @ skew),
+            (self._motion.actions, torch.from_numpy(by_action)),
+        ]
+        if self._penalty is not None:
+            parts.append((self._penalty, torch.ones_like(self._penalty)))
+        # what the free numbers do not move, such as the attitude of a robot that never turns, has no share
+        moved = [(part, weight) for part, weight in parts if part.requires_grad]
+        outputs, weights = zip(*moved, strict=True)
         (gradient,) = torch.autograd.grad(outputs, self._free, weights)
         return gradient.numpy()

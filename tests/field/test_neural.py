@@ -9,12 +9,11 @@ import pytest
 import torch
 
 from nerfnav.errors import FieldFileError, InvalidInputError
-from nerfnav.field.checkpoint import load_field
+from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.field import Field, density_and_gradient, uniform_samples
 from nerfnav.field.jacobian import colors_and_jacobian
 from nerfnav.field.mlp import Encoding, MlpConfig
 from nerfnav.field.neural import NeuralField
-from nerfnav.field.neural_checkpoint import save_neural_field
 from nerfnav.field.neural_train import NeuralTrainConfig, blank_field, drawn_from, train_neural
 from nerfnav.field.render import render_rays
 from nerfnav.geometry import so3
@@ -110,7 +109,7 @@ def test_the_filter_gets_its_jacobian() -> None:
 
 def test_a_stored_field_is_the_same_field(tmp_path: Path) -> None:
     field = replace(random_field(), info=replace(random_field().info, source="lego", psnr_db=21.0))
-    assert save_neural_field(field, tmp_path / "f.npz") == (tmp_path / "f.npz").stat().st_size
+    assert save_field(field, tmp_path / "f.npz") == (tmp_path / "f.npz").stat().st_size
     loaded = load_field(tmp_path / "f.npz")
     assert isinstance(loaded, NeuralField) and loaded.info == field.info and loaded.config == field.config
     rays = random_rays(50)
@@ -120,13 +119,13 @@ def test_a_stored_field_is_the_same_field(tmp_path: Path) -> None:
 
 def test_a_torn_file_is_refused_and_a_failed_write_leaves_the_old_one(tmp_path: Path) -> None:
     file = tmp_path / "f.npz"
-    save_neural_field(random_field(), file)
+    save_field(random_field(), file)
     whole = file.read_bytes()
     file.write_bytes(whole[:-200])
     with pytest.raises(FieldFileError, match="not a whole nerfnav field"):
         load_field(file)
     with pytest.raises(FieldFileError, match="cannot be written"):
-        save_neural_field(random_field(), tmp_path / "no folder" / "f.npz")
+        save_field(random_field(), tmp_path / "no folder" / "f.npz")
 
 
 def test_samples_are_drawn_where_the_weights_are() -> None:

@@ -10,11 +10,11 @@ from app.page.layers.search import MOST_CANDIDATES
 from app.page.panels.binder import Binder
 from app.page.panels.dropdown import ChoiceList
 from app.page.panels.flight_charts import ERRORS, FlightChart
-from app.registry import ESTIMATORS
 from app.state.actions import CarryAway, Command, FindRobot, Settings
 from app.state.records import FlightRecord
 from app.state.session import Session
 from app.text import number, sentence
+from nerfnav.estimator import estimators
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.so3 import yaw_of
@@ -28,7 +28,7 @@ class EstimatePanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._estimator = ChoiceList(server, "estimator", ESTIMATORS, "How the robot knows where it is", post)
+        self._estimator = ChoiceList(server, "estimator", estimators.names(), "How the robot knows where it is", post)
         self._ellipsoid = server.gui.add_slider(
             "Ellipsoids ×", 1.0, 10.0, 0.5, 1.0, hint="Draw the 95 % regions larger than they are"
         )

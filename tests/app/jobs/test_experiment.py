@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from app.benchmarks.comparison import Comparison
-from app.jobs import bench, experiment
+from app.jobs import bench, experiment, experiment_catalog
 from app.jobs.bench import BenchRequest
 from app.jobs.events import JobEvents, JobFinished, Progress
 from app.jobs.experiment import ExperimentRequest, open_arena
@@ -31,8 +31,10 @@ def counting(study: Study) -> Iterator[ExperimentStep]:
 
 
 @pytest.fixture(autouse=True)
-def known(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(EXPERIMENTS, "counting", Experiment(counting, "counts"))
+def known() -> Iterator[None]:
+    experiment_catalog.register(Experiment("counting", counting, "counts"))
+    yield
+    EXPERIMENTS.unregister("counting")
 
 
 def finished(job: JobEvents) -> JobFinished:
@@ -131,7 +133,8 @@ def test_figures_that_cannot_be_drawn_are_left_out_and_said_so(
     def undrawn(study: Study) -> Iterator[ExperimentStep]:
         yield Results({"left_out": {"rrt": "it is missing"}}, (), {"empty": lambda: panels(("one",))[0]})
 
-    monkeypatch.setitem(EXPERIMENTS, "counting", Experiment(undrawn, "counts"))
+    EXPERIMENTS.unregister("counting")
+    experiment_catalog.register(Experiment("counting", undrawn, "counts"))
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)  # makes its import fail
     done = finished(experiment.run(ExperimentRequest("counting", out=tmp_path)))
     assert [path.name for path in done.files] == ["results.json"]
