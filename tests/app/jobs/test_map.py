@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from app.cli import BAD_INPUT, main
+from app.cli.main import BAD_INPUT, main
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.states import VoxelState
 from nerfnav.planner.occupancy import OccupancyConfig
