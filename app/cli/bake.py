@@ -7,7 +7,7 @@ from tyro.conf import Positional
 
 from app.cli.terminal import follow, show
 from app.jobs.import_field import bake_file
-from app.places.place import field_file
+from app.places.opening import field_file
 from nerfnav.field.checkpoint import load_field
 
 

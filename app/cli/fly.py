@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 from app.cli.route_arguments import Route, planner_of
 from app.cli.terminal import follow, note, show
-from app.jobs.fly import FlyRequest
 from app.jobs.fly import run as run_job
+from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
 from nerfnav.navigation.replan import NavigateConfig
 from nerfnav.planner import planners

@@ -9,7 +9,7 @@ from tyro.conf import Positional
 
 import scenes
 from app.cli.terminal import show
-from app.places.place import field_file, ground_truth
+from app.places.opening import field_file, ground_truth
 from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.freedom import Freedom, freedom_alone, freedom_on_mesh, in_words

@@ -8,7 +8,7 @@ from tyro.conf import Positional
 from app.cli.terminal import follow, show
 from app.jobs.map import MapRequest
 from app.jobs.map import run as run_job
-from app.places.place import field_file
+from app.places.opening import field_file
 from nerfnav.field.checkpoint import load_field
 
 

@@ -8,9 +8,10 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from app.cli.number_arguments import in_words, numbers
-from app.jobs.plan import PlanRequest
+from app.jobs.plan_request import PlanRequest
 from app.places.ends import End, Ends
-from app.places.place import Place, open_place
+from app.places.opening import open_place
+from app.places.place import Place
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.unknown import Unknown

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bars
 from rich.table import Table
 
-from app.jobs.events import JobEvents, JobFinished, Progress
+from app.jobs.events import JobEvents, JobResult, Progress
 from app.storage.output_files import json_line
 from app.system.threads import TORCH_THREADS
 from nerfnav.field.train import TrainStep
@@ -24,28 +24,24 @@ from nerfnav.planner.steps import PlanStep
 _UNITS = {"m": "m", "s": "s", "ms": "ms", "db": "dB", "rad": "rad", "n": "N", "m3": "m³", "bytes": "bytes"}
 
 
-def follow(job: JobEvents, can_stop_early: bool = False) -> JobFinished:
-    """Run a job to its end behind a progress bar, and return its last event.
+def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
+    """Run a job to its end behind a progress bar, and return what it returns.
 
     With `can_stop_early` the first Ctrl-C asks the job to end and keep what it has; a second one ends it at once.
     """
     torch.set_num_threads(TORCH_THREADS)
-    finished: JobFinished | None = None
+    answer: bool | None = None
     with _bar() as (bars, task), _stop_on_interrupt(can_stop_early) as stop:
-        event = next(job, None)
-        while event is not None:
-            if isinstance(event, JobFinished):
-                finished = event
-            elif isinstance(event, Progress):
+        while True:
+            try:
+                event = job.send(answer)
+            except StopIteration as end:
+                return end.value
+            if isinstance(event, Progress):
                 bars.update(task, description=event.label, completed=event.fraction)
             elif told := tell(event):
                 bars.update(task, told=told)
-            try:
-                event = job.send(stop.asked or None)
-            except StopIteration:
-                break
-    assert finished is not None, "a job ends with JobFinished or raises"
-    return finished
+            answer = stop.asked or None
 
 
 def show(title: str, summary: dict[str, Any], as_json: bool) -> None:

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from app.benchmarks.comparison import Comparison
-from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.experiment import open_arena, png_of, table_text
 from app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
 from nerfnav.experiments.arena import Arena
@@ -49,14 +49,13 @@ def module_named(name: str) -> ModuleType | None:
 
 
 def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
-    """Yield which comparison is under way, then all numbers; what cannot be measured is named under `left_out`.
+    """Yield which comparison is under way, and return all numbers; what cannot be measured is named under `left_out`.
 
     Raises MissingExtraError where files are asked for, and matplotlib, which draws one of them, is not installed.
     """
     if request.out is not None:
         from_extra("matplotlib.figure", "experiments", "the plot of bench --out")
     out = None if request.out is None else prepare_folder(request.out)
-    yield JobStarted("bench")
     yield Progress("opening the field", 0.0)
     arena = open_arena(request.place)
     summary: dict[str, Any] = {}
@@ -75,7 +74,7 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     if out is not None:
         yield Progress("measuring how the cost of an iteration grows", 0.95)
         files = save(out, summary, arena, find)
-    yield JobFinished("bench", summary, files)
+    return JobResult(summary, files)
 
 
 def numbers(comparison: Comparison) -> dict[str, Any]:

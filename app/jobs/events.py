@@ -1,10 +1,11 @@
 """What jobs tell their consumers (the command line, the browser): frozen values, in the order in which they happen.
 
-A job is a generator of events. Library steps (PlanStep, FilterStep, NavigationStep, TrainStep) are events as they
-are; what else a job has to say stands here.
+A job is a generator: it yields events and returns a JobResult, so a job inside another one is `yield from`. Library
+steps (PlanStep, FilterStep, NavigationStep, TrainStep) are events as they are; what else a job has to say stands here.
+How a job ended (JobFinished, JobFailed) is an event of whoever runs it: the worker.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,13 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class JobStarted:
-    """A job has begun."""
+class JobResult:
+    """Return value of a job."""
 
-    name: str
-    """What it is called, e.g. "plan"."""
+    summary: dict[str, Any] = field(default_factory=dict)
+    """Its numbers: what `--json` prints."""
+    files: tuple[Path, ...] = ()
+    """What it wrote."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +41,8 @@ class JobFinished:
     """A job has done what was asked."""
 
     name: str
-    """What it is called."""
-    summary: dict[str, Any] = field(default_factory=dict)
-    """Its numbers: what `--json` prints."""
-    files: tuple[Path, ...] = ()
-    """What it wrote."""
+    """What it is called, e.g. "plan"."""
+    result: JobResult = field(default_factory=JobResult)
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,6 @@ class JobFailed:
     """What it is called."""
     message: str
     """One sentence for the user."""
-
-
-@dataclass(frozen=True)
-class JobCancelled:
-    """A job was stopped by the user."""
-
-    name: str
-    """What it is called."""
 
 
 @dataclass(frozen=True)
@@ -99,18 +91,25 @@ class PlannerCompared:
     result: PlannerResult
 
 
-JobEvent = (
-    LoopEvent
-    | TrainStep
-    | Progress
-    | JobStarted
-    | PlaceOpened
-    | SurfaceShaped
-    | PlannerCompared
-    | JobFinished
-    | JobFailed
-    | JobCancelled
-)
+JobEvent = LoopEvent | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared
 
-JobEvents = Generator[JobEvent, bool | None, None]
+JobReport = JobEvent | JobFinished | JobFailed
+"""What is told of a job that runs: what it yields, then how it ended."""
+
+JobEvents = Generator[JobEvent, bool | None, JobResult]
 """A job at work. Closing it cancels it; a job that says so takes True and ends early with what it has."""
+
+
+class JobRun:
+    """Iterator over the events of a job, once, that keeps its return value."""
+
+    result: JobResult
+    """What the job returned; not there before it has ended."""
+
+    def __init__(self, job: JobEvents) -> None:
+        """Nothing of the job is done yet."""
+        self._job = job
+
+    def __iter__(self) -> Iterator[JobEvent]:
+        """Yield what the job yields. Raises what it raises."""
+        self.result = yield from self._job

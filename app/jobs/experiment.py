@@ -8,9 +8,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
-from app.places.place import open_place
+from app.places.opening import open_place
 from app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
 from nerfnav.errors import InvalidInputError, MissingExtraError
 from nerfnav.experiments.arena import Arena
@@ -43,10 +43,9 @@ class ExperimentRequest:
 
 
 def run(request: ExperimentRequest) -> JobEvents:
-    """Yield how far it is, then the summary and what was written. Raises NerfnavError for bad requests."""
+    """Yield how far it is; return the summary and what was written. Raises NerfnavError for bad requests."""
     experiment = EXPERIMENTS[request.name]
     out = None if request.out is None else prepare_folder(request.out)
-    yield JobStarted("experiment")
     yield Progress("opening the field", 0.0)
     place = request.place or experiment.place
     open_here = partial(open_arena, place)
@@ -64,7 +63,7 @@ def run(request: ExperimentRequest) -> JobEvents:
         figures, left_out = _drawn(results)
         results = replace(results, summary=_with_left_out(results.summary, left_out))
     files = () if out is None else save(out, request.name, results, figures)
-    yield JobFinished("experiment", results.summary, files)
+    return JobResult(results.summary, files)
 
 
 @cache

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
-from app.jobs.open_place import surface_of
-from app.places.place import open_place
+from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.surface import surface_of
+from app.places.opening import open_place
 from app.storage import step_log as log
 from app.storage.output_files import prepare_file, write_bytes
 from app.storage.run_metadata import RunMetadata
@@ -25,7 +25,7 @@ class ExportRequest:
     """What to export."""
 
     run: Path
-    """Folder that `nerfnav plan --out` or `nerfnav fly` wrote, or the name of a flight on the shelf."""
+    """Folder that `nerfnav plan --out` or `nerfnav fly` wrote, or the name of a stored run."""
     format: str
     """Name of the format."""
     out: Path
@@ -33,12 +33,11 @@ class ExportRequest:
 
 
 def run(request: ExportRequest) -> JobEvents:
-    """Write the file. Raises NerfnavError where the run, the format or the file is not what it should be."""
+    """Write the file and return what it holds. Raises NerfnavError where run, format or file are wrong."""
     form = FORMATS[request.format]
     folder = _folder(request.run)
     made = read_run(folder)
     out = prepare_file(request.out)
-    yield JobStarted("export")
     if form.shows_place and made.steps:
         yield Progress("shaping the surface of the place", 0.2)
         made = made.standing_in(_surface(folder))
@@ -52,7 +51,7 @@ def run(request: ExportRequest) -> JobEvents:
         "file": str(out),
         "file_bytes": out.stat().st_size,
     }
-    yield JobFinished("export", summary, (out,))
+    return JobResult(summary, (out,))
 
 
 def read_run(folder: Path) -> Recording:
@@ -81,9 +80,9 @@ def title_of(about: RunMetadata) -> str:
 
 
 def _folder(run: Path) -> Path:
-    """The folder that is meant: as it is written, else a flight of that name on the shelf."""
-    shelved = RunStore().folder / run.name
-    return shelved if not run.exists() and len(run.parts) == 1 and shelved.is_dir() else run
+    """The folder that is meant: as it is written, else the stored run of that name."""
+    stored = RunStore().folder / run.name
+    return stored if not run.exists() and len(run.parts) == 1 and stored.is_dir() else run
 
 
 def _surface(folder: Path) -> bytes | None:

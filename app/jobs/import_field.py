@@ -1,4 +1,4 @@
-"""Import: make a field of what somebody else has trained, a NeRF's checkpoint or Gaussian splats."""
+"""Import: make a field of a NeRF's checkpoint that others have trained or Gaussian splats."""
 
 from collections.abc import Generator
 from dataclasses import asdict, dataclass, field
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.jobs.events import JobEvent, JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_file
 from nerfnav.errors import InvalidInputError
@@ -52,7 +52,7 @@ def imports(source: Path) -> bool:
 
 
 def run(request: ImportRequest) -> JobEvents:
-    """Yield progress, then the numbers of the stored field.
+    """Yield progress, and return the numbers of the stored field.
 
     Raises InvalidInputError where the source is nothing of these kinds, or the file cannot be written.
     """
@@ -66,12 +66,11 @@ def run(request: ImportRequest) -> JobEvents:
 
 
 def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:
-    """Bake a field and store the result: yield progress, then the numbers."""
+    """Bake a field and store the result: yield progress, and return the numbers."""
     require_positive(voxel=voxel)
     prepare_file(out)
-    yield JobStarted("bake")
     baked = yield from baking(source, voxel)
-    yield JobFinished("bake", {**_numbers(baked), "file_bytes": save_field(baked, out)}, (out,))
+    return JobResult({**_numbers(baked), "file_bytes": save_field(baked, out)}, (out,))
 
 
 def baking(source: Field, voxel: float | None) -> Generator[JobEvent, bool | None, VoxelField]:
@@ -84,7 +83,6 @@ def baking(source: Field, voxel: float | None) -> Generator[JobEvent, bool | Non
 
 
 def _import_nerf(request: ImportRequest, out: Path) -> JobEvents:
-    yield JobStarted("import")
     yield Progress("reading the networks", 0.0)
     found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
     shape, told = found.fine.config, {"kind": "nerf-pytorch", **_placed(request.placement, (0.0, 0.0, 1.0))}
@@ -93,11 +91,10 @@ def _import_nerf(request: ImportRequest, out: Path) -> JobEvents:
     if not request.keep_network:
         made = yield from baking(found, request.voxel)
     summary = {**_numbers(made), "file_bytes": save_field(made, out), "source": told}
-    yield JobFinished("import", summary, (out,))
+    return JobResult(summary, (out,))
 
 
 def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
-    yield JobStarted("import")
     yield Progress("reading the splats", 0.0)
     place, read = request.placement, load_splats(request.source)
     stands = upright(read, place, request.source)
@@ -115,7 +112,7 @@ def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
         **_placed(place, stands.up),
         "guesses": list(stands.guesses),
     }
-    yield JobFinished("import", {**_numbers(made), "file_bytes": bytes_, "source": told}, (out, beside))
+    return JobResult({**_numbers(made), "file_bytes": bytes_, "source": told}, (out, beside))
 
 
 def _numbers(made: StoredField) -> dict[str, Any]:

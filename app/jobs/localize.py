@@ -10,9 +10,11 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
-from app.jobs.fly import CAMERA
-from app.places.place import Place, field_file, searcher_of
+from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.simulated_world import CAMERA
+from app.places.derived import searcher_of
+from app.places.opening import field_file
+from app.places.place import Place
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseStep, Searcher
@@ -37,11 +39,11 @@ class LocalizeRequest:
 
 
 def run(request: LocalizeRequest) -> JobEvents:
-    """Yield how far the search is, then where the camera most likely was. Raises NerfnavError for bad requests."""
+    """Yield how far the search is; return where the camera most likely was. Raises NerfnavError for bad requests."""
     image = read_image(request.image)
     camera = camera_of(request, image)
     field = load_field(field_file(request.place))
-    yield from _search(Searcher(field, camera, ColorNoise().measured(field.info.noise_std)), image)
+    return (yield from _search(Searcher(field, camera, ColorNoise().measured(field.info.noise_std)), image))
 
 
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:
@@ -51,7 +53,6 @@ def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:
 
 
 def _search(searcher: Searcher, image: Tensor) -> JobEvents:
-    yield JobStarted("localize")
     check_image(image, searcher.camera)
     yield Progress("looking around in the field", 0.0)
     begun = time.perf_counter()
@@ -63,7 +64,7 @@ def _search(searcher: Searcher, image: Tensor) -> JobEvents:
         yield Progress("comparing", step.fraction)
     assert step is not None, "a search yields at least one step"
     seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
-    yield JobFinished("localize", summary_of(step) | seconds)
+    return JobResult(summary_of(step) | seconds)
 
 
 def summary_of(step: RelocaliseStep) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Make a field of a file that somebody brings, so that it can be opened: a mesh, a capture, splats, a NeRF."""
+"""Make a field of a file of the user's, so that it can be opened: a mesh, a capture, splats, a NeRF."""
 
 from pathlib import Path
 

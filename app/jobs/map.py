@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.export.occupancy_map import check_ending, map_files
@@ -30,18 +30,17 @@ class MapRequest:
 
 
 def run(field: StoredField, request: MapRequest) -> JobEvents:
-    """Write the map and what belongs to it, then yield its numbers.
+    """Write the map and what belongs to it, and return its numbers.
 
     Raises NerfnavError where the field has no voxels or the files cannot be written.
     """
     out = prepare_file(request.out)
-    yield JobStarted("map")
     yield Progress("looking at all voxels", 0.1)
     grid = voxel_states(field, OccupancyConfig.threshold, request.voxel)
     yield Progress("writing the map", 0.7)
     contents = map_files(grid, out.suffix, out.stem, request.height)
     files = tuple(write_bytes(out.with_name(name), content) for name, content in contents.items())
-    yield JobFinished("map", _numbers(grid) | {"files": [str(path) for path in files]}, files)
+    return JobResult(_numbers(grid) | {"files": [str(path) for path in files]}, files)
 
 
 def _numbers(grid: StateGrid) -> dict[str, object]:

@@ -4,51 +4,63 @@ import multiprocessing
 import signal
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
-from app.jobs.events import JobEvent, JobEvents, JobFailed, JobFinished, Progress
+from app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, Progress
 from nerfnav.errors import NerfnavError
 
 _BEAT_S = 0.25
 
 
-def in_subprocess(job: Callable[[], JobEvents]) -> JobEvents:
-    """Yield what a job yields, and four times a second how far it is; closing ends the process.
+@dataclass(frozen=True)
+class _Refused:
+    """The job raised NerfnavError, whose classes do not all travel between processes."""
 
-    `job` travels to the process: a function of a module, with plain values. Raises NerfnavError where the process ends
-    before the job.
+    message: str
+
+
+def in_subprocess(job: Callable[[], JobEvents]) -> JobEvents:
+    """Yield what a job yields, and four times a second how far it is; return what it returns. Closing ends the process.
+
+    `job` travels to the process: a function of a module, with plain values. Raises NerfnavError where the job does, or
+    where the process ends before the job.
     """
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_tell, args=(job, sender), daemon=True)
     process.start()
     sender.close()
-    event: JobEvent = Progress("starting a process for it", 0.0)
-    reached = event
+    reached = Progress("starting a process for it", 0.0)
     try:
-        while not isinstance(event, JobFinished | JobFailed):
-            event = _next_event(receiver) if receiver.poll(_BEAT_S) else reached
+        while not isinstance(event := _received(receiver) if receiver.poll(_BEAT_S) else reached, JobResult):
             reached = event if isinstance(event, Progress) else reached
             yield event
+        return event
     finally:
         process.terminate()
         process.join()
         receiver.close()
 
 
-def _next_event(receiver: Connection) -> JobEvent:
+def _received(receiver: Connection) -> JobEvent | JobResult:
     try:
-        return receiver.recv()
+        message = receiver.recv()
     except EOFError as error:
         raise NerfnavError("the process of this job ended before it was done, and the log says more") from error
+    if isinstance(message, _Refused):
+        raise NerfnavError(message.message)
+    return message
 
 
 def _tell(job: Callable[[], JobEvents], sender: Connection) -> None:
-    """Do the job and send what it yields. Runs in the process."""
+    """Do the job and send what it yields and returns. Runs in the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who started it, who then ends this process
     with suppress(BrokenPipeError):
         try:
-            for event in job():
+            running = JobRun(job())
+            for event in running:
                 sender.send(event)
+            sender.send(running.result)
         except NerfnavError as error:
-            sender.send(JobFailed("", str(error)))
+            sender.send(_Refused(str(error)))

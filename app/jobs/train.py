@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 import scenes
-from app.jobs.events import JobEvent, JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from app.jobs.train_neural import learn_networks
 from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
 from app.storage.output_files import prepare_file
@@ -40,13 +40,12 @@ __all__ = ["StoppedError", "TrainRequest", "run"]
 
 
 def run(request: TrainRequest) -> JobEvents:
-    """Yield progress of every picture and reports of the training, then the numbers of the stored field.
+    """Yield progress of every picture and reports of the training; return the numbers of the stored field.
 
     Send True to end early: what was learned so far is then stored and reported as usual.
     Raises NerfnavError where the source cannot be trained from or the file cannot be written.
     """
     out, gathering = prepare_file(request.out), gather(request)
-    yield JobStarted("train")
     material = yield from gathering
     # the training's randomness is its own: it does not depend on how the photographs came about
     generator = torch.Generator().manual_seed(request.seed)
@@ -73,7 +72,7 @@ def run(request: TrainRequest) -> JobEvents:
         "in_words": in_words(freedom),
         "source": material.report,
     }
-    yield JobFinished("train", summary, files)
+    return JobResult(summary, files)
 
 
 def _freedom(trained: VoxelField | NeuralField, material: TrainingData) -> Freedom:

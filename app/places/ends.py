@@ -28,11 +28,6 @@ class End:
     yaw: float = 0.0
     """Heading [rad]."""
 
-    @property
-    def is_finite(self) -> bool:
-        """Whether all numbers are; what a browser sends need not be."""
-        return all(math.isfinite(number) for number in (*self.position, self.yaw))
-
     def state(self) -> RigidState:
         """The state that this end stands for."""
         return RigidState.at_rest(self.position, self.yaw)

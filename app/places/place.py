@@ -1,36 +1,17 @@
 """A place: a field that a robot can plan in, with the ground truth to judge by where there is one."""
 
-import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import scenes
-from nerfnav import robots
-from nerfnav.errors import NerfnavError, UnknownNameError
-from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.relocalise import Searcher
-from nerfnav.field.checkpoint import StoredField, load_field
-from nerfnav.field.unknown import Unknown, planning_field
-from nerfnav.geometry.camera import Camera
-from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
-from nerfnav.importers.splats.layouts import load_splats
-from nerfnav.importers.splats.splats import Splats, splats_beside
-from nerfnav.importers.suffixes import FIELD
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.field.checkpoint import StoredField
+from nerfnav.importers.splats.splats import Splats
 from nerfnav.robots.robot import Robot
 from nerfnav.world.task import Task
 
 if TYPE_CHECKING:
     from nerfnav.world.scene import Scene
-
-_STEPS_IN_VOXEL = 2
-
-
-class NoTrainedFieldError(NerfnavError):
-    """A scene whose field has not been trained yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,91 +50,3 @@ class Place:
     def scene(self) -> "Scene | None":
         """The ground truth; None where there is none. The first time takes a moment."""
         return self.truth.load() if self.truth is not None else None
-
-
-def open_place(what: str, robot: str = "quadrotor") -> Place:
-    """Open a bundled scene by name, or a field file by path.
-
-    A field that was trained from a bundled scene finds that scene again as its ground truth, one that was trained from
-    a mesh finds that beside its file; without it, nothing is judged there.
-    Raises UnknownNameError, NoTrainedFieldError or FieldFileError.
-    """
-    path = field_file(what)
-    body, field = robots.load(robot), load_field(path)
-    if what in scenes.names():
-        return Place(what, field, _truth_of(what), body, file=path)
-    beside = splats_beside(path)
-    splats = load_splats(beside) if beside.is_file() else None
-    return Place(path.stem, field, ground_truth(field, path), body, splats, path)
-
-
-def ground_truth(field: StoredField, path: Path) -> Truth | None:
-    """What the field in the file `path` was trained from; None where that is unknown, or no longer beside the file.
-
-    Raises FieldFileError where what lies there is something else.
-    """
-    if field.info.truth:
-        from nerfnav.importers.meshes.truth import load_truth  # slow to import
-
-        beside = path.with_name(Path(field.info.truth).name)
-        if not beside.is_file():
-            return None
-        scene = load_truth(beside, field.info.truth_sha256)
-        return Truth(scene.tasks, lambda: scene)
-    return _truth_of(field.info.source) if field.info.source in scenes.names() else None
-
-
-def _truth_of(name: str) -> Truth:
-    """The ground truth of a bundled scene."""
-    return Truth(scenes.tasks_of(name), lambda: scenes.load(name))
-
-
-@lru_cache(maxsize=4)
-def planning_place(place: Place, unknown: Unknown) -> Place:
-    """The place as planners see it, its unknown space taken for solid or not; made once, as maps of it are."""
-    field = planning_field(place.field, unknown)
-    return place if field is place.field else replace(place, field=field)
-
-
-@lru_cache(maxsize=4)
-def occupancy_of(place: Place, config: OccupancyConfig) -> OccupancyMap:
-    """The map that paths are searched on; made once, for it takes longer than most searches.
-
-    It is no finer than the field: in a large place that would take long and tell nothing more.
-    """
-    config = replace(config, voxel=max(config.voxel, _STEPS_IN_VOXEL * place.field.step))
-    return OccupancyMap.of(place.field, place.robot.body, config)
-
-
-@lru_cache(maxsize=1)
-def searcher_of(place: Place, camera: Camera, noise: ColorNoise) -> Searcher:
-    """What finds a robot anywhere in the place; made once, for it looks all around from everywhere first."""
-    return Searcher(place.field, camera, noise)
-
-
-def field_file(what: str) -> Path:
-    """The file of the field that a user means by a scene's name or a path.
-
-    Raises UnknownNameError where it is neither, NoTrainedFieldError where the scene comes without a field,
-    WrongKindError, which says what makes a field of it, for anything else.
-    """
-    if what in scenes.names():
-        path = scenes.trained_path(what)
-        if not path.is_file():
-            raise NoTrainedFieldError(
-                f"the scene {what!r} has no trained field yet: run `nerfnav train {what} --out {what}.npz`, "
-                f"then open {what}.npz"
-            )
-        return path
-    if not _is_path(what):
-        raise UnknownNameError("scene or field file", what, scenes.names())
-    kind = source_kind(what)
-    missing = kind is SourceKind.MISSING and Path(what).suffix in (FIELD, "")  # reading tells how to make it
-    if kind is not SourceKind.FIELD and not missing:
-        raise wrong_kind(what, kind, "a field")
-    return Path(what)
-
-
-def _is_path(what: str) -> bool:
-    """Whether the user means a file: it exists, or is written like one."""
-    return Path(what).exists() or os.sep in what or bool(Path(what).suffix)

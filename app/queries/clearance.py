@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from app.places.place import planning_place
+from app.places.derived import planning_place
 from app.queries.query import Query, Resources
 from app.state.records import PlanRecord
 from app.state.session import Session

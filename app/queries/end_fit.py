@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from app.places.derived import occupancy_of, planning_place
 from app.places.ends import End, Which
-from app.places.place import occupancy_of, planning_place
 from app.queries.query import Query, Resources
 from app.state.session import Session
 from nerfnav.field.unknown import Unknown

@@ -37,7 +37,7 @@ class ExperimentsQuery(Query[Experiments]):
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["ExperimentsQuery"]:
-        """Once somebody wants to know, while nothing else is computed: it takes a second the first time."""
+        """Once the list is asked for, while nothing else is computed: it takes a second the first time."""
         asked = session.experiments
         query = cls(asked.stamp, asked.show)
         if asked.stamp and session.job is None and not query.is_answered(session):
@@ -45,7 +45,7 @@ class ExperimentsQuery(Query[Experiments]):
 
     def answer(self, resources: Resources) -> Experiments:
         """List the experiments and the folder of results."""
-        # imported when somebody asks: with their figures, experiments take long to import
+        # imported when it is asked for: with their figures, experiments take long to import
         from app.jobs.experiment_catalog import EXPERIMENTS
 
         store = ExperimentStore((resources.runs or RunStore()).folder)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app.jobs import plan
-from app.jobs.events import JobFinished
-from app.jobs.plan import PlanRequest
+from app.jobs.events import JobRun
+from app.jobs.plan_request import PlanRequest
 from app.places.ends import Ends, Which
 from app.queries.query import Query, Resources
 from app.registry import Choice
@@ -52,11 +52,12 @@ class FollowingPlanQuery(Query[FollowingPlan]):
         own = resources.plan_configs.get(self.choice.planner)
         steps, summary = [], {}
         with suppress(NerfnavError):  # the ends are shown with what is wrong with them
-            for event in plan.run(plan_request(self.settings, self.ends, self.choice.planner, own), resources.place):
+            request = plan_request(self.settings, self.ends, self.choice.planner, own)
+            planning = JobRun(plan.run(request, resources.place))
+            for event in planning:
                 if isinstance(event, PlanStep):
                     steps.append(event)
-                elif isinstance(event, JobFinished):
-                    summary = event.summary
+            summary = planning.result.summary
         return FollowingPlan(tuple(steps), summary)
 
     def apply(self, session: Session, result: FollowingPlan) -> Session:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from app.jobs.fly import CAMERA
+from app.jobs.simulated_world import CAMERA
 from app.places.place import Place
 from app.queries.query import Query, Resources
 from app.state.records import FlightRecord

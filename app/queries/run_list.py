@@ -17,7 +17,7 @@ class RunListQuery(Query[tuple[StoredRun, ...]]):
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["RunListQuery"]:
-        """Again whenever a job has begun or ended, a run was changed, or somebody looks."""
+        """Again whenever a job has begun or ended, a run was changed, or the list is asked for."""
         if session.runs.listed != session.run_list_stamp:
             yield cls(session.run_list_stamp)
 

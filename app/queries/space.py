@@ -7,7 +7,8 @@ from enum import Enum
 import numpy as np
 import torch
 
-from app.places.place import Place, occupancy_of, planning_place
+from app.places.derived import occupancy_of, planning_place
+from app.places.place import Place
 from app.queries.query import Query, Resources
 from app.state.session import Session
 from nerfnav.field.unknown import Unknown

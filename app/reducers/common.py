@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import TypeVar
 
-from app.places.ends import End, Ends, Which
+from app.places.ends import End, Ends, Which, opening_ends
 from app.places.place import Place
 from app.places.sources import without_paths
 from app.state.records import FlightRecord
@@ -21,9 +21,7 @@ def noticed(session: Session, title: str, body: str, bad: bool = False) -> Sessi
 
 
 def moved(session: Session, place: Place, which: Which, end: End) -> Session:
-    """The session with one end somewhere else, kept inside the box; or with a notice where that is nowhere."""
-    if not end.is_finite:
-        return noticed(session, "Not a number", f"The {which.value} needs finite numbers.", bad=True)
+    """The session with one end somewhere else, kept inside the box."""
     end = end.kept_inside(place.field.box, margin=place.robot.body.radius)
     if end == session.ends.of(which):
         return session
@@ -31,6 +29,17 @@ def moved(session: Session, place: Place, which: Which, end: End) -> Session:
     return replace(
         session, ends=ends, task=None, problems=_without(session.problems, which),
         offers=_without(session.offers, which), flight=_followed(session, ends),
+    )  # fmt: skip
+
+
+def settled(session: Session, place: Place) -> Session:
+    """The session in a place, at the ends of the first task that is there for the robot."""
+    tasks = place.tasks
+    name = tasks[0].name if tasks else None
+    ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
+    return replace(
+        session, place=place, task=name, home=name, ends=ends, problems={}, offers={}, aiming=None, clicked=None,
+        results={}, view_settings=session.view_settings.where(splats=place.splats is not None),
     )  # fmt: skip
 
 

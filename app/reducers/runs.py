@@ -41,8 +41,7 @@ def commanded(session: Session, command: RunAction) -> Session:
         return session
     match command:
         case Scrub(at):
-            numeric = isinstance(at, int | float)  # a page can send anything
-            return replace(session, runs=replace(runs, timeline=runs.timeline.moved(flight, at if numeric else 0)))
+            return replace(session, runs=replace(runs, timeline=runs.timeline.moved(flight, at)))
         case PlayBack(on):
             timeline = runs.timeline.started(flight) if on else replace(runs.timeline, playing=False)
             return replace(session, runs=replace(runs, timeline=timeline))

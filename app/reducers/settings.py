@@ -1,14 +1,12 @@
-"""How one number of the session's settings changes: checked, for what a browser sends can be anything."""
+"""Reducer of settings: one number changes; those of plans, which are typed freely, are validated."""
 
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from app.reducers.common import noticed
 from app.state.actions import Settings
-from app.state.flight_settings import FlightSettings
 from app.state.plan_settings import PlanSettings
 from app.state.session import Session
-from app.state.view_settings import ViewSettings
 from app.text import sentence
 from nerfnav.errors import InvalidInputError
 
@@ -24,22 +22,19 @@ def adjusted(session: Session, settings: Settings, name: str, value: Any) -> Ses
 def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Session:
     match settings:
         case Settings.VIEW:
-            return replace(session, view_settings=_checked(replace(session.view_settings, **change)))
+            return replace(session, view_settings=replace(session.view_settings, **change))
         case Settings.PLAN:
             return replace(session, plan_settings=_checked(replace(session.plan_settings, **change)))
         case Settings.WEIGHTS:
             weights = replace(session.plan_settings.weights, **change)
             return replace(session, plan_settings=_checked(replace(session.plan_settings, weights=weights)))
         case Settings.FLIGHT:
-            flying = _checked(replace(session.flight_settings, **change))
+            flying = replace(session.flight_settings, **change)
             # the pace counts for the flight under way too
             job = None if session.job is None else replace(session.job, pace=flying.pace)
             return replace(session, flight_settings=flying, job=job)
 
 
-Checkable = TypeVar("Checkable", ViewSettings, PlanSettings, FlightSettings)
-
-
-def _checked(settings: Checkable) -> Checkable:
+def _checked(settings: PlanSettings) -> PlanSettings:
     settings.check()
     return settings

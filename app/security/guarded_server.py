@@ -62,16 +62,16 @@ def guarded_server(host: str, port: int, token: str | None, policy: PagePolicy) 
         )
     if token is not None and not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
         raise TokenError("a token is made of letters, digits, '.', '_', '~' and '-', for it travels in addresses")
-    gate = MessageFilter()
+    message_filter = MessageFilter()
     logging.getLogger("websockets.server").addFilter(_is_worth_telling)
     access = AccessPolicy(host, token, policy.brand)
-    with _guarding(access, gate), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
+    with _guarding(access, message_filter), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, verbose=False)
-    if server.get_port() != port:  # somebody took the port after it was checked
+    if server.get_port() != port:  # another process took the port after it was checked
         server.stop()
         raise NerfnavError(f"port {port} of {host} was taken a moment ago: choose another with --port")
     limit_uploads(server, policy.most_upload_bytes)
-    gate.open(server)
+    message_filter.open(server)
     return server
 
 
@@ -81,17 +81,17 @@ def _is_worth_telling(record: logging.LogRecord) -> bool:
 
 
 @contextmanager
-def _guarding(doorkeeper: AccessPolicy, gate: MessageFilter) -> Iterator[None]:
-    """While open, servers of `websockets` are built behind `doorkeeper` and `gate`."""
+def _guarding(access: AccessPolicy, message_filter: MessageFilter) -> Iterator[None]:
+    """While open, servers of `websockets` are built behind `access` and `message_filter`."""
     build = websockets.asyncio.server.serve
 
     def build_guarded(handler: Any, *args: Any, process_request: Responder, **options: Any) -> Any:
         def respond(connection: Any, request: Request) -> Response | None:
-            refusal = doorkeeper.refusal(request)
-            return refusal if refusal is not None else doorkeeper.welcome(request, process_request(connection, request))
+            refusal = access.refusal(request)
+            return refusal if refusal is not None else access.welcome(request, process_request(connection, request))
 
         options |= {"max_size": LARGEST_FRAME, "max_queue": MOST_WAITING}
-        return build(gate.before(handler), *args, process_request=respond, **options)
+        return build(message_filter.before(handler), *args, process_request=respond, **options)
 
     with _patching:
         websockets.asyncio.server.serve = build_guarded  # type: ignore[assignment]

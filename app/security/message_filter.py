@@ -1,4 +1,4 @@
-"""What an open connection may send: the messages of viser's own page, with sane contents, and not too many.
+"""Message filter: validation and rate limit of what an open connection sends to viser.
 
 viser keeps what a tab sends and replays it to all who come later, so nonsense is stopped before it sees it: what is
 malformed, of a kind that no page sends, not finite, or beyond what a widget can be set to is dropped and counts as
@@ -64,7 +64,7 @@ class MessageFilter:
         self._server = server
 
     def before(self, handler: Handler) -> Handler:
-        """The same handler of connections, behind this gate."""
+        """The same handler of connections, behind this filter."""
 
         async def handle(connection: Any) -> None:
             if self._server is None or self._inside >= MOST_TABS:
@@ -74,14 +74,14 @@ class MessageFilter:
             else:
                 self._inside += 1
                 try:
-                    connection.recv = self._sieve(connection, TokenBucket(_AT_ONCE, _PER_S))
+                    connection.recv = self._filtered(connection, TokenBucket(_AT_ONCE, _PER_S))
                     await handler(connection)
                 finally:
                     self._inside -= 1
 
         return handle
 
-    def _sieve(self, connection: Any, purse: TokenBucket) -> Callable[[], Awaitable[bytes]]:
+    def _filtered(self, connection: Any, bucket: TokenBucket) -> Callable[[], Awaitable[bytes]]:
         """What gives the next message that may pass."""
         receive = connection.recv
 
@@ -92,7 +92,7 @@ class MessageFilter:
                 passes = message is not None and self._may_pass(connection, message)
                 part = isinstance(message, viser_messages.FileTransferPart)
                 price = (_PRICE_OF_A_PART if part else 1.0) if passes else _PRICE_OF_NONSENSE
-                if not purse.spend(price):
+                if not bucket.spend(price):
                     connection.close_timeout = 1
                     await connection.close(1008, "too many messages")
                     while True:  # what is still on its way, until it is closed
@@ -103,7 +103,7 @@ class MessageFilter:
         return receive_sane
 
     def _may_pass(self, connection: Any, message: viser_messages.Message) -> bool:
-        assert self._server is not None, "nobody passes before the gate is open"
+        assert self._server is not None, "nothing passes before the filter is open"
         gui, scene = self._server.gui, self._server.scene
         match message:
             case viser_messages.GuiUpdateMessage(uuid, updates):
@@ -183,7 +183,7 @@ def _makes_sense(message: viser_messages.Message) -> bool:
         case viser_messages.ScenePointerMessage():
             if message.event_type == "click":
                 whole = message.ray_origin is not None and message.ray_direction is not None
-                return whole and len(message.screen_pos) == 1
+                return whole and any(message.ray_direction or ()) and len(message.screen_pos) == 1
             return len(message.screen_pos) == 2
         case _:
             return True

@@ -10,7 +10,7 @@ LARGEST = 1e9
 """Numbers beyond this are no numbers of this app, whatever they are of."""
 LONGEST = 1000
 """Most characters of a text."""
-_ROUNDING = 1e-6  # of the range: sliders add up steps
+_ROUNDING = 1e-6  # relative: sliders add up steps
 
 Check = Callable[[Any, Any], bool]
 """Of a widget's properties and a value: whether a tab may set it."""
@@ -20,9 +20,14 @@ def is_number(value: Any, low: float | None = None, high: float | None = None) -
     """Whether it is a finite number of sensible size from `low` to `high`."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return False
-    slack = _ROUNDING * max(1.0, abs(low or 0.0), abs(high or 0.0))
-    least, most = (-LARGEST if low is None else low - slack), (LARGEST if high is None else high + slack)
+    least = -LARGEST if low is None else low - _slack(low)
+    most = LARGEST if high is None else high + _slack(high)
     return least <= value <= most
+
+
+def _slack(bound: float) -> float:
+    """By how much rounding may take a value beyond a bound: of the bound's own size, for 0 to 2**31 has no -1."""
+    return _ROUNDING * max(1.0, abs(bound))
 
 
 def _is_vector(length: int) -> Check:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
-from app.jobs.events import JobEvent
+from app.jobs.events import JobReport
 from app.places.ends import End, Which
 from app.registry import Choice
 from app.state.experiments import ExperimentAction
@@ -82,7 +82,7 @@ class Adjust:
 
 @dataclass(frozen=True)
 class Looked:
-    """Somebody looks from somewhere else."""
+    """The camera of a tab has moved."""
 
     client: int
     """Which tab."""
@@ -189,11 +189,11 @@ Command = (
 
 @dataclass(frozen=True)
 class Reported:
-    """A job has yielded something."""
+    """A job has yielded something or ended."""
 
     job: int
     """Which job, `Job.id`."""
-    event: JobEvent
+    event: JobReport
 
 
 class AppliesResult(Protocol):

@@ -11,7 +11,7 @@ class StartExperiment:
     """Do an experiment."""
 
     name: str
-    """Which."""
+    """Name of the experiment."""
     trials: int
     """How many."""
 

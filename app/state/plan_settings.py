@@ -1,6 +1,5 @@
 """What a person may change about plans: how long they take, and what their cost weighs."""
 
-import math
 from dataclasses import dataclass, field, fields, replace
 
 from nerfnav.errors import InvalidInputError
@@ -24,14 +23,14 @@ class PlanSettings:
     """What the terms of J weigh."""
 
     def check(self) -> None:
-        """Raise InvalidInputError for numbers that no plan can have; what a browser sends can be anything."""
-        if not (math.isfinite(self.duration_s) and _SHORTEST_S <= self.duration_s <= _LONGEST_S):
+        """Raise InvalidInputError for numbers that no plan can have: they are typed, and the notice tells the range."""
+        if not _SHORTEST_S <= self.duration_s <= _LONGEST_S:
             raise InvalidInputError(f"the duration must be from {_SHORTEST_S:g} to {_LONGEST_S:g} s")
         most = {"samples_per_step": _MOST_SAMPLES, "margin": _WIDEST_M}
         for part in fields(self.weights):
             value, largest = getattr(self.weights, part.name), most.get(part.name, _HEAVIEST)
             least = 1 if part.name == "samples_per_step" else 0
-            if not (math.isfinite(value) and least <= value <= largest):
+            if not least <= value <= largest:
                 raise InvalidInputError(f"{part.name.replace('_', ' ')} must be from {least:g} to {largest:g}")
 
     def config(self, planner: str, own: PlannerConfig | None) -> PlannerConfig | None:

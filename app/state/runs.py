@@ -1,6 +1,5 @@
 """The session's part that concerns stored runs, and the time at which the shown one is looked at."""
 
-import math
 from dataclasses import dataclass, field, replace
 
 from app.state.records import FlightRecord
@@ -61,7 +60,7 @@ class Timeline:
 
     def moved(self, flight: FlightRecord, at: float) -> "Timeline":
         """At the time step nearest to `at`, held."""
-        step = min(max(round(at), 0), len(flight.steps) - 1) if math.isfinite(at) else 0
+        step = min(max(round(at), 0), len(flight.steps) - 1)
         return Timeline(flight, _cut(flight, step), step * flight.steps[0].plan.dt)
 
     def started(self, flight: FlightRecord) -> "Timeline":

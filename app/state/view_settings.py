@@ -1,12 +1,7 @@
 """What the page draws of the place and of a flight: one choice for everyone who looks."""
 
-import math
 from dataclasses import dataclass, replace
 from enum import Enum
-
-from nerfnav.errors import InvalidInputError
-
-_LARGEST_ELLIPSOID = 10.0
 
 
 class Backdrop(Enum):
@@ -45,19 +40,10 @@ class ViewSettings:
             return replace(self, backdrop=Backdrop.SPLATS)
         return replace(self, backdrop=Backdrop.SURFACE) if self.backdrop is Backdrop.SPLATS else self
 
-    def check(self) -> None:
-        """Raise InvalidInputError for numbers that nothing can be drawn with; a browser can send anything."""
-        shares = {"opacity": self.opacity, "clip": self.clip, "slice": self.slice or 0.0}
-        for name, value in shares.items():
-            if not (math.isfinite(value) and 0 <= value <= 1):
-                raise InvalidInputError(f"{name} must be from 0 to 1")
-        if not (math.isfinite(self.ellipsoid) and 0 < self.ellipsoid <= _LARGEST_ELLIPSOID):
-            raise InvalidInputError(f"ellipsoids are drawn up to {_LARGEST_ELLIPSOID:g} times as large")
-
 
 @dataclass(frozen=True)
 class Eye:
-    """From where somebody looks at the page's scene."""
+    """Camera of a tab: from where it looks at the page's scene."""
 
     position: tuple[float, float, float]
     """In the world [m]."""
@@ -70,7 +56,5 @@ class Eye:
 
     @property
     def is_sound(self) -> bool:
-        """Whether a camera can be there; a browser can send anything."""
-        numbers = (*self.position, *self.wxyz, self.fov, self.aspect)
-        turned = math.hypot(*self.wxyz)
-        return all(map(math.isfinite, numbers)) and turned > 0 and 0.01 < self.fov < 3.1 and 0.05 < self.aspect < 20
+        """Whether a picture can be rendered for it: a page that is folded away is a line without height."""
+        return 0.01 < self.fov < 3.1 and 0.05 < self.aspect < 20

@@ -8,7 +8,7 @@ from filelock import BaseFileLock, FileLock, Timeout
 def lock_of(path: Path) -> BaseFileLock:
     """The lock of a file that is written for a while, FILE.lock beside it, not taken yet.
 
-    Taking it raises filelock.Timeout, an OSError, at once where somebody has it.
+    Taking it raises filelock.Timeout, an OSError, at once where it is held.
     """
     return FileLock(path.with_name(f"{path.name}.lock"), blocking=False, thread_local=False)
 

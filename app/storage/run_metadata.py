@@ -65,7 +65,7 @@ def _end(content: dict[str, Any]) -> End:
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A flight on the shelf."""
+    """Entry of the run store: one stored flight."""
 
     name: str
     """Of its folder."""
@@ -73,7 +73,7 @@ class StoredRun:
     steps: int
     """Time steps flown, the start not counted."""
     flying: bool = False
-    """Whether somebody is writing it now."""
+    """Whether it is being written now."""
 
     @property
     def outcome(self) -> str:

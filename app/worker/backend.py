@@ -1,6 +1,6 @@
 """What the worker can do for this app: the jobs that the command line runs too, and answers to the page."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -8,8 +8,8 @@ from typing import Any
 
 from app.jobs import compare_planners, fly, localize, open_place, plan
 from app.jobs.events import JobEvents
-from app.jobs.fly import FlyRequest
-from app.jobs.plan import PlanRequest
+from app.jobs.fly_request import FlyRequest
+from app.jobs.plan_request import PlanRequest
 from app.jobs.subprocess_job import in_subprocess
 from app.places.ends import Ends
 from app.places.place import Place
@@ -32,7 +32,7 @@ from nerfnav.planner.planner import PlannerConfig
 class NavigationBackend:
     """Opens places, plans and flies in them. Used by the worker's thread alone."""
 
-    open: Callable[[str], Iterator[Any]] = open_place.run
+    open: Callable[[str], JobEvents] = open_place.run
     """The job that opens a place."""
     plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
     """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
@@ -40,9 +40,9 @@ class NavigationBackend:
     """How a flight is flown; its noise is what the session has."""
     runs: RunStore | None = field(default_factory=RunStore)
     """Where flights are kept; None keeps none."""
-    _helm: FlightOrders | None = None
+    _flight_orders: FlightOrders | None = None
 
-    def begin(self, session: Session, job: Job) -> Iterator[Any]:
+    def begin(self, session: Session, job: Job) -> JobEvents:
         """The events of a job."""
         if job.kind is JobKind.OPEN:
             return self.open(session.what)
@@ -60,7 +60,7 @@ class NavigationBackend:
         if job.kind is JobKind.PLAN:
             return plan.run(request, session.place)
         made = job.first_plan.latest if job.first_plan is not None else None
-        self._helm = FlightOrders(job, session.place)
+        self._flight_orders = FlightOrders(job, session.place)
         flying = session.flight_settings
         flight = FlyRequest(
             request,
@@ -69,7 +69,7 @@ class NavigationBackend:
             open_loop=flying.open_loop,
             seed=flying.seed,
             config=replace(self.navigate, noise=flying.noise),
-            orders=self._helm.orders,
+            orders=self._flight_orders.orders,
             source=session.what,
             task=session.task,
             out=None if self.runs is None else self.runs.new(session.place.name),
@@ -78,8 +78,8 @@ class NavigationBackend:
 
     def follow(self, session: Session) -> None:
         """Let a flight know what the session wants of it now."""
-        if self._helm is not None:
-            self._helm.follow(session)
+        if self._flight_orders is not None:
+            self._flight_orders.follow(session)
 
     def answer(self, place: Place, query: Query[Any]) -> Any:
         """The result of a query of the page."""
@@ -98,7 +98,7 @@ class NavigationBackend:
             return RunChanged(change, sentence(self.runs.without_folder(str(error))))
         return RunChanged(change)
 
-    def _experiment(self, session: Session) -> Iterator[Any]:
+    def _experiment(self, session: Session) -> JobEvents:
         asked = session.experiments.asked
         assert asked is not None, "an experiment is begun by who says which"
         out = ExperimentStore((self.runs or RunStore()).folder).new(asked.name)

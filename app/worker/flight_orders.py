@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import torch
 
+from app.places.derived import planning_place
 from app.places.ends import Ends, Which
-from app.places.place import Place, planning_place
+from app.places.place import Place
 from app.state.flight_settings import GUST
 from app.state.session import Job, Session
 from nerfnav.field.unknown import Unknown

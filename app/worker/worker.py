@@ -8,12 +8,12 @@ answered between steps; of two wishes the later wins.
 import logging
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import torch
 
-from app.jobs.events import JobCancelled, JobFailed, JobFinished
+from app.jobs.events import JobEvents, JobFailed, JobFinished
 from app.places.place import Place
 from app.queries.catalog import pending_queries
 from app.queries.query import Query
@@ -36,7 +36,7 @@ Posted = Reported | QueryAnswered | RunChanged | Tell
 class Work(Protocol):
     """What the worker can do."""
 
-    def begin(self, session: Session, job: Job) -> Iterator[Any]:
+    def begin(self, session: Session, job: Job) -> JobEvents:
         """The events of a job, computed as they are asked for."""
         ...
 
@@ -188,8 +188,8 @@ class _Running:
         self._events = self._begin(job, work, session)
 
     @staticmethod
-    def _begin(job: Job, work: Work, session: Session) -> Generator[Any, None, None]:
-        yield from work.begin(session, job)
+    def _begin(job: Job, work: Work, session: Session) -> JobEvents:
+        return (yield from work.begin(session, job))
 
     def may_go_on(self, job: Job) -> bool:
         """Whether there is a next step, and the job is not held before it."""
@@ -203,19 +203,19 @@ class _Running:
         return max(0.0, self._step_began + self._step_s / job.pace - time.monotonic())
 
     def next_event(self) -> Any:
-        """What the job yields next; the end and failures of a job are events too."""
+        """What the job yields next; its end, with what it returned, and its failures are events too."""
         if self._between_steps:
             self._begun_at, self._between_steps = time.monotonic(), False
         try:
             event = next(self._events)
-        except StopIteration:
-            event = JobCancelled(self._name)  # nobody waits for it if the job has said that it finished
+        except StopIteration as end:
+            event = JobFinished(self._name, end.value)
         except NerfnavError as error:
             event = JobFailed(self._name, str(error))
         except Exception as error:
             _log.exception("the job %s broke", self._name)
             event = JobFailed(self._name, _describe(error))
-        self._ended = isinstance(event, JobCancelled | JobFailed | JobFinished)
+        self._ended = isinstance(event, JobFailed | JobFinished)
         if isinstance(event, NavigationStep):
             self._time_steps += 1
             self._step_s, self._step_began, self._between_steps = event.plan.dt, self._begun_at, True

@@ -1,13 +1,12 @@
 """Small stand-ins for what the app's tests need: a place of three balls, and jobs whose steps are made by hand."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import torch
 
-from app.jobs.events import JobFinished, PlaceOpened, Progress
+from app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress
 from app.places.place import Place
 from app.queries.end_fit import EndFit, EndFitQuery
 from app.queries.experiments import Experiments, ExperimentsQuery
@@ -106,16 +105,19 @@ class ScriptedWork:
     closed: list[int] = field(default_factory=list)
     runs: RunStore | None = None
 
-    def begin(self, session: Session, job: Job) -> Iterator[Any]:
-        """Yield the script; an exception in it is raised."""
-        opening = [Progress("opening", 0.5), PlaceOpened(balls_place()), JobFinished("open")]
+    def begin(self, session: Session, job: Job) -> JobEvents:
+        """Yield the script; an exception in it is raised, a result returned."""
+        opening = [Progress("opening", 0.5), PlaceOpened(balls_place()), JobResult()]
         script = self.scripts.get(job.kind, opening if job.kind is JobKind.OPEN else [])
         try:
             for entry in script:
-                event = entry(job) if callable(entry) else entry
+                event: Any = entry(job) if callable(entry) else entry
                 if isinstance(event, Exception):
                     raise event
+                if isinstance(event, JobResult):
+                    return event
                 yield event
+            return JobResult()
         finally:
             self.closed.append(job.id)
 

@@ -1,6 +1,6 @@
 """Sessions that have come some way."""
 
-from app.jobs.events import JobFinished
+from app.jobs.events import JobFinished, JobResult
 from app.reducers.root import reduce
 from app.state import actions as m
 from app.state.session import Session
@@ -27,4 +27,4 @@ def planned(session: Session) -> Session:
     """The session after a whole plan between its ends."""
     session = after(session, m.StartPlan())
     steps = [plan_step(session.ends, 0), plan_step(session.ends, 1, PlanOutcome.CONVERGED)]
-    return reports(session, *steps, JobFinished("plan", {"wall_s": 1.5}))
+    return reports(session, *steps, JobFinished("plan", JobResult({"wall_s": 1.5})))

@@ -14,10 +14,10 @@ import viser
 from viser import _icons
 
 from app.cli.serve import _shown_before
-from app.jobs.events import JobFinished
-from app.jobs.open_place import surface_of
+from app.jobs.events import JobResult
+from app.jobs.surface import surface_of
 from app.page.icon_archive import icons_at_hand
-from app.places.place import open_place
+from app.places.opening import open_place
 from app.places.surface_glb import box_of
 from app.state.session import JobKind
 from app.system.fast_imports import importing
@@ -31,8 +31,8 @@ _AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
 import app.server
-from app.places.place import open_place
-from app.jobs.open_place import surface_of
+from app.places.opening import open_place
+from app.jobs.surface import surface_of
 place = open_place("stonehenge")
 assert place.tasks and surface_of(place)
 print(json.dumps(sorted(sys.modules)))
@@ -100,7 +100,7 @@ def test_free_memory_can_be_given_back_at_any_time() -> None:
 def test_memory_is_given_back_after_each_job(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[None] = []
     monkeypatch.setattr(worker, "give_back", lambda: given.append(None))
-    loop = Loop(ScriptedWork({JobKind.OPEN: [JobFinished("open")]}))
+    loop = Loop(ScriptedWork({JobKind.OPEN: [JobResult()]}))
     loop.until(lambda: loop.session.job is None)
     loop.until(lambda: len(given) == 1)
     loop.worker.stop()

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from app.jobs.events import JobFinished, Progress
+from app.jobs.events import JobResult, Progress
 from app.places.place import Place
 from app.queries.experiments import ExperimentsQuery
 from app.queries.query import Query, Resources
@@ -50,11 +50,11 @@ def test_an_experiment_is_done_and_its_results_are_shown_and_kept(
         time.sleep(0.5)
         return Progress("planning, 1 of 2", 0.5)
 
-    def write(job: object) -> JobFinished:
+    def write(job: object) -> JobResult:
         folder.mkdir(parents=True)
         (folder / "results.json").write_text(json.dumps({"summary": {"failures": 7}}))
         cv2.imwrite(str(folder / "cost.png"), np.full((40, 60, 3), 200, np.uint8))
-        return JobFinished("experiment", {}, (folder / "results.json",))
+        return JobResult(files=(folder / "results.json",))
 
     app = serve(Laboratory({JobKind.EXPERIMENT: [trial, trial, write]}, folder=tmp_path))
     tab = open_tab(app)

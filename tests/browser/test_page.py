@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext
 
-from app.jobs.events import JobFinished, Progress
+from app.jobs.events import JobResult, Progress
 from app.page.layers.ends import GIZMO
 from app.places.ends import Which
 from app.server import App
@@ -108,7 +108,7 @@ def test_typed_numbers_move_the_gizmo(serve: Serve, open_tab: OpenTab) -> None:
 
 def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: OpenTab) -> None:
     steps = [lambda job, k=k: plan_step(job.ends, k) for k in range(20)]
-    last = [lambda job: plan_step(job.ends, 20, PlanOutcome.CONVERGED), JobFinished("plan", {"wall_s": 0.1})]
+    last = [lambda job: plan_step(job.ends, 20, PlanOutcome.CONVERGED), JobResult({"wall_s": 0.1})]
     app = serve(ScriptedWork({JobKind.PLAN: [*steps, *last]}))
     first, second = open_tab(app), open_tab(app)
     first.page.bring_to_front()
@@ -126,7 +126,7 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
 
 
 def test_a_plan_turns_grey_when_an_end_moves(serve: Serve, open_tab: OpenTab) -> None:
-    done = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    done = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
     tab = open_tab(serve(ScriptedWork({JobKind.PLAN: done})))
     tab.press("Plan")
     tab.until(lambda: tab.is_visible("/plan/line"), "no plan is shown")
@@ -155,7 +155,7 @@ def test_a_failed_job_is_told_and_the_app_goes_on(serve: Serve, open_tab: OpenTa
     tab.press("Plan")
     popup = tab.page.locator(".mantine-Notification-root", has_text="the goal is inside a stone")
     popup.wait_for()
-    work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
     tab.press("Plan")
     tab.until(lambda: tab.is_visible("/plan/line"), "the app did not go on")
 

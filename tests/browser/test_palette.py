@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from playwright.sync_api import Locator
 
-from app.jobs.events import JobFinished, Progress
+from app.jobs.events import JobResult, Progress
 from app.page.layers.ends import GIZMO
 from app.places.ends import Which
 from app.server import App
@@ -32,7 +32,7 @@ def work() -> ScriptedWork:
 
         return make
 
-    planned = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    planned = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
     return ScriptedWork({JobKind.PLAN: planned, JobKind.FLY: [step(k) for k in range(2000)]})
 
 

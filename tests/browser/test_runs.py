@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from app.jobs.events import JobFinished, PlaceOpened
+from app.jobs.events import JobEvents, JobResult, PlaceOpened
 from app.server import App
 from app.state.actions import Adjust, Settings, StartFlight
 from app.storage.run_store import RunStore
@@ -28,11 +28,15 @@ def robot_of(tab: Tab, node: str = "/flight/robot") -> np.ndarray:
     return np.array(tab.property(node, "batched_positions")).reshape(-1, 3)[0]
 
 
+def opening(_: str) -> JobEvents:
+    yield PlaceOpened(balls_place())
+    return JobResult()
+
+
 def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_robot(
     serve: Serve, open_tab: OpenTab, tmp_path: Path
 ) -> None:
-    opening = [PlaceOpened(balls_place()), JobFinished("open")]
-    first = serve(NavigationBackend(open=lambda _: iter(opening), runs=RunStore(tmp_path)))
+    first = serve(NavigationBackend(open=opening, runs=RunStore(tmp_path)))
     until(lambda: first.session.job is None and first.session.place, "the place was not opened")
     first.post(Adjust(Settings.FLIGHT, "open_loop", True))
     first.post(StartFlight())

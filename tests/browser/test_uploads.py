@@ -10,7 +10,8 @@ import numpy as np
 import torch
 
 from app.jobs import open_place as scene
-from app.places.place import Place, open_place
+from app.places.opening import open_place
+from app.places.place import Place
 from app.server import App
 from app.worker.backend import NavigationBackend
 from nerfnav.field.checkpoint import save_field

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.jobs.events import JobFinished
+from app.jobs.events import JobResult
 from app.places.ends import Which
 from app.queries.density_slice import DensitySliceQuery
 from app.queries.field_view import FieldViewQuery
@@ -133,7 +133,7 @@ def test_weights_and_duration_are_set_in_the_page_and_refused_where_they_make_no
 
 def test_a_flight_is_slowed_pushed_and_charted(serve: Serve, open_tab: OpenTab) -> None:
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(2000)]
-    app = serve(ScriptedWork({JobKind.FLY: [*steps, JobFinished("fly")]}))
+    app = serve(ScriptedWork({JobKind.FLY: [*steps, JobResult()]}))
     tab = open_tab(app)
     tab.unfold("Fly", "Settings")
     tab.choose("Fly", "Speed", "real time")

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.field.evidence import states_of_unseen
 from nerfnav.field.states import VoxelState, voxel_states
 from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
@@ -27,7 +28,7 @@ def room() -> VoxelField:
     unseen = ((nodes - torch.tensor([0.5, 0.2, 0.7])).abs() < torch.tensor([0.21, 0.31, 0.16])).all(-1)
     values = torch.full((41, 33, 21, 4), EMPTY_RAW)
     values[..., 0][solid] = 1.0
-    return VoxelField(box, values, torch.ones(3), unknown=unseen)
+    return VoxelField(box, values, torch.ones(3), evidence=states_of_unseen(unseen, values[..., 0]))
 
 
 def test_states_are_those_of_known_points(room: VoxelField):
@@ -78,14 +79,14 @@ def test_shares_are_those_of_the_voxels(room: VoxelField):
 
 
 def test_a_field_that_was_never_asked_what_is_unknown_has_nothing_unproven(room: VoxelField):
-    grid = voxel_states(replace(room, unknown=None), THRESHOLD)
+    grid = voxel_states(replace(room, evidence=None), THRESHOLD)
     assert grid.share(UNPROVEN) == 0 < grid.share(SOLID)
 
 
 def test_thin_things_are_found_wherever_the_voxels_fall(room: VoxelField):
     values = torch.full_like(room.values, EMPTY_RAW)
     values[20, 16, :, 0] = 1.0  # one column of nodes
-    wire = replace(room, values=values, unknown=None)
+    wire = replace(room, values=values, evidence=None)
     for edge in (0.05, 0.04, 0.03):
         layer = voxel_states(wire, THRESHOLD, edge).layer(0.7)
         assert (layer == SOLID).any(), edge

@@ -77,7 +77,7 @@ def test_in_free_space_the_cost_settles_below_that_of_the_first_guess():
 
 
 def test_a_cost_that_still_falls_is_said_to():
-    steps = list(plan(across(Fog(rho=1e-3)), replace(QUICK, iterations=10)))
+    steps = list(plan(across(ball()), replace(QUICK, iterations=30)))
     assert steps[-1].outcome is PlanOutcome.ITERATION_LIMIT
 
 

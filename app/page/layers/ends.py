@@ -85,8 +85,7 @@ class _Handle:
     def show(self, end: End, blocked: bool) -> None:
         """Put the handle at `end`; while a user drags it, that user's hand is ahead of the session."""
         self._end = end
-        at = np.asarray(self._gizmo.position)
-        if not self._dragged and (at.shape != (3,) or not np.allclose(at, end.position, atol=1e-6)):
+        if not self._dragged and not np.allclose(self._gizmo.position, end.position, atol=1e-6):
             self._gizmo.position = end.position
         self._body.wxyz = yaw_quaternion(end.yaw)
         self._body.color = HIT if blocked else _COLORS[self._which]
@@ -94,7 +93,5 @@ class _Handle:
 
 
 def _vector(numbers: Any) -> tuple[float, float, float]:
-    """Three numbers, not a number where the page has sent something else."""
-    values = np.asarray(numbers, dtype=np.float64)
-    x, y, z = values.tolist() if values.shape == (3,) else 3 * [np.nan]
+    x, y, z = np.asarray(numbers, dtype=np.float64).tolist()
     return x, y, z

@@ -16,7 +16,7 @@ class FieldBackdropLayer:
     """Tells the session from where each tab looks while that matters, and puts up what comes back."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
-        """`post` takes where somebody looks from."""
+        """`post` takes the cameras of tabs."""
         self._server, self._post = server, post
         self._watching = False
         self._shown: dict[int, FieldView] = {}
@@ -54,10 +54,7 @@ class FieldBackdropLayer:
 
 
 def eye_of(camera: viser.CameraHandle) -> Eye:
-    """From where a tab looks; not a number where the page has sent something else."""
-    position, wxyz = np.asarray(camera.position, np.float64), np.asarray(camera.wxyz, np.float64)
-    if position.shape != (3,) or wxyz.shape != (4,):
-        position, wxyz = np.full(3, np.nan), np.full(4, np.nan)
-    x, y, z = position.tolist()
-    qw, qx, qy, qz = wxyz.tolist()
+    """From where a tab looks."""
+    x, y, z = np.asarray(camera.position, np.float64).tolist()
+    qw, qx, qy, qz = np.asarray(camera.wxyz, np.float64).tolist()
     return Eye((x, y, z), (qw, qx, qy, qz), float(camera.fov), float(camera.aspect))

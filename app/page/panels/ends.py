@@ -38,9 +38,8 @@ class EndsPanel:
             self._post(ChooseTask(self._task.value))
 
     async def _take_aim(self, event: viser.GuiEvent) -> None:
-        known = {which.value: which for which in Which}
-        if event.client is not None and event.target.value in known:
-            self._post(Aim(known[event.target.value]))
+        if event.client is not None:
+            self._post(Aim(Which(event.target.value)))
 
     def show(self, session: Session) -> None:
         """Put the session's numbers into the widgets."""
@@ -106,8 +105,7 @@ class _EndNumbers:
     async def _changed(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return  # the session wrote it
-        position = self._position.value if len(self._position.value) == 3 else (np.nan,) * 3
-        x, y, z = (float(value) for value in position)  # a page can send anything
+        x, y, z = (float(value) for value in self._position.value)
         self._post(MoveEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value)))))
 
     def show(self, end: End, box: Box) -> None:

@@ -61,14 +61,13 @@ class ExportPanel:
         self._describe()
 
     def _describe(self) -> None:
-        form = FORMATS.get(str(self._format.value))  # a page can send anything
-        if form is not None:
-            self._purpose.content = note(sentence(f"{form.purpose} (.{form.ending})"))
+        form = FORMATS[self._format.value]
+        self._purpose.content = note(sentence(f"{form.purpose} (.{form.ending})"))
 
     def _send(self, event: viser.GuiEvent[Any]) -> None:
         """Send the file to the tab that asked; runs on a thread of the server's pool."""
-        session, name = self._session, str(self._format.value)
-        if event.client is None or session is None or name not in FORMATS:
+        session, name = self._session, self._format.value
+        if event.client is None or session is None:
             return
         made = recording_of(session)
         if made is None:

@@ -7,6 +7,7 @@ import viser
 
 from app.page.panels.binder import Binder
 from app.state.actions import Command, Settings
+from app.state.flight_settings import LARGEST_SEED
 from app.state.session import Session
 
 _SPEEDS = {"as fast as it can": 0.0, "real time": 1.0, "half": 0.5, "a quarter": 0.25}
@@ -21,7 +22,9 @@ class FlyingPanel:
             self._speed: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
                 "Speed", list[str](_SPEEDS), hint="Counts at once, also while flying"
             )
-            self._seed = server.gui.add_number("Seed", 0, min=0, step=1, hint="Of the noise and of the first belief")
+            self._seed = server.gui.add_number(
+                "Seed", 0, min=0, max=LARGEST_SEED, step=1, hint="Of the noise and of the first belief"
+            )
             self._position = server.gui.add_slider(
                 "Push [cm]", 0.0, 10.0, 0.5, 2.0, hint="Standard deviation of each coordinate at each time step"
             )
@@ -32,7 +35,7 @@ class FlyingPanel:
                 "Blindly", False, hint="Fly the first plan without looking, for comparison"
             )
         bind = Binder(Settings.FLIGHT, post)
-        bind(self._speed, "pace", lambda value: _SPEEDS.get(str(value), 0.0))
+        bind(self._speed, "pace", _SPEEDS.__getitem__)
         bind(self._seed, "seed", round)
         bind(self._position, "position_noise_m", lambda value: 0.01 * float(value))
         bind(self._attitude, "attitude_noise_rad", lambda value: float(np.deg2rad(value)))

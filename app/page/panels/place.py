@@ -41,7 +41,7 @@ class PlacePanel:
             post(Cancel())
 
     async def _open(self, event: viser.GuiEvent) -> None:
-        what = self._known.get(str(self._places.value))  # a page can send anything
+        what = self._known.get(self._places.value)  # nothing is known before the first session is shown
         if event.client is not None and self._session is not None and what not in (None, self._session.what):
             self._post(OpenPlace(what))
 

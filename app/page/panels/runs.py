@@ -1,4 +1,4 @@
-"""The shelf: flights that were flown here, to open, compare, rename and delete."""
+"""Panel of stored runs: flights that were flown here, to open, compare, rename and delete."""
 
 from collections.abc import Callable
 from typing import Any
@@ -65,7 +65,7 @@ class RunsPanel:
             ask_to_delete(event.client, entry.name, self._post)
 
     def show(self, session: Session) -> None:
-        """Show what is on the shelf."""
+        """Show the stored runs."""
         self._session = session
         runs = session.runs
         names = tuple(entry.name for entry in runs.entries) or (_NONE,)

@@ -32,7 +32,7 @@ class ViewSettingsPanel:
             self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
             self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
         bind = Binder(Settings.VIEW, post)
-        bind(self._backdrop, "backdrop", lambda value: _BACKDROPS.get(str(value), Backdrop.SURFACE))
+        bind(self._backdrop, "backdrop", _BACKDROPS.__getitem__)
         bind(self._opacity, "opacity", _share)
         bind(self._clip, "clip", _share)
         bind(self._truth, "truth", bool)

@@ -1,5 +1,6 @@
 """Import a capture: what its files say, its photographs, and where it all lies in the world."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -87,9 +88,10 @@ def _require_enough(found: Views, views: list[View]) -> None:
 
 def _require_inside(found: Views, folder: Path) -> None:
     files = (path for view in found.views for path in (view.path, view.depth) if path is not None)
-    name = next((path.name for path in files if not path.resolve().is_relative_to(folder.resolve())), None)
-    if name is not None:
-        raise CaptureError(f"the capture names a photograph outside of its own folder: {name}")
+    outside = next((path for path in files if not path.resolve().is_relative_to(folder.resolve())), None)
+    if outside is not None:
+        told = Path(os.path.relpath(outside, folder)).as_posix()
+        raise CaptureError(f"the capture names a photograph outside of its own folder: {told}")
 
 
 def _require_parallax(poses: np.ndarray) -> None:

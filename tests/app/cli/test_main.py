@@ -15,7 +15,7 @@ import trimesh
 
 from app.cli.main import COMMANDS, main, parse
 from app.jobs.events import JobEvents
-from app.jobs.fly import FlyRequest
+from app.jobs.fly_request import FlyRequest
 from app.places.place import Place
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, NerfnavError

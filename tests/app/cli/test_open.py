@@ -11,13 +11,14 @@ from PIL import Image
 
 from app.cli import main as cli
 from app.jobs import make_field, open_place
-from app.jobs.events import JobEvent, JobFinished, PlaceOpened
+from app.jobs.events import JobEvent, PlaceOpened
 from app.jobs.import_field import ImportRequest
 from app.jobs.import_field import run as run_import
 from app.jobs.make_field import field_path, made_before
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
+from tests.app.following import result_of
 from tests.importers.captures.synthetic import write_transforms
 from tests.importers.meshes.places import quad, write
 from tests.importers.splat_files import ball_of_splats, bundle_sog, write_ksplat, write_sog, write_spz
@@ -123,8 +124,7 @@ def test_splats_of_every_layout_are_opened_by_their_path(name: str, tmp_path: Pa
 
 def test_opening_again_makes_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_spz(tmp_path / "moon.spz", ball_of_splats(200))
-    *_, last = run_import(ImportRequest(tmp_path / "moon.spz", tmp_path / "moon.npz"))
-    assert isinstance(last, JobFinished)
+    result_of(run_import(ImportRequest(tmp_path / "moon.spz", tmp_path / "moon.npz")))
     monkeypatch.setattr(make_field, "run", lambda *_: pytest.fail("the field is there"))
     assert any(isinstance(event, PlaceOpened) for event in _until_opened(str(tmp_path / "moon.spz")))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from app.cli.terminal import follow, show
-from app.jobs.events import JobEvents, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobResult, Progress
 from tests.waiting import PATIENCE_S
 
 
@@ -26,7 +26,6 @@ def _heeds_interrupts() -> Iterator[None]:
 
 def counting(total: int, interrupt_at: int | None = None) -> JobEvents:
     """A job of `total` steps that the user interrupts at one of them; says how far it came."""
-    yield JobStarted("count")
     done = 0
     for index in range(total):
         if index == interrupt_at:
@@ -34,7 +33,7 @@ def counting(total: int, interrupt_at: int | None = None) -> JobEvents:
         done += 1
         if (yield Progress("counting", done / total)):
             break
-    yield JobFinished("count", {"done": done})
+    return JobResult({"done": done})
 
 
 def test_a_job_is_followed_to_its_end() -> None:
@@ -54,10 +53,11 @@ def test_an_interrupt_ends_a_job_that_cannot_stop_early() -> None:
 
 def test_a_second_interrupt_ends_every_job() -> None:
     def stubborn() -> JobEvents:
-        yield JobStarted("stubborn")
+        yield Progress("counting", 0.0)
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
-        yield JobFinished("stubborn")
+        yield Progress("counting", 1.0)
+        return JobResult()
 
     with pytest.raises(KeyboardInterrupt):
         follow(stubborn(), can_stop_early=True)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from app.benchmarks.comparison import Comparison
 from app.jobs import bench, experiment, experiment_catalog
 from app.jobs.bench import BenchRequest
-from app.jobs.events import JobEvents, JobFinished, Progress
+from app.jobs.events import Progress
 from app.jobs.experiment import ExperimentRequest, open_arena
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
 from app.storage.output_files import OutputError
@@ -22,6 +22,7 @@ from nerfnav.errors import InvalidInputError, MissingExtraError, NerfnavError, U
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import panels
 from nerfnav.experiments.study import ExperimentStep, Results, Study, TrialDone
+from tests.app.following import result_of
 
 
 def counting(study: Study) -> Iterator[ExperimentStep]:
@@ -37,14 +38,8 @@ def known() -> Iterator[None]:
     EXPERIMENTS.unregister("counting")
 
 
-def finished(job: JobEvents) -> JobFinished:
-    *_, last = job
-    assert isinstance(last, JobFinished)
-    return last
-
-
 def test_results_table_and_figures_are_written(tmp_path: Path) -> None:
-    done = finished(experiment.run(ExperimentRequest("counting", trials=2, seed=7, out=tmp_path / "new")))
+    done = result_of(experiment.run(ExperimentRequest("counting", trials=2, seed=7, out=tmp_path / "new")))
     assert {path.name for path in done.files} == {"results.json", "counting.csv", "empty.png"}
     content = json.loads((tmp_path / "new" / "results.json").read_text())
     assert content["summary"] == {"seed": 7, "not_a_number": None}
@@ -55,7 +50,7 @@ def test_results_table_and_figures_are_written(tmp_path: Path) -> None:
 
 
 def test_without_a_folder_nothing_is_written() -> None:
-    assert finished(experiment.run(ExperimentRequest("counting"))).files == ()
+    assert result_of(experiment.run(ExperimentRequest("counting"))).files == ()
 
 
 def test_progress_says_which_trial() -> None:
@@ -71,18 +66,18 @@ def test_every_experiment_opens_where_it_says() -> None:
 
 def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UnknownNameError, match=", ".join(sorted({*EXPERIMENTS, "counting"}))):
-        finished(experiment.run(ExperimentRequest("guessing")))
+        result_of(experiment.run(ExperimentRequest("guessing")))
 
 
 def test_a_field_without_a_ground_truth_is_refused(field_file: Path) -> None:
     with pytest.raises(InvalidInputError, match="judged on a ground truth"):
-        finished(experiment.run(ExperimentRequest("counting", place=str(field_file))))
+        result_of(experiment.run(ExperimentRequest("counting", place=str(field_file))))
 
 
 def test_a_folder_that_cannot_be_written_to_is_refused_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError):
-        finished(experiment.run(ExperimentRequest("counting", out=tmp_path / "file")))
+        result_of(experiment.run(ExperimentRequest("counting", out=tmp_path / "file")))
 
 
 def fake(name: str) -> Any:
@@ -100,7 +95,7 @@ def fake(name: str) -> Any:
 
 
 def test_the_bench_tells_every_comparison_and_names_what_it_left_out(tmp_path: Path) -> None:
-    done = finished(bench.run(BenchRequest(out=tmp_path), fake))
+    done = result_of(bench.run(BenchRequest(out=tmp_path), fake))
     expected = {"paper_ms": 100.0, "fast_ms": 4.0, "ratio": 25.0, "threads": 2, "options": 0.0}
     assert done.summary["plan"] == done.summary["render"] == expected
     assert done.summary["left_out"] == ["replan", "filter", "train_step"]
@@ -109,7 +104,7 @@ def test_the_bench_tells_every_comparison_and_names_what_it_left_out(tmp_path: P
 
 
 def test_a_quick_bench_asks_for_less() -> None:
-    done = finished(bench.run(BenchRequest(quick=True), fake))
+    done = result_of(bench.run(BenchRequest(quick=True), fake))
     assert done.summary["quick"] is True
     assert done.summary["plan"]["options"] == len(bench.QUICK["plan"])
 
@@ -124,7 +119,7 @@ def test_quick_options_are_those_of_the_measures() -> None:
 
 def test_a_bench_of_an_unknown_place_is_refused() -> None:
     with pytest.raises(NerfnavError, match="nowhere"):
-        finished(bench.run(BenchRequest("nowhere"), fake))
+        result_of(bench.run(BenchRequest("nowhere"), fake))
 
 
 def test_figures_that_cannot_be_drawn_are_left_out_and_said_so(
@@ -136,9 +131,9 @@ def test_figures_that_cannot_be_drawn_are_left_out_and_said_so(
     EXPERIMENTS.unregister("counting")
     experiment_catalog.register(Experiment("counting", undrawn, "counts"))
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)  # makes its import fail
-    done = finished(experiment.run(ExperimentRequest("counting", out=tmp_path)))
+    done = result_of(experiment.run(ExperimentRequest("counting", out=tmp_path)))
     assert [path.name for path in done.files] == ["results.json"]
     assert set(done.summary["left_out"]) == {"rrt", "figures"}
     assert "pip install 'nerfnav[experiments]'" in done.summary["left_out"]["figures"]
     with pytest.raises(MissingExtraError, match="the plot of bench --out"):
-        finished(bench.run(BenchRequest(out=tmp_path), fake))
+        result_of(bench.run(BenchRequest(out=tmp_path), fake))

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from app.cli.main import main
-from app.jobs.events import JobFinished
 from app.jobs.export import ExportRequest, read_run, run
 from app.storage.run_store import VARIABLE, RunStore
 from app.storage.step_log import FILE
@@ -19,14 +18,14 @@ from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.tables import json_text, motion_table
 from nerfnav.export.tum import poses_of_tum
 from nerfnav.robots.state import Motion
+from tests.app.following import result_of
 from tests.app.storage.stored_runs import put
 from tests.export.flights import flown
 
 
 def exported(folder: Path, format: str, out: Path) -> dict:
     """The numbers of an export."""
-    *_, last = run(ExportRequest(folder, format, out))
-    assert isinstance(last, JobFinished)
+    last = result_of(run(ExportRequest(folder, format, out)))
     return last.summary
 
 

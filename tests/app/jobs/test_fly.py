@@ -1,18 +1,19 @@
 """Flying as a job: its events, its end, landing early."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
-from app.jobs.events import JobEvent, JobFinished, JobStarted
-from app.jobs.fly import FlyRequest, run
-from app.jobs.plan import PlanRequest
+from app.jobs.events import JobEvent, JobEvents, JobResult
+from app.jobs.fly import run
+from app.jobs.fly_request import FlyRequest
 from app.jobs.plan import run as plan_job
+from app.jobs.plan_request import PlanRequest
 from app.places.ends import End, Ends
-from app.places.place import Place, open_place
+from app.places.opening import open_place
+from app.places.place import Place
 from app.storage.run_metadata import RunMetadata
 from app.storage.step_log import read_steps
 from nerfnav.errors import UnknownNameError
@@ -20,6 +21,7 @@ from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
+from tests.app.following import followed, result_of
 
 ENDS = Ends(End((-0.6, -0.6, 0.5)), End((0.6, -0.6, 0.5)))
 ROUTE = PlanRequest(ENDS, planner="paper", config=PlanConfig(iterations=5), again=PlanConfig(iterations=2))
@@ -31,11 +33,9 @@ def place(field_file: Path) -> Place:
     return open_place(str(field_file))
 
 
-def flown(events: Iterator[JobEvent]) -> tuple[list[NavigationStep], JobFinished]:
-    seen = list(events)
-    assert isinstance(seen[0], JobStarted)
-    assert isinstance(seen[-1], JobFinished)
-    return [event for event in seen if isinstance(event, NavigationStep)], seen[-1]
+def flown(job: JobEvents) -> tuple[list[NavigationStep], JobResult]:
+    seen, finished = followed(job)
+    return [event for event in seen if isinstance(event, NavigationStep)], finished
 
 
 def test_a_flight_tells_its_steps_and_then_its_numbers(place: Place) -> None:
@@ -59,11 +59,10 @@ def test_a_flight_that_is_asked_to_land_keeps_what_was_flown(place: Place, tmp_p
     event: JobEvent | None = next(job)
     while not (isinstance(event, NavigationStep) and event.index == 4):
         event = next(job)
-    event = job.send(True)
-    while not isinstance(event, JobFinished):
-        event = next(job)
-    assert event.summary["outcome"] == "stopped"
-    assert event.summary["steps"] == 4
+    job.send(True)
+    summary = result_of(job).summary
+    assert summary["outcome"] == "stopped"
+    assert summary["steps"] == 4
     assert Episode.load(tmp_path / "run").outcome is EpisodeOutcome.STOPPED
     assert (tmp_path / "run" / "trajectory.csv").is_file()
 

@@ -9,14 +9,15 @@ import torch
 
 from app.cli import main as cli
 from app.jobs import make_field as adopt
-from app.jobs.events import JobFinished, Progress
+from app.jobs.events import Progress
 from app.jobs.import_field import ImportRequest, imports, run
-from app.places.place import open_place
+from app.places.opening import open_place
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.voxel import VoxelField
 from nerfnav.importers.placement import Placement
+from tests.app.following import followed, result_of
 from tests.importers.splat_files import ball_of_splats, write_inria
 from tests.importers.test_nerf_pytorch import Flexible, saved
 
@@ -36,8 +37,8 @@ def test_splats_become_a_voxel_field_with_the_splats_beside_it(tmp_path: Path) -
     request = ImportRequest(
         tmp_path / "moon.ply", tmp_path / "moon.npz", voxel=0.04, placement=Placement(up=(0.0, 0.0, 1.0), scale=2.0)
     )
-    *_, last = run(request)
-    assert isinstance(last, JobFinished) and set(last.files) == {tmp_path / "moon.npz", tmp_path / "moon.splats.npz"}
+    last = result_of(run(request))
+    assert set(last.files) == {tmp_path / "moon.npz", tmp_path / "moon.splats.npz"}
     told = last.summary["source"]
     assert (told["declared"], told["splats"], sum(told["dropped"].values())) == (500, 500, 0)
     assert told["up"] == [0, 0, 1] and told["meters_per_unit"] == 2 and told["guessed"] == ["box"]
@@ -53,8 +54,7 @@ def test_splats_have_their_y_axis_down_where_nobody_says_otherwise(tmp_path: Pat
     ball = ball_of_splats(500)
     ball.centers[:, 1] -= 3  # high up, in axes whose y points down
     write_inria(tmp_path / "moon.ply", ball)
-    *_, last = run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz", voxel=0.05))
-    assert isinstance(last, JobFinished)
+    last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz", voxel=0.05)))
     assert last.summary["source"]["guessed"] == ["up", "scale", "box"]
     assert any("up is -y" in guess for guess in last.summary["source"]["guesses"])
     assert load_field(tmp_path / "moon.npz").box.center[2] == pytest.approx(3, abs=0.1)
@@ -62,13 +62,12 @@ def test_splats_have_their_y_axis_down_where_nobody_says_otherwise(tmp_path: Pat
 
 def test_a_place_of_absurd_size_is_told_to_be_measured(tmp_path: Path) -> None:
     write_inria(tmp_path / "moon.ply", ball_of_splats(500, 600.0))
-    *_, last = run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz"))
-    assert isinstance(last, JobFinished)
+    last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz")))
     told = [guess for guess in last.summary["source"]["guesses"] if "measure something" in guess]
     assert len(told) == 1 and "would be 1.2 km long" in told[0]
     picked = ((0.0, 0.0, 0.0), (0.0, 0.0, 600.0), 2.0)
-    *_, last = run(ImportRequest(tmp_path / "moon.ply", tmp_path / "small.npz", placement=Placement(picked=picked)))
-    assert isinstance(last, JobFinished)
+    placement = Placement(picked=picked)
+    last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "small.npz", placement=placement)))
     assert not any("measure something" in guess for guess in last.summary["source"]["guesses"])
 
 
@@ -76,15 +75,15 @@ def test_a_place_of_absurd_size_is_told_to_be_measured(tmp_path: Path) -> None:
 def test_a_checkpoint_is_baked_unless_its_networks_are_to_be_kept(tmp_path: Path) -> None:
     source = checkpoint(tmp_path / "net.ckpt")
     placement = Placement(box=BOX)
-    *_, last = run(ImportRequest(source, tmp_path / "net.npz", keep_network=True, placement=placement))
-    assert isinstance(last, JobFinished) and last.summary["source"]["layers"] == 4
+    last = result_of(run(ImportRequest(source, tmp_path / "net.npz", keep_network=True, placement=placement)))
+    assert last.summary["source"]["layers"] == 4
     assert isinstance(load_field(tmp_path / "net.npz"), NeuralField)
-    events = list(run(ImportRequest(source, tmp_path / "baked.npz", 0.06, placement=placement)))
+    events, made = followed(run(ImportRequest(source, tmp_path / "baked.npz", 0.06, placement=placement)))
     fractions = [event.fraction for event in events if isinstance(event, Progress)]
     assert fractions == sorted(fractions) and len(fractions) >= 4
     baked = load_field(tmp_path / "baked.npz")
-    assert isinstance(baked, VoxelField) and isinstance(events[-1], JobFinished)
-    psnr = events[-1].summary["baked_psnr_db"]
+    assert isinstance(baked, VoxelField)
+    psnr = made.summary["baked_psnr_db"]
     assert psnr == baked.info.baked_psnr_db and psnr > 20
 
 
@@ -136,5 +135,5 @@ def test_what_a_browser_brings_is_imported_where_it_is_splats_or_a_checkpoint(tm
     (tmp_path / "mesh.ply").write_bytes(b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n")
     assert imports(tmp_path / "moon.ply") and imports(checkpoint(tmp_path / "net.ckpt"))
     assert not imports(tmp_path / "mesh.ply")
-    *_, last = adopt.run(tmp_path / "moon.ply", tmp_path / "moon.npz")
-    assert isinstance(last, JobFinished) and last.name == "import"
+    last = result_of(adopt.run(tmp_path / "moon.ply", tmp_path / "moon.npz"))
+    assert last.summary["source"]["kind"] == "splats"

@@ -8,10 +8,10 @@ import cv2
 import pytest
 import torch
 
-from app.jobs.events import JobFinished, JobStarted, Progress
-from app.jobs.fly import CAMERA as ROBOTS_CAMERA
+from app.jobs.events import Progress
 from app.jobs.localize import LocalizeRequest, camera_of, find, read_image, run
-from app.places.place import searcher_of
+from app.jobs.simulated_world import CAMERA as ROBOTS_CAMERA
+from app.places.derived import searcher_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.field.checkpoint import save_field
@@ -20,6 +20,7 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.robots.state import RigidState
 from tests.app.doubles import balls_place
+from tests.app.following import followed
 from tests.estimator.places import voxel_balls
 
 CAMERA = Camera.from_fov(96, 80, 80)
@@ -38,12 +39,9 @@ def request_here(tmp_path_factory: pytest.TempPathFactory) -> LocalizeRequest:
 
 
 def test_a_picture_is_found_in_a_field_file(request_here: LocalizeRequest) -> None:
-    events = list(run(request_here))
-    assert isinstance(events[0], JobStarted)
+    events, finished = followed(run(request_here))
     fractions = [event.fraction for event in events if isinstance(event, Progress)]
     assert fractions == sorted(fractions) and fractions[-1] == 1
-    finished = events[-1]
-    assert isinstance(finished, JobFinished)
     summary = finished.summary
     assert summary["outcome"] == "found"
     assert torch.tensor(summary["position_m"]).sub(TRUTH.position).norm() < 0.02
@@ -56,10 +54,9 @@ def test_a_picture_of_the_robots_own_camera_is_found_in_an_open_place() -> None:
     field = cast(VoxelField, place.field)
     place = replace(place, field=replace(field, info=replace(field.info, noise_std=0.01)))
     color = render_image(place.field, ROBOTS_CAMERA, truth.pose.compose(FORWARD_MOUNT)).color
-    events = list(find(place, (255 * color.clamp(0, 1)).round().to(torch.uint8)))
+    events, finished = followed(find(place, (255 * color.clamp(0, 1)).round().to(torch.uint8)))
     steps = [event for event in events if isinstance(event, RelocaliseStep)]
-    finished = events[-1]
-    assert isinstance(finished, JobFinished) and finished.summary["outcome"] == "found"
+    assert finished.summary["outcome"] == "found"
     assert torch.tensor(finished.summary["position_m"]).sub(truth.position).norm() < 0.02
     assert len(steps[0].weights) > len(steps[-1].weights), "ever fewer places are left"
     assert steps[-1].outcome is not None

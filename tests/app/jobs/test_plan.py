@@ -4,13 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.events import JobFinished, JobStarted, Progress
-from app.jobs.plan import PlanRequest, run
+from app.jobs.events import Progress
+from app.jobs.plan import run
+from app.jobs.plan_request import PlanRequest
 from app.places.ends import End, Ends
-from app.places.place import Place, open_place
+from app.places.opening import open_place
+from app.places.place import Place
 from nerfnav.errors import InvalidInputError, OccupiedError, UnknownNameError
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
+from tests.app.following import followed, result_of
 
 QUICK = PlanConfig(iterations=7)
 
@@ -26,14 +29,12 @@ def request(**changes: object) -> PlanRequest:
     return PlanRequest(ends, **{"planner": "paper", "config": QUICK} | changes)
 
 
-def test_every_iteration_is_told_and_the_last_event_has_the_numbers(place: Place) -> None:
-    events = list(run(request(), place))
+def test_every_iteration_is_told_and_the_result_has_the_numbers(place: Place) -> None:
+    events, finished = followed(run(request(), place))
     steps = [event for event in events if isinstance(event, PlanStep)]
-    assert isinstance(events[0], JobStarted)
     assert [step.iteration for step in steps] == list(range(7))
-    assert isinstance(events[-1], JobFinished)
-    assert events[-1].summary["cost"]["total"] == steps[-1].cost.total
-    assert events[-1].files == ()
+    assert finished.summary["cost"]["total"] == steps[-1].cost.total
+    assert finished.files == ()
 
 
 def test_progress_only_grows(place: Place) -> None:
@@ -44,15 +45,14 @@ def test_progress_only_grows(place: Place) -> None:
 
 def test_a_cancelled_plan_writes_nothing(place: Place, tmp_path: Path) -> None:
     job = run(request(out=tmp_path), place)
-    assert isinstance(next(job), JobStarted)
+    next(job)
     next(job)
     job.close()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_three_files_are_named_in_the_end(place: Place, tmp_path: Path) -> None:
-    *_, finished = run(request(out=tmp_path / "run"), place)
-    assert isinstance(finished, JobFinished)
+    finished = result_of(run(request(out=tmp_path / "run"), place))
     assert {path.name for path in finished.files} == {"trajectory.csv", "trajectory.json", "plan.json"}
     assert {path.name for path in (tmp_path / "run").iterdir()} == {path.name for path in finished.files}
 
@@ -70,8 +70,7 @@ def test_a_name_that_is_no_planner_is_refused(place: Place) -> None:
 
 
 def test_the_fast_planner_plans_with_settings_of_its_own(place: Place) -> None:
-    *steps, finished = run(request(planner="fast", config=None), place)
-    assert isinstance(finished, JobFinished)
+    steps, finished = followed(run(request(planner="fast", config=None), place))
     assert finished.summary["outcome"] == "converged"
     totals = [step.cost.total for step in steps if isinstance(step, PlanStep)]
     assert finished.summary["cost"]["total"] == totals[-1] < totals[0]

@@ -7,20 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.events import JobEvents, JobFailed, JobFinished, JobStarted, Progress
+from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.subprocess_job import in_subprocess
 from nerfnav.errors import InvalidInputError, NerfnavError
+from tests.app.following import followed
 from tests.waiting import PATIENCE_S
 
 
 def told(folder: Path) -> JobEvents:
-    yield JobStarted("told")
     yield Progress("half", 0.5)
-    yield JobFinished("told", {"process": os.getpid()}, (folder / "result",))
+    return JobResult({"process": os.getpid()}, (folder / "result",))
 
 
 def refused(reason: str) -> JobEvents:
-    yield JobStarted("refused")
+    yield Progress("begun", 0.1)
     raise InvalidInputError(reason)
 
 
@@ -37,16 +37,15 @@ def broken() -> JobEvents:
 
 
 def test_the_events_come_from_another_process_in_their_order(tmp_path: Path) -> None:
-    *events, finished = in_subprocess(partial(told, tmp_path))
-    assert isinstance(finished, JobFinished)
+    events, finished = followed(in_subprocess(partial(told, tmp_path)))
     assert finished.summary["process"] != os.getpid() and finished.files == (tmp_path / "result",)
-    told_here = [event for event in events if not isinstance(event, Progress) or event.label == "half"]
-    assert told_here[0] == JobStarted("told") and set(told_here[1:]) == {Progress("half", 0.5)}
+    told_here = [event for event in events if not isinstance(event, Progress) or "process" not in event.label]
+    assert told_here[0] == Progress("half", 0.5) and set(told_here) == {Progress("half", 0.5)}
 
 
 def test_what_the_job_refuses_is_told_in_its_words() -> None:
-    *_, failed = in_subprocess(partial(refused, "there are no such trials"))
-    assert isinstance(failed, JobFailed) and failed.message == "there are no such trials"
+    with pytest.raises(NerfnavError, match=r"^there are no such trials$"):
+        list(in_subprocess(partial(refused, "there are no such trials")))
 
 
 def test_a_job_in_the_middle_of_a_long_step_goes_on_telling_and_ends_when_it_is_closed(tmp_path: Path) -> None:

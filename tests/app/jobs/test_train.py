@@ -5,16 +5,17 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import JobFinished, JobStarted, Progress
+from app.jobs.events import Progress
 from app.jobs.train import run
 from app.jobs.training_data.bundled import images_for, iterations_for
 from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
-from app.places.place import NoTrainedFieldError, field_file, open_place
+from app.places.opening import NoTrainedFieldError, field_file, open_place
 from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train import TrainConfig, TrainStep
 from nerfnav.world.capture import CaptureConfig
+from tests.app.following import followed, result_of
 
 SMALL = {
     "iterations": 40,
@@ -32,13 +33,10 @@ def request(out: Path, **changes: object) -> TrainRequest:
 @pytest.mark.slow
 def test_a_training_tells_its_pictures_and_steps_and_stores_a_field_that_knows_its_scene(tmp_path: Path) -> None:
     out = tmp_path / "blocks.npz"
-    events = list(run(request(out, seed=5)))
-    assert isinstance(events[0], JobStarted)
+    events, finished = followed(run(request(out, seed=5)))
     labels = {event.label for event in events if isinstance(event, Progress)}
     assert labels == {"photographing", "training"}
     assert [event.iteration for event in events if isinstance(event, TrainStep)] == [10, 20, 30, 40]
-    finished = events[-1]
-    assert isinstance(finished, JobFinished)
     field = load_field(out)
     assert finished.summary["psnr_db"] == field.info.psnr_db
     assert finished.summary["voxels"] == field.values[..., 0].numel()
@@ -57,14 +55,12 @@ def test_a_training_that_is_asked_to_stop_keeps_what_was_learned(tmp_path: Path)
     event = job.send(True)
     assert isinstance(event, TrainStep)
     assert event.field is not None
-    *_, finished = job
-    assert isinstance(finished, JobFinished)
+    assert result_of(job).files == (tmp_path / "f.npz",)
     assert load_field(tmp_path / "f.npz").info.iterations < 100
 
 
 def test_stopping_before_anything_was_learned_says_so(tmp_path: Path) -> None:
     job = run(request(tmp_path / "f.npz"))
-    next(job)
     next(job)
     with pytest.raises(StoppedError, match="nothing was learned yet"):
         job.send(True)

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 import viser._messages as viser_messages
 
-from app.jobs.events import JobFinished, PlaceOpened, SurfaceShaped
+from app.jobs.events import JobResult, PlaceOpened, SurfaceShaped
 from app.page.layers.field_surface import FieldSurfaceLayer
 from app.page_server import page_server
 from app.places.surface_glb import unlit_glb
@@ -46,8 +46,8 @@ def app() -> Iterator[App]:
     arrived = lambda job: flight_step(job.ends, STEPS, EpisodeOutcome.REACHED)  # noqa: E731
     settled = lambda job: plan_step(job.ends, STEPS, PlanOutcome.CONVERGED)  # noqa: E731
     scripts = {
-        JobKind.FLY: [*flight, arrived, JobFinished("fly")],
-        JobKind.PLAN: [*plan, settled, JobFinished("plan", {"wall_s": 9.0})],
+        JobKind.FLY: [*flight, arrived, JobResult()],
+        JobKind.PLAN: [*plan, settled, JobResult({"wall_s": 9.0})],
     }
     app = App("balls", port=free_port(), work=ScriptedWork(scripts))
     app.start()
@@ -125,7 +125,7 @@ def test_a_surface_that_was_shown_before_is_there_at_once_and_not_sent_again_whe
     assert _named_field(sent) == 1
     eye = server.initial_camera.position
     shaped = SurfaceShaped(bytes(bytearray(surface)))  # the same, read again
-    opening = [PlaceOpened(place), shaped, JobFinished("open")]
+    opening = [PlaceOpened(place), shaped, JobResult()]
     app = App("balls", port=port, work=ScriptedWork({JobKind.OPEN: opening}), begun=begun)
     try:
         app.start()

@@ -1,13 +1,12 @@
 """Stored flights and the timeline in the session, without a browser and without a disk but for the store."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
-from app.jobs.events import JobFinished, PlaceOpened
+from app.jobs.events import JobFinished, JobResult, PlaceOpened
 from app.queries.catalog import pending_queries
 from app.queries.query import Resources
 from app.queries.run_list import RunListQuery
@@ -90,7 +89,7 @@ def test_an_opened_flight_does_not_show_what_was_found_in_another(session: Sessi
     assert finding.job is not None
     pose = RigidState.stack([RigidState.at_rest((0.1, 0.2, 0.3))]).pose
     step = RelocaliseStep(1.0, pose, torch.ones(1), torch.zeros(1), RelocaliseOutcome.FOUND)
-    end = JobFinished("localize", {"outcome": "found", "advice": "one place looks like the picture"})
+    end = JobFinished("localize", JobResult({"outcome": "found", "advice": "one place looks like the picture"}))
     found = served(finding, store, m.Reported(finding.job.id, step), m.Reported(finding.job.id, end))
     assert found.search is not None and found.search.at == 9
     assert served(found, store, OpenRun("second")).search is None
@@ -98,8 +97,8 @@ def test_an_opened_flight_does_not_show_what_was_found_in_another(session: Sessi
 
 def test_the_timeline_shows_any_time_step_and_keeps_within_the_flight(session: Session, store: RunStore) -> None:
     opened = served(session, store, OpenRun("first"))
-    for asked, at in ((5, 5), (16, 16), (99, 16), (-3, 0), (7.4, 7), (math.nan, 0), ("x", 0)):
-        shown = reduce(opened, Scrub(asked)).shown_flight  # type: ignore[arg-type]
+    for asked, at in ((5, 5), (16, 16), (99, 16), (-3, 0), (7.4, 7)):
+        shown = reduce(opened, Scrub(asked)).shown_flight
         assert shown is not None and opened.flight is not None
         assert len(shown.steps) == at + 1
         assert shown.plan is opened.flight.steps[at].plan, "the plan of that time is shown"

@@ -8,7 +8,7 @@ import pytest
 
 from app.jobs import compare_planners as compare
 from app.jobs.events import JobFinished, PlannerCompared, PlannerResult
-from app.jobs.plan import PlanRequest
+from app.jobs.plan_request import PlanRequest
 from app.page.panels.plan import chart_data, compared, describe
 from app.places.ends import End, Ends
 from app.queries.catalog import pending_queries
@@ -23,6 +23,7 @@ from app.worker.backend import NavigationBackend
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.fast import FastPlanConfig
 from tests.app.doubles import balls_place, plan_step
+from tests.app.following import followed, result_of
 from tests.app.sessions import after, planned, reports
 
 PLACE = balls_place()
@@ -37,12 +38,6 @@ FROM, TO = (-0.7, 0.5, 0.5), (0.7, -0.5, 0.5)
         (m.Settings.WEIGHTS, "collision", -1.0),
         (m.Settings.WEIGHTS, "samples_per_step", 0),
         (m.Settings.WEIGHTS, "margin", math.inf),
-        (m.Settings.FLIGHT, "seed", -1),
-        (m.Settings.FLIGHT, "position_noise_m", math.nan),
-        (m.Settings.FLIGHT, "pace", 1e9),
-        (m.Settings.VIEW, "opacity", -0.1),
-        (m.Settings.VIEW, "slice", math.nan),
-        (m.Settings.VIEW, "ellipsoid", 0.0),
     ],
 )
 def test_numbers_that_make_no_sense_are_refused_with_a_notice(
@@ -72,19 +67,19 @@ def test_weights_reach_the_planner_and_untouched_ones_leave_its_own_settings() -
 def test_the_session_plans_for_the_duration_that_was_asked_for(opened: Session) -> None:
     slow = after(opened, m.Adjust(m.Settings.PLAN, "duration_s", 3.0), m.StartPlan())
     assert slow.job is not None and slow.place is not None
-    *_, last = NavigationBackend().begin(slow, slow.job)
-    assert isinstance(last, JobFinished) and last.summary["duration_s"] == pytest.approx(3.0)
+    last = result_of(NavigationBackend().begin(slow, slow.job))
+    assert last.summary["duration_s"] == pytest.approx(3.0)
 
 
 def test_a_comparison_runs_each_planner_and_says_why_one_refuses() -> None:
     routes = [PlanRequest(Ends(End(FROM), End(TO)), planner=name) for name in ("fast", "minsnap")]
     refused = PlanRequest(Ends(End((0.0, 0.0, 0.3)), End(TO)), planner="fast")
-    events = list(compare.run([*routes, refused], PLACE))
+    events, finished = followed(compare.run([*routes, refused], PLACE))
     comparison = [event.result for event in events if isinstance(event, PlannerCompared)]
     assert [result.planner for result in comparison] == ["fast", "minsnap", "fast"]
     assert comparison[0].motion is not None and comparison[0].summary["cost"]["total"] > 0
     assert comparison[2].motion is None and "occupied" in comparison[2].complaint
-    assert isinstance(events[-1], JobFinished)
+    assert finished.summary == {"planners": 3}
     told = compared(tuple(comparison[:2]))
     assert "minsnap" in told and "–" in told, "no mesh, no overlap"
 

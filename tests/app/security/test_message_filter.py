@@ -93,6 +93,8 @@ CLICK = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None}
     [
         {"ray_origin": None, "ray_direction": [0, 0, 1], "screen_pos": [[0, 0]]},
         {"ray_origin": [0, 0, 0], "ray_direction": [0, NAN, 1], "screen_pos": [[0, 0]]},
+        {"ray_origin": [INF, 0, 0], "ray_direction": [0, 0, 1], "screen_pos": [[0, 0]]},
+        {"ray_origin": [0, 0, 0], "ray_direction": [0, 0, 0], "screen_pos": [[0, 0]]},
         {"ray_origin": [0, 0, 0], "ray_direction": [0, 0, 1], "screen_pos": []},
         {"ray_origin": [0, 0], "ray_direction": [0, 0, 1], "screen_pos": [[0, 0]]},
         {"event_type": "rect-select", "ray_origin": None, "ray_direction": None, "screen_pos": [[0, 0]]},

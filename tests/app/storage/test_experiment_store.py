@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from app.jobs.events import JobFailed, JobFinished, Progress
+from app.jobs.events import JobFailed, JobFinished, JobResult, Progress
 from app.places.ends import Ends
 from app.queries.catalog import pending_queries
 from app.queries.experiments import Experiments, ExperimentsQuery
@@ -62,7 +62,10 @@ def test_an_experiment_is_a_job_that_leaves_plan_and_flight_alone_and_shows_its_
     on = reduce(begun, m.Reported(begun.job.id, Progress("trial, 1 of 3", 0.3)))
     assert on.job is not None and on.job.fraction == 0.3
     done = reduce(
-        on, m.Reported(begun.job.id, JobFinished("experiment", {}, (Path("runs/experiments/x/results.json"),)))
+        on,
+        m.Reported(
+            begun.job.id, JobFinished("experiment", JobResult(files=(Path("runs/experiments/x/results.json"),)))
+        ),
     )
     assert done.job is None and done.experiments.show == "x"
     (query,) = asked(done)

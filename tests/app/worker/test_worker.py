@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.jobs.events import JobCancelled, JobFailed, JobFinished, PlaceOpened, Progress, SurfaceShaped
+from app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
 from app.queries.catalog import pending_queries
 from app.reducers.root import reduce
 from app.state import actions as m
@@ -85,7 +85,7 @@ def test_the_worker_opens_the_place_and_answers_the_page(loop_for: Callable[[Scr
 
 def test_a_job_reports_all_its_events_in_order(loop_for: Callable[[ScriptedWork], Loop]) -> None:
     steps = [lambda job, k=k: plan_step(job.ends, k) for k in range(50)]
-    loop = loop_for(ScriptedWork({JobKind.PLAN: [*steps, JobFinished("plan")]}))
+    loop = loop_for(ScriptedWork({JobKind.PLAN: [*steps, JobResult()]}))
     loop.take(m.StartPlan())
     loop.until(lambda: loop.session.job is None)
     iterations = [event.iteration for event in loop.events() if hasattr(event, "iteration")]
@@ -104,7 +104,7 @@ def test_errors_of_a_job_are_told_and_the_next_job_runs(
     loop.take(m.StartPlan())
     loop.until(lambda: loop.session.job is None)
     assert words in loop.session.notices[-1].body
-    work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0), JobFinished("plan")]
+    work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0), JobResult()]
     loop.take(m.StartPlan())
     loop.until(lambda: loop.session.job is None)
     assert loop.session.plan is not None and loop.session.plan.latest is not None
@@ -138,7 +138,7 @@ def test_a_paused_flight_waits_and_takes_single_steps(loop_for: Callable[[Script
         return flight_step(job.ends, 0)
 
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(1, 30)]
-    loop = loop_for(ScriptedWork({JobKind.FLY: [first, *steps, JobFinished("fly")]}))
+    loop = loop_for(ScriptedWork({JobKind.FLY: [first, *steps, JobResult()]}))
     loop.take(m.StartFlight())
     assert begun.wait(PATIENCE_S)
     loop.take(m.Pause())
@@ -160,7 +160,7 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
         time.sleep(0.01)
         return Progress("optimising", 0.5)
 
-    work = ScriptedWork({JobKind.PLAN: [slow] * 10_000 + [JobFinished("plan")]})
+    work = ScriptedWork({JobKind.PLAN: [slow] * 10_000 + [JobResult()]})
     loop = loop_for(work)
     loop.settle()
     loop.take(m.StartPlan(), m.MoveEnd(m.Which.GOAL, m.End((0.5, -0.5, 0.5))))
@@ -172,7 +172,7 @@ def test_a_job_that_just_ends_leaves_nothing_running(loop_for: Callable[[Scripte
     loop = loop_for(ScriptedWork({JobKind.PLAN: []}))
     loop.take(m.StartPlan())
     loop.until(lambda: loop.session.job is None)
-    assert isinstance(loop.events()[-1], JobCancelled)
+    assert loop.events()[-1] == JobFinished("plan")
 
 
 def test_a_place_that_cannot_be_opened_is_told(loop_for: Callable[[ScriptedWork], Loop]) -> None:
@@ -184,7 +184,7 @@ def test_a_place_that_cannot_be_opened_is_told(loop_for: Callable[[ScriptedWork]
 
 def test_a_flight_is_no_faster_than_its_pace(loop_for: Callable[[ScriptedWork], Loop]) -> None:
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(6)]
-    loop = loop_for(ScriptedWork({JobKind.FLY: [*steps, JobFinished("fly")]}))
+    loop = loop_for(ScriptedWork({JobKind.FLY: [*steps, JobResult()]}))
     loop.take(m.Adjust(m.Settings.FLIGHT, "pace", 2.0), m.StartFlight())
     began = time.monotonic()
     loop.until(lambda: loop.session.job is None)
@@ -198,8 +198,8 @@ def test_warming_up_is_left_when_somebody_plans() -> None:
         return Progress("compiling", 0.6)
 
     warming = [compiling] * 10_000
-    opening = [PlaceOpened(balls_place()), SurfaceShaped(b"glTF"), *warming, JobFinished("open")]
-    plan = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobFinished("plan")]
+    opening = [PlaceOpened(balls_place()), SurfaceShaped(b"glTF"), *warming, JobResult()]
+    plan = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
     loop = Loop(ScriptedWork({JobKind.OPEN: opening, JobKind.PLAN: plan}))
     try:
         loop.until(lambda: loop.session.may_begin)

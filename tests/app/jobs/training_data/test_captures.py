@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from app.jobs import make_field as adopt
-from app.jobs.events import JobFinished, Progress
+from app.jobs.events import Progress
 from app.jobs.train import run
 from app.jobs.training_data.captures import NODES, gather
 from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
@@ -18,6 +18,7 @@ from nerfnav.field.train import TrainConfig
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.meshes.importer import MeshOptions
 from nerfnav.importers.placement import Placement
+from tests.app.following import followed, result_of
 from tests.importers.captures.synthetic import changed, write_transforms
 
 
@@ -35,10 +36,8 @@ def request(source: Path, out: Path, **changes: object) -> TrainRequest:
 def test_a_capture_becomes_a_field_whichever_way_it_is_given(tmp_path: Path, kind: str) -> None:
     folder = write_transforms(tmp_path / "room")
     source = {"folder": folder, "transforms.json": folder / "transforms.json", "zip": zipped(folder)}[kind]
-    events = list(run(request(source, tmp_path / "room.npz")))
+    events, finished = followed(run(request(source, tmp_path / "room.npz")))
     assert {event.label for event in events if isinstance(event, Progress)} == {"reading photographs", "training"}
-    finished = events[-1]
-    assert isinstance(finished, JobFinished)
     report = finished.summary["source"]
     assert (report["kind"], report["images_used"], report["images_skipped"]) == ("capture (transforms.json)", 8, 0)
     assert report["scale"] == 1.0 and report["up"] == (0, 0, 1) and len(report["guesses"]) == 3
@@ -54,8 +53,7 @@ def test_what_is_asked_of_a_capture_reaches_its_import(tmp_path: Path) -> None:
         photographs=Photographs(downscale=2, held_out_every=4),
         placement=Placement(scale=2.0, box=((-1, -1, -1), (1, 1, 1))),
     )
-    *_, finished = run(asked)
-    assert isinstance(finished, JobFinished)
+    finished = result_of(run(asked))
     report = finished.summary["source"]
     assert (report["scale"], report["image_size"], report["images_held_out"]) == (2.0, (24, 18), 2)
     assert load_field(tmp_path / "f.npz").box.upper.tolist() == [1, 1, 1]
@@ -113,8 +111,7 @@ def test_an_archive_may_not_name_photographs_of_others(tmp_path: Path) -> None:
 
 def test_an_upload_is_learned_within_its_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adopt, "BUDGET_S", 0.5)
-    *_, finished = adopt.run(zipped(write_transforms(tmp_path / "room")), tmp_path / "room.npz")
-    assert isinstance(finished, JobFinished)
+    result_of(adopt.run(zipped(write_transforms(tmp_path / "room")), tmp_path / "room.npz"))
     assert load_field(tmp_path / "room.npz").info.images == 7
 
 
@@ -158,8 +155,7 @@ def test_real_photographs_become_a_field_and_what_is_around_it(tmp_path: Path) -
         str(source), tmp_path / "fox.npz", iterations=120, voxel=0.15, photographs=Photographs(downscale=16),
         config=TrainConfig(rays=2048, outside=32),
     )  # fmt: skip
-    *_, finished = run(asked)
-    assert isinstance(finished, JobFinished)
+    finished = result_of(run(asked))
     assert finished.summary["psnr_db"] > 16
     assert finished.summary["source"]["images_skipped"] == 17
     assert load_field(tmp_path / "fox.npz").outside is not None  # what lies around the box was learned too

@@ -11,10 +11,10 @@ import torch
 import trimesh
 
 from app.cli.main import main
-from app.jobs.events import JobFinished, Progress
+from app.jobs.events import Progress
 from app.jobs.train import StoppedError, TrainRequest, run
 from app.jobs.training_data.gather import Photographs, TrainingData, gather
-from app.places.place import open_place
+from app.places.opening import open_place
 from nerfnav.errors import FieldFileError, InvalidInputError, NerfnavError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train import TrainConfig
@@ -24,6 +24,7 @@ from nerfnav.importers.placement import Placement
 from nerfnav.robots.state import RigidState
 from nerfnav.world.capture import CaptureConfig
 from nerfnav.world.contact import judge
+from tests.app.following import followed, result_of
 from tests.importers.meshes.places import two_textures, write
 
 DATA = Path(os.environ.get("NERFNAV_TEST_DATA", "."))
@@ -53,11 +54,9 @@ def _request(source: Path, out: Path, **changes: object) -> TrainRequest:
 
 def test_a_mesh_becomes_a_field_with_its_ground_truth_beside_it(tmp_path: Path) -> None:
     out = tmp_path / "pillars.npz"
-    events = list(run(_request(_pillars(tmp_path), out)))
+    events, finished = followed(run(_request(_pillars(tmp_path), out)))
     labels = {event.label for event in events if isinstance(event, Progress)}
     assert {"reading the mesh", "finding what is solid", "photographing", "training"} <= labels
-    finished = events[-1]
-    assert isinstance(finished, JobFinished)
     assert finished.files == (out, tmp_path / "pillars.truth.npz")
     source = finished.summary["source"]
     assert source["kind"] == "mesh"
@@ -156,8 +155,7 @@ def test_a_mesh_from_elsewhere_trains_and_is_judged(
         photographs=Photographs(40),
         capture=CaptureConfig(width=60, height=60, supersample=1),
     )
-    *_, finished = run(request)
-    assert isinstance(finished, JobFinished)
+    finished = result_of(run(request))
     source = finished.summary["source"]
     assert (source["up"], source["seen_from"]) == (up, seen_from)
     assert max(source["size_m"]) == pytest.approx(longest, abs=0.01)
@@ -175,8 +173,7 @@ def test_a_room_can_be_forced_to_be_open_ground(tmp_path: Path) -> None:
     room.invert()
     path = write(room, tmp_path / "room.ply")
     request = _request(path, tmp_path / "f.npz", mesh=MeshOptions(seen_from="outside"))
-    *_, finished = run(request)
-    assert isinstance(finished, JobFinished)
+    finished = result_of(run(request))
     assert finished.summary["source"]["seen_from"] == "outside"
 
 
@@ -199,8 +196,7 @@ def test_a_mesh_and_its_textures_may_come_in_one_archive(tmp_path: Path) -> None
     write(two_textures(pbr=False), tmp_path / "two.obj")
     files = [path.name for path in tmp_path.iterdir()]
     request = _request(_zipped(tmp_path, *files), tmp_path / "f.npz")
-    *_, finished = run(request)
-    assert isinstance(finished, JobFinished)
+    finished = result_of(run(request))
     assert (finished.summary["source"]["format"], finished.summary["source"]["textures"]) == ("obj", 2)
     assert load_field(tmp_path / "f.npz").info.source == "two.obj"
 

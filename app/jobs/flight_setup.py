@@ -1,0 +1,48 @@
+"""Set-up of a flight: planner, estimator and simulator that a request asks for, ready to navigate."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import torch
+
+from app.jobs.fly_request import FlyRequest
+from app.jobs.simulated_world import CAMERA, camera_function, contact_function
+from app.places.derived import occupancy_of, planning_place, searcher_of
+from app.places.place import Place
+from nerfnav.estimator import estimators
+from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.photometric import ColorNoise
+from nerfnav.navigation.replan import Mission, Pilot, navigate
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.steps import LoopEvent
+from nerfnav.planner import planners
+
+
+def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
+    """Yield the steps of a flight in a simulator of the place. Raises NerfnavError for unknown names."""
+    route, seen_as = request.route, planning_place(place, request.route.unknown)
+    estimator = estimators.load(request.estimator)
+    occupancy = occupancy_of(seen_as, route.settings.occupancy)
+    planner = planners.load(route.planner).planner(
+        seen_as.field, place.robot, route.settings, route.again, occupancy
+    )
+    config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
+    config = replace(config, filter=_with_noise_of(config.filter, place))
+    generator = torch.Generator().manual_seed(request.seed)
+    pilot = Pilot(
+        planner,
+        estimator.make(place.field, place.robot, CAMERA, config=config.filter),
+        searcher_of(place, CAMERA, config.filter.color_noise),
+    )
+    camera, contact = camera_function(place), contact_function(place)
+    simulator = Simulator(
+        place.robot, route.ends.start.state(), camera, generator, noise=config.noise, contact=contact
+    )
+    mission = Mission(route.ends.goal.state(), route.steps, route.dt, request.plan, request.orders)
+    return navigate(mission, simulator, pilot, config, generator)
+
+
+def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:
+    """The colour noise that was measured for this field, unless another was asked for."""
+    asked = config.color_noise.std != ColorNoise.std
+    return config if asked else config.for_field(place.field.info.noise_std)

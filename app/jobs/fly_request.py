@@ -1,0 +1,37 @@
+"""Request of a flight: its route, estimator, seed and noise, and where its log goes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from app.jobs.plan_request import PlanRequest
+from nerfnav.navigation.orders import Orders
+from nerfnav.navigation.replan import NavigateConfig
+from nerfnav.robots.state import Motion
+
+
+@dataclass(frozen=True)
+class FlyRequest:
+    """What to fly."""
+
+    route: PlanRequest
+    """From where to where, and how plans are made; its `out` is not used."""
+    plan: Motion | None = None
+    """The first plan where it is already made, from the route's start to its goal."""
+    estimator: str = "fast"
+    """Name of the estimator."""
+    open_loop: bool = False
+    """Fly the first plan blindly."""
+    seed: int = 0
+    """Seed of everything random: noise, first belief, choice of pixels."""
+    config: NavigateConfig = field(default_factory=NavigateConfig)
+    """How the flight is flown."""
+    orders: Callable[[], Orders] = Orders
+    """Asked at each time step for what has changed on the way."""
+    source: str = ""
+    """What was opened, for the record: scene name or field file; empty means the place's name."""
+    task: str | None = None
+    """The scene's task that is flown, for the record; None where the ends were chosen freely."""
+    out: Path | None = None
+    """Folder for the log, which grows with each step, then the episode and trajectory.csv, trajectory.json; None
+    writes nothing."""

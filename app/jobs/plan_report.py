@@ -1,0 +1,91 @@
+"""Report of a plan: its cost, what it asks of the robot, what it risks in the field, and the verdict of the mesh."""
+
+from pathlib import Path
+from typing import Any
+
+from app.places.place import Place
+from app.storage.output_files import json_line, write_text
+from nerfnav.export.tables import csv_text, json_text, motion_table
+from nerfnav.planner.safety import Safety, safety_of
+from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
+from nerfnav.robots.limits import limit_uses
+from nerfnav.robots.state import Motion
+
+
+def summary_of(
+    step: PlanStep, place: Place, wall_s: float, overlap_m3: float | None, max_collision: float | None = None
+) -> dict[str, Any]:
+    """What `plan --json` prints, for the last step of a planner."""
+    motion = step.motion
+    safety = safety_of(place.field, motion, place.robot.body)
+    return {
+        "outcome": step.outcome.name.lower() if step.outcome else None,
+        "iterations": step.iteration + 1,
+        "wall_s": wall_s,
+        "cost": _cost(step.cost),
+        "collision_probability_bound": safety.bound,
+        "mesh_overlap_m3": overlap_m3,
+        "max_thrust_n": _max_thrust_n(place, motion),
+        "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
+        "duration_s": motion.actions.shape[-2] * motion.dt,
+        "limits": _limits(place, motion),
+        "safety": _safety(safety, step, max_collision),
+    }
+
+
+def _cost(cost: PlanCost) -> dict[str, Any]:
+    """The terms of J, and of those that were added to Eq. 2 the time that each takes."""
+    told: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
+    if cost.added:
+        told["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
+    return told
+
+
+def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
+    """What the motion asks of each of the robot's bounds."""
+    return {
+        use.name: {
+            "least": use.least, "most": use.most, "lower": use.lower, "upper": use.upper, "unit": use.unit,
+            "violated": use.violated,
+        }
+        for use in limit_uses(place.robot, motion)
+    }  # fmt: skip
+
+
+def _safety(safety: Safety, step: PlanStep, max_collision: float | None) -> dict[str, Any]:
+    """What the field believes that the plan risks, and by how much this is more than was asked for."""
+    told: dict[str, Any] = {
+        "bound": safety.bound,
+        "bound_per_step_max": safety.per_step.max().item(),
+        "min_clearance_m": safety.min_clearance_m,
+        "worst_step": safety.worst_step,
+    }
+    if step.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
+        told["missed_by"] = safety.bound - max_collision
+    return told
+
+
+def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
+    """Largest overlap of body and mesh over the poses between the waypoints [m^3]; None without a mesh."""
+    if place.scene is None:
+        return None
+    from nerfnav.world.contact import judge  # slow to import, and people see the place before
+
+    return judge(place.scene, place.robot.body, motion.states).max_overlap_m3
+
+
+def save(folder: Path, motion: Motion, place: Place, summary: dict[str, Any]) -> tuple[Path, ...]:
+    """Write a plan's three files into `folder`."""
+    table = motion_table(motion, place.robot.action_names, place.robot.name)
+    return (
+        write_text(folder / "trajectory.csv", csv_text(table)),
+        write_text(folder / "trajectory.json", json_text(table)),
+        write_text(folder / "plan.json", json_line(summary) + "\n"),
+    )
+
+
+def _max_thrust_n(place: Place, motion: Motion) -> float | None:
+    """The largest total thrust; None for a robot whose actions are not thrusts."""
+    if "thrust_n" not in place.robot.action_names:
+        return None
+    return motion.actions[..., place.robot.action_names.index("thrust_n")].max().item()

@@ -1,0 +1,36 @@
+"""What is derived from a place and cached: the field as planners see it, its occupancy map, its searcher."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+from app.places.place import Place
+from nerfnav.estimator.photometric import ColorNoise
+from nerfnav.estimator.relocalise import Searcher
+from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.geometry.camera import Camera
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+
+_STEPS_IN_VOXEL = 2
+
+
+@lru_cache(maxsize=4)
+def planning_place(place: Place, unknown: Unknown) -> Place:
+    """The place as planners see it, its unknown space taken for solid or not; made once, as maps of it are."""
+    field = planning_field(place.field, unknown)
+    return place if field is place.field else replace(place, field=field)
+
+
+@lru_cache(maxsize=4)
+def occupancy_of(place: Place, config: OccupancyConfig) -> OccupancyMap:
+    """The map that paths are searched on; made once, for it takes longer than most searches.
+
+    It is no finer than the field: in a large place that would take long and tell nothing more.
+    """
+    config = replace(config, voxel=max(config.voxel, _STEPS_IN_VOXEL * place.field.step))
+    return OccupancyMap.of(place.field, place.robot.body, config)
+
+
+@lru_cache(maxsize=1)
+def searcher_of(place: Place, camera: Camera, noise: ColorNoise) -> Searcher:
+    """What finds a robot anywhere in the place; made once, for it looks all around from everywhere first."""
+    return Searcher(place.field, camera, noise)

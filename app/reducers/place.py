@@ -1,0 +1,69 @@
+"""Reducer of the place: opening another one, choosing the robot and its task, pointing at ends."""
+
+from dataclasses import replace
+
+from app.places.ends import opening_ends
+from app.places.place import Place
+from app.places.sources import title_of
+from app.reducers.common import moved, noticed, settled
+from app.reducers.jobs import cancelled
+from app.registry import Choice
+from app.state import actions as m
+from app.state.session import Click, Job, JobKind, Session, Vector
+from nerfnav import robots
+from nerfnav.errors import UnknownNameError
+
+PlaceCommand = m.MoveEnd | m.ChooseTask | m.OpenPlace | m.Choose | m.Aim | m.Point | m.Looked | m.Left
+
+
+def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Session:
+    """The session after such a command, where `place` is open."""
+    match command:
+        case m.MoveEnd(which, end):
+            return moved(session, place, which, end)
+        case m.ChooseTask(name):
+            ends = opening_ends(place, name)
+            return session if ends is None else replace(session, task=name, home=name, ends=ends, problems={})
+        case m.OpenPlace(what):
+            return opening(session, what)
+        case m.Choose(choice):
+            return _choose(session, place, choice)
+        case m.Aim(which):
+            return replace(session, aiming=which)
+        case m.Point(origin, direction):
+            return _pointed(session, origin, direction)
+        case m.Looked(client, eye):
+            return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
+        case m.Left(client):
+            return session.without_tab(client)
+
+
+def opening(session: Session, what: str) -> Session:
+    """The session that opens another place, and can go back to this one."""
+    session = replace(session, before=None) if session.place is not None else session
+    job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
+    opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
+    opening = replace(opening, runs=session.runs.elsewhere())
+    # a place that was never open is nothing to go back to
+    return replace(opening, before=session if session.place is not None else session.before)
+
+
+def _choose(session: Session, place: Place, choice: Choice) -> Session:
+    """The session with another robot, planner or estimator; a notice where one of these names is not known."""
+    try:
+        choice.check()
+    except UnknownNameError as error:
+        return noticed(session, "No such choice", str(error), bad=True)
+    chosen = replace(session, choice=choice)
+    if choice.robot == session.choice.robot:
+        return chosen
+    # plans and flights are those of another body
+    other = replace(place, robot=robots.load(choice.robot))
+    return settled(replace(cancelled(chosen), plan=None, flight=None, comparison=(), search=None), other)
+
+
+def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
+    """The session that looks where a click lands, if an end is to be put there."""
+    if session.aiming is None:
+        return session
+    return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)

@@ -1,0 +1,71 @@
+"""Settings that only the page can set have no validation of their own: the bounds of their widgets stop nonsense."""
+
+from typing import Any
+
+import pytest
+
+from app.page.panels.ends import EndsPanel
+from app.page.panels.estimate import EstimatePanel
+from app.page.panels.export import ExportPanel
+from app.page.panels.flight_settings import FlyingPanel
+from app.page.panels.place import PlacePanel
+from app.page.panels.timeline import TimelinePanel
+from app.page.panels.view_settings import ViewSettingsPanel
+from app.security.widget_values import may_set
+from app.state.actions import Command
+from app.state.session import Session
+from tests.app.security.hostile import INF, NAN, Page
+
+
+class NoUploads:
+    """Nothing is brought here."""
+
+
+@pytest.fixture
+def widgets(served: Page, opened: Session) -> dict[str, Any]:
+    """All widgets of the panels by label, as the page shows them for an open place."""
+    posted: list[Command] = []
+    panels = (EndsPanel, EstimatePanel, ExportPanel, FlyingPanel, ViewSettingsPanel, TimelinePanel)
+    for panel in panels:
+        panel(served.server, posted.append).show(opened)
+    PlacePanel(served.server, posted.append, NoUploads()).show(opened)  # type: ignore[arg-type]
+    return {str(widget.label): widget for widget in served.server.gui._gui_input_handle_from_uuid.values()}
+
+
+@pytest.mark.parametrize(
+    ("label", "bad"),
+    [
+        ("Seed", -1),
+        ("Seed", -1.0),
+        ("Seed", 2**32),
+        ("Push [cm]", NAN),
+        ("Push [cm]", 11.0),
+        ("Twist [°]", INF),
+        ("Twist [°]", 12.0),
+        ("Speed", "as fast as light"),
+        ("Field", "the truth"),
+        ("Opacity [%]", -10.0),
+        ("Cut above [%]", 101.0),
+        ("Slice at [%]", NAN),
+        ("Ellipsoids ×", 0.0),
+        ("Time step", NAN),
+        ("Time step", "x"),
+        ("Start [m]", [NAN, 0.0, 0.0]),
+        ("Start [m]", [0.0, 0.0]),
+        ("Start [m]", []),
+        ("Goal yaw [°]", NAN),
+        ("Click to place", "the moon"),
+        ("Format", "exe"),
+        ("Place", "/etc/passwd"),
+    ],
+)
+def test_what_no_setting_can_be_never_reaches_the_session(widgets: dict[str, Any], label: str, bad: Any) -> None:
+    assert not may_set(widgets[label], {"value": bad})
+
+
+@pytest.mark.parametrize(
+    ("label", "good"),
+    [("Seed", 2**31 - 1), ("Push [cm]", 10.0), ("Twist [°]", 10.0), ("Opacity [%]", 5.0), ("Start [m]", [0.5, 0, 0.4])],
+)
+def test_what_a_setting_can_be_may_be_set(widgets: dict[str, Any], label: str, good: Any) -> None:
+    assert may_set(widgets[label], {"value": good})
