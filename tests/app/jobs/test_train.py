@@ -35,7 +35,7 @@ def test_a_training_tells_its_pictures_and_steps_and_stores_a_field_that_knows_i
     out = tmp_path / "blocks.npz"
     events, finished = followed(run(request(out, seed=5)))
     labels = {event.label for event in events if isinstance(event, Progress)}
-    assert labels == {"photographing", "training"}
+    assert labels == {"photographing", "training", "judging"}
     assert [event.iteration for event in events if isinstance(event, TrainStep)] == [10, 20, 30, 40]
     field = load_field(out)
     assert finished.summary["psnr_db"] == field.info.psnr_db

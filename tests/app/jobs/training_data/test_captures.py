@@ -37,7 +37,8 @@ def test_a_capture_becomes_a_field_whichever_way_it_is_given(tmp_path: Path, kin
     folder = write_transforms(tmp_path / "room")
     source = {"folder": folder, "transforms.json": folder / "transforms.json", "zip": zipped(folder)}[kind]
     events, finished = followed(run(request(source, tmp_path / "room.npz")))
-    assert {event.label for event in events if isinstance(event, Progress)} == {"reading photographs", "training"}
+    labels = {event.label for event in events if isinstance(event, Progress)}
+    assert labels == {"reading photographs", "training", "judging"}
     report = finished.summary["source"]
     assert (report["kind"], report["images_used"], report["images_skipped"]) == ("capture (transforms.json)", 8, 0)
     assert report["scale"] == 1.0 and report["up"] == (0, 0, 1) and len(report["guesses"]) == 3
