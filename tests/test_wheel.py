@@ -5,7 +5,6 @@ The environment has what the wheel declares and no extras, so this also shows th
 
 import json
 import os
-import signal
 import subprocess
 import tarfile
 import time
@@ -147,8 +146,12 @@ def served(installed: Installed) -> Iterator[str]:
             assert line, (installed.folder / "log").read_text()
             yield json.loads(line)["url"]
         finally:
-            server.send_signal(signal.SIGINT)
-            server.wait(60)
+            server.terminate()  # not SIGINT, which whoever runs in the background ignores
+            try:
+                server.wait(60)
+            except subprocess.TimeoutExpired:
+                server.kill()
+                raise
     assert "Traceback" not in (installed.folder / "log").read_text()
 
 
