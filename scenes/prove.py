@@ -1,8 +1,10 @@
-"""Prove again what is free in the fields of the bundled worlds, by the pictures that they were learned from.
+"""Prove again what is free in the fields of the bundled worlds, by depth maps from where their pictures were taken.
 
     python -m scenes.prove stonehenge church
 
-The pictures follow from a field's seed, so they are taken again; nothing is learned. Fields are replaced in trained/.
+Nothing is learned: the fields remain what pictures alone have taught, as in the paper. But no colours prove the air
+before the church's plastered walls, and the worlds are known, so that depth maps of the same cameras say what is free.
+Cameras follow from a field's seed. Fields are replaced in trained/.
 """
 
 import sys
@@ -13,9 +15,9 @@ import torch
 
 import scenes
 from nerfnav.experiments.freedom import Freedom, freedom_noted, freedom_on_mesh, in_words
-from nerfnav.field.carving import carved
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.evidence import states_of
+from nerfnav.field.fusion import fused
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.images import PosedImages
 from nerfnav.world.capture import CaptureConfig, capture, images_taken, split
@@ -23,17 +25,18 @@ from nerfnav.world.scene import Scene
 
 
 def learned_from(field: VoxelField, scene: Scene) -> PosedImages:
-    """The pictures alone that a field of a bundled scene was learned from, taken again."""
+    """The pictures that a field of a bundled scene was learned from, taken again, with depth."""
     config = CaptureConfig(images=images_taken(field.info.images))
     *_, last = capture(scene, config, torch.Generator().manual_seed(field.info.seed))
     assert last.captured is not None, "a capture ends with its photographs"
-    return split(last.captured)[0].without_depth()
+    return split(last.captured)[0]
 
 
 def proven(field: VoxelField, scene: Scene, photographs: PosedImages) -> VoxelField:
-    """The field with what its pictures prove, and with what planners then take for free."""
-    states = states_of(carved(field, photographs), field.values[..., 0])
-    known = replace(field, evidence=states, info=replace(field.info, learned_from="pictures"))
+    """The field with what depth maps prove, and with what planners then take for free."""
+    states = states_of(fused(photographs, field.box, field.shape).free, field.values[..., 0])
+    info = replace(field.info, learned_from="pictures", proven_from="depth")
+    known = replace(field, evidence=states, info=info)
     seen_from = (photographs.camera, photographs.poses)
     freedom = freedom_on_mesh(known, float(field.spacing.max()), scene, seen_from)
     return replace(known, info=freedom_noted(known.info, freedom))

@@ -68,6 +68,7 @@ def run(request: TrainRequest) -> JobEvents:
         "voxels": math.prod(trained.shape) if isinstance(trained, VoxelField) else None,
         "file_bytes": file_bytes,
         "learned_from": trained.info.learned_from,
+        "proven_from": trained.info.proven_from,
         "geometry": asdict(freedom),
         "in_words": in_words(freedom),
         "source": material.report,

@@ -30,6 +30,8 @@ class FieldInfo:
     """Share of pixels on held-out views that are outliers of the latter."""
     learned_from: str = ""
     """What taught it where things are: "pictures", or "pictures and depth"; empty where nobody noted it."""
+    proven_from: str = ""
+    """What proves space to be free in it: "pictures" or "depth"; empty where nothing does, or nobody noted it."""
     surface_taken_for_free: float | None = None
     """Share of true surface that planners take for free; None where nothing tells where surfaces are."""
     free_taken_for_free: float | None = None

@@ -101,11 +101,14 @@ class GridLearner:
     def from_depth(
         cls, place: Place, told: Fused, photographs: PosedImages, workers: int, outside: int = 0
     ) -> "GridLearner":
-        """What depths tell, and keeps on saying: densities that they know rest, colours and all else are learned."""
+        """What depths tell, and keeps on saying: densities that they know rest, colours and all else are learned.
+
+        What depths do not know begins empty: as thin fog, it would come to stand for what surroundings should show.
+        """
         nx, ny, nz = told.raw.shape
         shape = (nx, ny, nz)
         seen = views_of(node_positions(place.box, shape), photographs)
-        values = _clear(shape, raw_of(_START_DENSITY / place.unit))
+        values = _clear(shape, EMPTY_RAW)
         values[..., 0] = torch.where(told.known, told.raw, values[..., 0])
         values[..., 1:] = told.color
         rates = torch.where(told.known, 0.0, seen)

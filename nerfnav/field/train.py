@@ -184,6 +184,7 @@ def _judged(
     trained = replace(field, evidence=states_of(free, field.values[..., 0]))
     info = FieldInfo(
         learned_from="pictures" if told is None else "pictures and depth",
+        proven_from="pictures" if told is None else "depth",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         images=len(photographs),
         seed=generator.initial_seed(),

@@ -28,11 +28,3 @@ def planning_field(field: Field, unknown: Unknown) -> Field:
     if not isinstance(field, VoxelField) or field.evidence is None:
         return field
     return field.planned if unknown is Unknown.OCCUPIED else field.planned_as_it_says
-
-
-def tells_fog_from_matter(field: Field) -> bool:
-    """Whether densities mean what they say: not those that were learned from colours and never proven.
-
-    Voxels of files from before evidence was kept, of splats and of other people's networks are such.
-    """
-    return not isinstance(field, VoxelField) or (field.evidence is not None and field.info.learned_from != "")

@@ -31,7 +31,7 @@ def shortest_plan(
     again with its outcome: OVER_LIMITS where even the longest plan exceeds them.
     """
     config = DurationConfig() if config is None else config
-    short, long, best = 0, max(config.fewest, robot.minimum_steps), None
+    short, long, best = robot.minimum_steps - 1, max(config.fewest, robot.minimum_steps), None
     tried = 0
     while best is None or long - short > 1:
         steps = long if best is None else (short + long) // 2

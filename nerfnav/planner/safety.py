@@ -16,7 +16,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.field import Field
-from nerfnav.field.unknown import tells_fog_from_matter
 from nerfnav.planner.costs import body_points_world, collision_per_step, collision_probability_bound, point_exposure
 from nerfnav.planner.occupancy import OccupancyConfig
 from nerfnav.planner.problem import PlanProblem
@@ -109,15 +108,12 @@ def verdict(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanO
 def honest(problem: PlanProblem, motion: Motion, outcome: PlanOutcome) -> PlanOutcome:
     """`outcome`, or what is wrong where that says that a plan is good and the field says that it is not.
 
-    A plan that is as likely as not to collide has not converged, nor is it worth more iterations. In a field without
-    proofs the bound says little, for it counts fog like matter: there only what is dense on the way counts.
+    A plan that is as likely as not to collide has not converged, nor is it worth more iterations.
     """
     if outcome not in GOOD:
         return outcome
     if meets_density(problem, motion):
         return PlanOutcome.IN_COLLISION
-    if not tells_fog_from_matter(problem.field):
-        return outcome
     likely = collision_probability_bound(problem.field, motion, problem.robot.body) >= NEAR_CERTAIN
     return PlanOutcome.LIKELY_COLLISION if likely else outcome
 
