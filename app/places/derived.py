@@ -6,6 +6,7 @@ from functools import lru_cache
 from app.places.place import Place
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import Searcher
+from nerfnav.field.proof import unproven_in_words
 from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.geometry.camera import Camera
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
@@ -28,6 +29,12 @@ def occupancy_of(place: Place, config: OccupancyConfig) -> OccupancyMap:
     """
     config = replace(config, voxel=max(config.voxel, _STEPS_IN_VOXEL * place.field.step))
     return OccupancyMap.of(place.field, place.robot.body, config)
+
+
+@lru_cache(maxsize=1)
+def unproven_of(place: Place) -> str:
+    """What is not proven of the place, in words; counted once."""
+    return unproven_in_words(place.field)
 
 
 @lru_cache(maxsize=1)

@@ -26,6 +26,9 @@ _BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".t
 """Endings of the files that meshes in an archive may need."""
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""
+WITHOUT_DEPTH = 3
+"""How many pictures are taken for each one that would do with depth: only colours that contradict each other prove
+space to be free then, and half a dozen looks past a node seldom do."""
 
 
 def gather(request: TrainRequest) -> Gathering:
@@ -38,9 +41,11 @@ def gather(request: TrainRequest) -> Gathering:
     assert scene.voxel is not None  # an imported scene says what suits it
     # places of all sizes take as much work, in voxels
     volume = scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
-    capture = replace(request.capture.clear_of(scene.voxel), images=request.photographs.count or images_for(volume))
+    without_depth = request.depth is False
+    count = request.photographs.count or images_for(volume) * (WITHOUT_DEPTH if without_depth else 1)
+    capture = replace(request.capture.clear_of(scene.voxel), images=count)
     photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
-    learned, held_out = split(photographs if request.depth is not False else photographs.without_depth())
+    learned, held_out = split(photographs.without_depth() if without_depth else photographs)
     report = {**imported.report, "images_used": len(photographs), "images_skipped": 0}
     return TrainingData(
         learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)

@@ -5,7 +5,9 @@ from collections.abc import Callable
 import viser
 
 import scenes
+from app.page.html import note
 from app.page.panels.dropdown import ChoiceList
+from app.places.derived import unproven_of
 from app.places.sources import SUFFIXES, title_of
 from app.places.uploads import UploadError, Uploads
 from app.state.actions import Cancel, Command, OpenPlace, Tell
@@ -34,6 +36,7 @@ class PlacePanel:
         )
         self._upload.on_upload(self._take)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
+        self._unproven = server.gui.add_html("", visible=False)
         self._robots = ChoiceList(server, "robot", robots.names(), "What moves: its body and its dynamics", post)
 
         @self._stop.on_click
@@ -61,4 +64,8 @@ class PlacePanel:
             self._places.options = tuple(self._known)
         self._places.value = title_of(session.what)
         self._stop.visible = session.place is None and session.before is not None
+        told = "" if session.place is None else unproven_of(session.place)
+        self._unproven.visible = told != ""
+        if told:
+            self._unproven.content = note(told)
         self._robots.show(session)
