@@ -14,6 +14,7 @@ from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
 from nerfnav.geometry.images import PosedImages
 from nerfnav.importers.captures import depths, pictures, placing
+from nerfnav.importers.captures.boxing import guessed_box
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.imported import CaptureReport, ImportConfig, ImportedCapture, ImportStep
 from nerfnav.importers.captures.pictures import Picture
@@ -192,15 +193,8 @@ def _box(
     if placement.box is not None:
         lower, upper = (torch.from_numpy(np.array(corner) - world.origin).float() for corner in placement.box)
         return Box(lower, upper), ()
-    if photographs.depth is not None:
-        shown = depths.points_of(photographs.depth, photographs.depth_camera, world.poses)
-        around = placing.box_of_points(shown, world.poses)
-        return around, (f"box: {around.describe()}, around the cameras and what the depth maps show",)
-    cameras = placing.box_of_cameras(world.poses)
-    cut = None if silhouettes is None else placing.box_of_silhouettes(photographs, silhouettes, cameras)
-    if cut is not None:
-        return cut, (f"box: {cut.describe()}, around what the pictures do not leave clear",)
-    return cameras, (f"box: {cameras.describe()}, around the cameras and what they look at",)
+    box, why = guessed_box(photographs, silhouettes, world.poses)
+    return box, (f"box: {box.describe()}, around {why}",)
 
 
 def _photographs(shots: list[Picture], poses: np.ndarray) -> tuple[PosedImages, np.ndarray | None]:
