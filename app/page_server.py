@@ -4,6 +4,7 @@ import viser
 
 from app.page.theme import branded
 from app.places.uploads import MOST_BYTES
+from app.security.address import check_address
 from app.security.guarded_server import PagePolicy, guarded_server
 
 
@@ -12,4 +13,5 @@ def page_server(host: str, port: int, token: str | None = None) -> viser.ViserSe
 
     Raises NerfnavError where it cannot listen there, or must not without a token.
     """
+    check_address(host, port)
     return guarded_server(host, port, token, PagePolicy(branded, MOST_BYTES))

@@ -15,7 +15,8 @@ import nerfnav
 import scenes
 from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.imported import ImportConfig
-from nerfnav.world.capture import CaptureConfig, capture
+from nerfnav.world.capture import capture
+from nerfnav.world.capture_config import CaptureConfig
 
 
 def write_capture(folder: Path, images: int) -> None:

@@ -1,58 +1,23 @@
-"""How kernels are compiled: one decorator, one cache that knows when it is stale, one way to say how many threads.
-
-numba caches compiled functions by the time stamp of the file they stand in, and misses changes in files they call
-into: stale machine code then gives silently wrong results. The cache folder is therefore named after the content
-of all kernel sources.
+"""How kernels are compiled: one decorator, one cache (nerfnav/kernel_cache.py), one way to say how many threads.
 
 numba itself is imported when a kernel is first called: it takes a fifth of a second, and somebody waits for the page.
 """
 
-import hashlib
 import inspect
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
 import torch
-from platformdirs import user_cache_path
 
-_PACKAGE = Path(__file__).parent
+from nerfnav.kernel_cache import caching
+
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
 
 prange = range
 """`range` whose turns are done side by side in a parallel kernel."""
-
-
-@cache
-def _sources_digest() -> str:
-    import numba
-
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(_PACKAGE.rglob("kernels/*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def cache_folder() -> Path:
-    """Where compiled kernels are kept: in NUMBA_CACHE_DIR or the user's cache, a folder for each state of them."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    root = Path(chosen) / "nerfnav" if chosen else user_cache_path("nerfnav", appauthor=False)
-    return root / f"kernels-{_sources_digest()}"
-
-
-@contextmanager
-def _cache_in(folder: Path) -> Iterator[None]:
-    from numba import config
-
-    before = config.CACHE_DIR  # type: ignore[attr-defined]
-    config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
 class Kernel:
@@ -80,7 +45,7 @@ class Kernel:
         names = self._function.__globals__
         if names.get("prange") is prange:
             names["prange"] = numba.prange  # which numba knows by identity
-        with global_compiler_lock, _cache_in(cache_folder()):  # the cache's folder is set for the whole process
+        with global_compiler_lock, caching():
             return numba.njit(**self._options)(self._function)
 
 

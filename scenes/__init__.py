@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import nerfnav
 from nerfnav.cached import code_of, kept
 from nerfnav.errors import UnknownNameError
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 
 if TYPE_CHECKING:
-    from nerfnav.world.scene import Scene  # slow to import, and seldom needed at once
+    from nerfnav.world import Scene  # slow to import, and seldom needed at once
 
 _NAMES = ("stonehenge", "playground", "church", "apartment", "blocks")
 

@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene, Vantage
+from nerfnav.geometry import Box
+from nerfnav.world import Scene, Vantage
 from scenes.apartment_rooms import furnished
 from scenes.finishes import tiles
 from scenes.furniture import block, coarse, placed, plain, timber

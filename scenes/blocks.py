@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene
+from nerfnav.geometry import Box
+from nerfnav.world import Scene
 from scenes.light import Light, from_srgb, lit
 from scenes.noise import fractal
 from scenes.primitives import Size, box, place

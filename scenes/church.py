@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene
+from nerfnav.geometry import Box
+from nerfnav.world import Scene
 from scenes.finishes import carpet, masonry, paint, painted, stained, striped, tiles, wood
 from scenes.light import Color, Light, from_srgb
 from scenes.noise import mix, noise, smoothstep

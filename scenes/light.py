@@ -11,7 +11,7 @@ import trimesh
 from trimesh.visual.color import ColorVisuals
 
 from nerfnav.geometry import srgb
-from nerfnav.world.raycast import RayCaster
+from nerfnav.world import RayCaster
 
 Color = tuple[float, float, float]
 

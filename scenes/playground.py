@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene
+from nerfnav.geometry import Box
+from nerfnav.world import Scene
 from scenes.finishes import paint, striped, wood
 from scenes.lawn import lawn
 from scenes.light import Color, Light

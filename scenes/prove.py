@@ -14,14 +14,12 @@ from pathlib import Path
 import torch
 
 import scenes
-from nerfnav.experiments.freedom import Freedom, freedom_noted, freedom_on_mesh, in_words
-from nerfnav.field.checkpoint import load_field, save_field
-from nerfnav.field.evidence import states_of
+from nerfnav.experiments import Freedom, freedom_noted, freedom_on_mesh, in_words
+from nerfnav.field import VoxelField, load_field, save_field, states_of
 from nerfnav.field.fusion import fused
-from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.images import PosedImages
-from nerfnav.world.capture import CaptureConfig, capture, images_taken, split
-from nerfnav.world.scene import Scene
+from nerfnav.geometry import PosedImages
+from nerfnav.world import CaptureConfig, Scene, images_taken, split
+from nerfnav.world.capture import capture
 
 
 def learned_from(field: VoxelField, scene: Scene) -> PosedImages:

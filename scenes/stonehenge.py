@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from nerfnav.geometry.box import Box
-from nerfnav.world.scene import Scene
+from nerfnav.geometry import Box
+from nerfnav.world import Scene
 from scenes.light import Light, lit
 from scenes.meadow import meadow
 from scenes.primitives import EDGE, Roughness, Size, place, stone

@@ -7,7 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numba
 import pytest
 
-from nerfnav.compiled import Kernel, cache_folder, default_threads
+from nerfnav.compiled import Kernel, default_threads
+from nerfnav.kernel_cache import cache_folder
 
 
 @pytest.mark.parametrize(("usable", "expected"), [({0}, 1), ({0, 1}, 1), ({1, 4, 5, 7}, 3)])

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from app.cli.main import COMMANDS, parse
+from app.cli.catalog import COMMANDS
+from app.cli.parsing import parse
 from tests import test_imports
 
 ROOT = Path(__file__).parents[1]

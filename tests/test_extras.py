@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from nerfnav.errors import MissingExtraError
-from nerfnav.experiments import planners
+from nerfnav.experiments import contenders
 from nerfnav.experiments.figures import panels
 from nerfnav.experiments.study import Study, run_trials
 from nerfnav.export.recording import Recording
@@ -94,10 +94,10 @@ def test_the_app_has_every_extra_that_it_offers() -> None:
 
 
 def test_planners_are_compared_without_the_one_that_is_missing(hide: Callable[[str], None]) -> None:
-    assert planners._left_out() == {}
+    assert contenders.missing() == {}
     hide("ompl")
-    assert list(planners._left_out()) == ["rrt"]
-    assert "pip install 'nerfnav[baselines]'" in planners._left_out()["rrt"]
+    assert list(contenders.missing()) == ["rrt"]
+    assert "pip install 'nerfnav[baselines]'" in contenders.missing()["rrt"]
 
 
 def test_what_is_installed_is_given() -> None:

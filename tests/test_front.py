@@ -1,6 +1,5 @@
 """The names that `import nerfnav` gives: all there, none imported before it is asked for."""
 
-import ast
 import subprocess
 import sys
 import tomllib
@@ -10,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import nerfnav
+from tests.test_imports import FACES, on_the_face, package_path
 
 ROOT = Path(__file__).parents[1]
 HEAVY = ("torch", "numpy", "numba", "jaxtyping", "trimesh", "scipy", "cv2", "skimage", "viser", "matplotlib", "ompl")
@@ -21,21 +21,16 @@ def test_the_front_imports_nothing_heavy() -> None:
     assert ran.stdout.split() == []
 
 
-@pytest.mark.parametrize("name", nerfnav._HOMES)
-def test_a_name_is_what_its_module_has(name: str) -> None:
-    assert getattr(nerfnav, name) is getattr(import_module(nerfnav._HOMES[name]), name)
-    assert name in dir(nerfnav)
-
-
-def test_type_checkers_see_the_same_names_from_the_same_modules() -> None:
-    tree = ast.parse((ROOT / "nerfnav" / "__init__.py").read_text())
-    (seen,) = [node for node in tree.body if isinstance(node, ast.If)]
-    imports = [node for node in seen.body if isinstance(node, ast.ImportFrom)]
-    assert {alias.asname: node.module for node in imports for alias in node.names} == nerfnav._HOMES
+@pytest.mark.parametrize("stub", FACES, ids=lambda stub: str(stub.parent.relative_to(ROOT)))
+def test_every_name_of_a_face_is_what_its_module_has(stub: Path) -> None:
+    face = import_module(package_path(stub))
+    for (module, name), package in on_the_face(stub).items():
+        assert getattr(face, name) is getattr(import_module(module), name), f"{package} gives another {name}"
+        assert name in dir(face)
 
 
 def test_a_name_that_there_is_not_is_refused() -> None:
-    with pytest.raises(AttributeError, match="module 'nerfnav' has no attribute 'flyy'"):
+    with pytest.raises(AttributeError, match="No nerfnav attribute flyy"):
         _ = nerfnav.flyy  # type: ignore[attr-defined]
 
 

@@ -7,8 +7,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LEVELS = (
-    ("errors",),
-    ("structs", "compiled", "files", "extras"),
+    ("errors", "kernel_cache"),
+    ("structs", "compiled", "files", "extras", "glb"),
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
@@ -22,33 +22,33 @@ BESIDE = {("world", "robots")}
 WALL = ("planner", "estimator", "navigation")
 """They plan and estimate on the field alone: planned on the field, judged on the mesh."""
 ROOMS: dict[str, tuple[str, ...]] = {
-    "cli": ("server", "page", "page_server", "jobs", "storage", "places", "security", "registry", "system", "text"),
-    "server": ("page", "page_server", "worker", "reducers", "state", "places", "security", "system"),
+    "cli": ("server", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
+    "server": ("page", "page_server", "worker", "ui_loop", "state", "places", "security"),
+    "ui_loop": ("reducers", "state"),
     "page_server": ("page.theme", "places", "security"),
     "worker": ("queries", "state", "jobs", "storage", "places", "text", "system"),
     "page": (
-        "queries", "state", "places", "jobs.events", "storage.run_metadata", "storage.experiment_store", "registry",
+        "queries", "state", "places", "jobs.events", "storage.run_metadata", "storage.experiment_store",
         "text",
     ),
-    "queries": ("reducers", "state", "jobs", "storage", "places", "registry", "text"),
-    "reducers": ("state", "jobs.events", "places", "registry", "text"),
-    "state": ("jobs.events", "storage.run_metadata", "places", "registry"),
-    "jobs": ("benchmarks", "storage", "places", "registry"),
+    "queries": ("reducers", "state", "jobs", "storage", "places", "text"),
+    "reducers": ("state", "jobs.events", "places", "text"),
+    "state": ("jobs.events", "storage.run_metadata", "places"),
+    "jobs": ("benchmarks", "storage", "places"),
     "storage": ("places", "text"),
     "benchmarks": (),
     "places": (),
     "security": (),
     "system": (),
-    "registry": (),
     "text": (),
 }  # fmt: skip
 """Rooms of app/, the highest floor first, and what each may import of app/ besides itself."""
 ONLY_IN = {
     "viser": ("app.page", "app.page_server", "app.security", "app.cli.serve"),
-    "threading": ("app.worker", "app.server", "app.security", "app.cli.serve"),
+    "threading": ("app.worker", "app.ui_loop", "app.security", "app.cli.serve"),
 }
 """Modules of app/ that may import these."""
-SETTING_THREADS = ("app.worker", "app.cli.terminal", "app.benchmarks")
+SETTING_THREADS = ("app.worker", "app.cli.progress", "app.benchmarks")
 """Modules of app/ that may tell torch how many threads it has."""
 SOURCES = sorted(path for folder in ("nerfnav", "scenes", "app") for path in (ROOT / folder).rglob("*.py"))
 LIBRARY = [path for path in SOURCES if path.is_relative_to(ROOT / "nerfnav")]
@@ -109,11 +109,38 @@ def test_planning_and_estimation_never_see_the_ground_truth(path: Path) -> None:
     assert not [module for module in imported(path) if package_of(module) == "world"]
 
 
-def test_the_front_of_the_library_imports_nothing_of_it_before_it_is_asked_for() -> None:
-    front = ast.parse((ROOT / "nerfnav" / "__init__.py").read_text())
-    named = {alias.name for node in front.body if isinstance(node, ast.Import) for alias in node.names}
-    named |= {str(node.module) for node in front.body if isinstance(node, ast.ImportFrom)}
-    assert named == {"os", "importlib", "typing"}, "of nerfnav, only inside `if TYPE_CHECKING`"
+FACES = sorted((ROOT / "nerfnav").rglob("__init__.pyi"))
+
+
+def package_path(stub: Path) -> str:
+    return ".".join(stub.parent.relative_to(ROOT).parts)
+
+
+def on_the_face(stub: Path) -> dict[tuple[str, str], str]:
+    """(Module, name) to the package that gives the name, for what a face names."""
+    package = package_path(stub)
+    imports = [node for node in ast.parse(stub.read_text()).body if isinstance(node, ast.ImportFrom) and node.module]
+    return {(f"{package}.{node.module}", alias.name): package for node in imports for alias in node.names}
+
+
+@pytest.mark.parametrize("stub", FACES, ids=relative)
+def test_a_face_imports_nothing_of_its_package_before_it_is_asked_for(stub: Path) -> None:
+    assert imported(stub.with_suffix(".py")) <= {"os", "lazy_loader"}
+
+
+MOVING = ("planner", "estimator", "navigation", "field/carving", "field/evidence", "field/fusion", "field/unknown")
+FACING = [path for path in SOURCES if not relative(path).startswith(tuple(f"nerfnav/{part}" for part in MOVING))]
+
+
+@pytest.mark.parametrize("path", FACING, ids=relative)
+def test_what_a_package_has_on_its_face_is_imported_from_there_by_other_packages(path: Path) -> None:
+    given = {name: face for stub in FACES if stub.parent.name != "nerfnav" for name, face in on_the_face(stub).items()}
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                face = given.get((node.module or "", alias.name))
+                inside = face is None or within(module_of(path), (face,))
+                assert inside or alias.asname, f"{relative(path)}: {alias.name} is on the face of {face}"
 
 
 def test_scenes_do_not_import_the_app() -> None:

@@ -9,9 +9,11 @@ import scenes
 from nerfnav import robots
 from nerfnav.estimator.descent import DescentConfig
 from nerfnav.estimator.filter import FilterConfig, PoseFilter
-from nerfnav.export.tables import csv_text, episode_table, table_of_csv
+from nerfnav.export.table_text import csv_text, table_of_csv
+from nerfnav.export.tables import episode_table
 from nerfnav.field.checkpoint import load_field, save_field
-from nerfnav.field.train import TrainConfig, train
+from nerfnav.field.train import train
+from nerfnav.field.train_config import TrainConfig
 from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
@@ -20,7 +22,8 @@ from nerfnav.navigation.steps import NavigationStep
 from nerfnav.planner.optimize import PlanConfig, plan
 from nerfnav.planner.planners.paper import PaperPlanner
 from nerfnav.planner.problem import PlanProblem
-from nerfnav.world.capture import CaptureConfig, capture, split
+from nerfnav.world.capture import capture, split
+from nerfnav.world.capture_config import CaptureConfig
 from nerfnav.world.contact import contact_check, judge
 from nerfnav.world.raycast import MeshRenderer
 

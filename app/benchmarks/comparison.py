@@ -41,6 +41,12 @@ def interleaved(
     return statistics.median(slow_ms), statistics.median(fast_ms)
 
 
+def median_ms(call: Callable[[], object], repeats: int) -> float:
+    """Median time of a call [ms], which is made once before to warm it up."""
+    call()
+    return statistics.median(_milliseconds(call) for _ in range(repeats))
+
+
 def _milliseconds(call: Callable[[], object]) -> float:
     begun = time.perf_counter()
     call()

@@ -12,17 +12,11 @@ from torch import Tensor
 
 from app.benchmarks.comparison import Comparison, interleaved
 from app.benchmarks.plan import both_threads
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.estimator import Estimator
-from nerfnav.estimator.fast import FastFilter
-from nerfnav.estimator.filter import FilterConfig, PoseFilter
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.pixels import PixelConfig
-from nerfnav.experiments.arena import Arena
+from nerfnav.estimator import Belief, Estimator, FastFilter, FilterConfig, PixelConfig, PoseFilter, StateNoise
+from nerfnav.experiments import Arena
 from nerfnav.experiments.views import CAMERA, SUPERSAMPLE, held_out_poses, take_picture
-from nerfnav.robots.quadrotor import Quadrotor
-from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
-from nerfnav.world.raycast import MeshRenderer
+from nerfnav.robots import ATTITUDE, POSITION, Quadrotor, RigidState
+from nerfnav.world import MeshRenderer
 
 _PIXELS = 1024
 _DT = 0.1

@@ -9,12 +9,8 @@ import torch
 from app.benchmarks.comparison import Comparison, interleaved
 from nerfnav import robots
 from nerfnav.compiled import threads
-from nerfnav.experiments.arena import Arena
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.optimize import PlanConfig, plan
-from nerfnav.planner.problem import PlanProblem
-from nerfnav.planner.steps import last_step
+from nerfnav.experiments import Arena
+from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, last_step, plan, plan_fast
 
 THREADS, TORCH_THREADS = 2, 1
 """Threads of compiled kernels, and of torch: on small tensors, which is all that both planners have, it is slower with

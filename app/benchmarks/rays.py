@@ -6,8 +6,8 @@ from contextlib import contextmanager
 import torch
 
 from nerfnav.compiled import threads
-from nerfnav.experiments.arena import Arena
-from nerfnav.geometry.camera import Camera, Pose, look_at
+from nerfnav.experiments import Arena
+from nerfnav.geometry import Camera, Pose, look_at
 
 THREADS = 2
 """Threads of compiled kernels and of torch, whose large tensors gain by them."""

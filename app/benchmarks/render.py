@@ -4,9 +4,8 @@ import torch
 
 from app.benchmarks.comparison import Comparison, interleaved
 from app.benchmarks.rays import THREADS, field_threads, views_in
-from nerfnav.experiments.arena import Arena
-from nerfnav.field.field import uniform_samples
-from nerfnav.field.render import Rendering, render_rays
+from nerfnav.experiments import Arena
+from nerfnav.field import Rendering, render_rays, uniform_samples
 
 _RAYS_AT_ONCE = 4096
 

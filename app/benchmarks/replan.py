@@ -8,15 +8,20 @@ import torch
 
 from app.benchmarks.comparison import Comparison, interleaved
 from app.benchmarks.plan import both_threads, problems_of
-from nerfnav.experiments.arena import Arena
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.experiments import Arena
+from nerfnav.planner import (
+    FastPlanConfig,
+    OccupancyMap,
+    PlanConfig,
+    PlanProblem,
+    PlanStep,
+    last_step,
+    plan_fast,
+    replan,
+)
 from nerfnav.planner.hot_start import hot_start
-from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.optimize import PlanConfig, replan
-from nerfnav.planner.problem import PlanProblem
-from nerfnav.planner.steps import PlanStep, last_step
 from nerfnav.planner.warm_start import carry_on
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion
 
 _KICK_M, _KICK_RAD = 0.02, 0.02
 """How a robot is pushed in one step, as in the paper: 2 cm, 0.02 rad; half of that on the rates."""

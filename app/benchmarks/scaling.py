@@ -1,24 +1,27 @@
 """What an iteration of the fast planner costs for motions and bodies of several sizes, and what more starts cost."""
 
 import itertools
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app.benchmarks.comparison import median_ms
 from app.benchmarks.plan import both_threads, problems_of
-from nerfnav.experiments.arena import Arena
+from nerfnav.experiments import Arena
 from nerfnav.experiments.figures import COLORS, bars, panels
+from nerfnav.planner import (
+    FastPlanConfig,
+    InitialGuess,
+    Objective,
+    OccupancyMap,
+    PlanProblem,
+    first_guess,
+    last_step,
+    plan_fast,
+)
 from nerfnav.planner.astar import SearchConfig
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.objective import Objective
-from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guess
-from nerfnav.planner.steps import last_step
-from nerfnav.robots.body import Body
-from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
+from nerfnav.robots import Body, Quadrotor, QuadrotorConfig
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -58,7 +61,7 @@ def measure(arena: Arena, repeats: int = 30, tasks: int = 10) -> Scaling:
         occupancy = OccupancyMap.of(arena.field, problems[0].robot.body)
         many, one = FastPlanConfig(), FastPlanConfig(search=SearchConfig.single())
         times = [
-            [_median_ms(lambda: last_step(plan_fast(problem, config, occupancy)), 3) for problem in problems]  # noqa: B023
+            [median_ms(lambda: last_step(plan_fast(problem, config, occupancy)), 3) for problem in problems]  # noqa: B023
             for config in (one, many)
         ]
     steps, points, spent = (np.array(column) for column in zip(*rows, strict=True))
@@ -91,14 +94,4 @@ def _iteration(
     objective = Objective(sized.context(FastPlanConfig().weights), sized.route, sized.terms)
     free = guess.free.double().numpy()
     body: Body = robot.body
-    return len(body.points_body), _median_ms(lambda: objective(free), repeats)
-
-
-def _median_ms(call: Callable[[], object], repeats: int) -> float:
-    call()
-    times = []
-    for _ in range(repeats):
-        begun = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - begun)
-    return 1e3 * float(np.median(times))
+    return len(body.points_body), median_ms(lambda: objective(free), repeats)

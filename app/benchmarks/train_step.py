@@ -5,11 +5,9 @@ import torch
 
 from app.benchmarks.comparison import Comparison, interleaved
 from app.benchmarks.rays import THREADS, field_threads, views_in
-from nerfnav.experiments.arena import Arena
-from nerfnav.field.learner import GridLearner, LearningRates
-from nerfnav.field.rays import RayBatch
-from nerfnav.field.torch_learner import TorchLearner
-from nerfnav.field.train import VOXELS_IN_UNIT, TrainConfig
+from nerfnav.experiments import Arena
+from nerfnav.field import GridLearner, LearningRates, RayBatch, TorchLearner, TrainConfig
+from nerfnav.field.train_config import VOXELS_IN_UNIT
 
 _VIEWS, _SIZE = 8, 64
 

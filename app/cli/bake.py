@@ -5,10 +5,11 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.terminal import follow, show
-from app.jobs.import_field import bake_file
+from app.cli.progress import follow
+from app.cli.terminal import show
+from app.jobs.bake import bake_file
 from app.places.opening import field_file
-from nerfnav.field.checkpoint import load_field
+from nerfnav.field import load_field
 
 
 @dataclass(frozen=True)

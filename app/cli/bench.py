@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli.terminal import follow, note, show
+from app.cli.progress import follow
+from app.cli.terminal import note, show
 from app.jobs.bench import BenchRequest
 from app.jobs.bench import run as run_job
 

@@ -3,19 +3,15 @@
 import os
 import platform
 import shutil
-import time
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import torch
 
+from app.cli.kernel_check import check_kernels
 from app.cli.terminal import show
-from nerfnav.compiled import cache_folder, default_threads
+from nerfnav.compiled import default_threads
 from nerfnav.estimator.retraction import retraction_backend
-from nerfnav.field.render import render_rays
-from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.box import Box
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "firefox")
 
@@ -42,23 +38,7 @@ def examine() -> dict[str, Any]:
         "threads": default_threads(),
         "torch": torch.__version__,
         "gpu": torch.cuda.get_device_name(0) if torch.cuda.is_available() else None,
-        "kernels": _kernels(),
+        "kernels": check_kernels(),
         "browser": next(iter(browsers.values()), None),
         "retraction": retraction_backend(),
-    }
-
-
-def _kernels() -> dict[str, Any]:
-    """Look through a small field with the compiled renderer and with the torch path that it stands for."""
-    began = time.perf_counter()
-    values = torch.linspace(-3, 0.5, 6**3 * 4).reshape(6, 6, 6, 4)
-    field = VoxelField(Box.of((0, 0, 0), (1, 1, 1)), values, torch.ones(3))
-    rays = torch.rand(64, 3, generator=torch.Generator().manual_seed(0)), torch.tensor([[0.0, 0.6, 0.8]]).expand(64, 3)
-    seen, expected = field.render_rays(*rays).color, render_rays(field, *rays).color
-    return {
-        "numba": numba.__version__,
-        "agree": bool(torch.allclose(seen, expected, atol=2e-3)),
-        "threading": numba.threading_layer(),  # type: ignore[attr-defined]
-        "ready_s": time.perf_counter() - began,
-        "cache": str(cache_folder()),
     }

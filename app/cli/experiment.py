@@ -2,23 +2,22 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
-from app.cli.terminal import follow, note, show
+from app.cli.progress import follow
+from app.cli.terminal import note, show
 from app.jobs.experiment import ExperimentRequest
 from app.jobs.experiment import run as run_job
+from app.jobs.experiment_catalog import EXPERIMENTS
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """Run an experiment: many trials, judged on the ground truth, summed up in a table and figures.
+    """Run an experiment: many trials, judged on the ground truth, summed up in a table and figures."""
 
-    Known are: planners, collision-correlation, ground-robots, estimation, relocalisation, basin, tangent-plane.
-    """
-
-    name: Positional[str]
-    """Which experiment."""
+    name: Annotated[Positional[str], arg(help=f"Which experiment: {', '.join(EXPERIMENTS)}.")]
     trials: int | None = None
     """How many trials; by default as many as the experiment needs."""
     jobs: int | None = None

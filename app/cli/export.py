@@ -7,10 +7,11 @@ from typing import Any
 
 from tyro.conf import Positional
 
-from app.cli.terminal import follow, show
+from app.cli.progress import follow
+from app.cli.terminal import show
 from app.jobs.export import ExportRequest
 from app.jobs.export import run as run_job
-from nerfnav.export.formats import FORMATS
+from nerfnav.export import FORMATS
 
 
 @dataclass(frozen=True)

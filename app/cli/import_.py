@@ -5,10 +5,11 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from app.cli.terminal import follow, show
+from app.cli.progress import follow
+from app.cli.terminal import show
 from app.cli.train import PlacementArguments
-from app.jobs.import_field import ImportRequest
 from app.jobs.import_field import run as run_job
+from app.jobs.import_request import ImportRequest
 
 
 @dataclass(frozen=True)

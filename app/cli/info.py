@@ -2,32 +2,15 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-import torch
 from tyro.conf import Positional
 
-import scenes
+from app.cli.field_picture import write_picture
+from app.cli.info_geometry import freedom_of, geometry_of, grain, truth_of
 from app.cli.terminal import show
-from app.places.opening import field_file, ground_truth
-from app.storage.output_files import prepare_file, write_bytes
-from nerfnav.errors import InvalidInputError
-from nerfnav.experiments.freedom import Freedom, freedom_alone, freedom_on_mesh, in_words
-from nerfnav.experiments.geometry import GeometryReport, measure_geometry
-from nerfnav.field.checkpoint import StoredField, load_field
-from nerfnav.field.neural import NeuralField
-from nerfnav.field.render import render_image
-from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.camera import Camera, Pose, look_at
-from nerfnav.geometry.images import picture_file
-from nerfnav.importers.meshes.importer import SceneConfig, import_mesh
-from nerfnav.importers.placement import Placement
-from nerfnav.world.capture import CaptureConfig, capture_poses, images_taken
-from nerfnav.world.scene import Scene
-
-_WIDTH, _HEIGHT, _FOV_DEG = 480, 360, 70.0
-_STANDPOINT = (0.62, -0.68, 0.42)
-"""Where the picture is taken from: off the box's middle, in longest edges of it, high enough to see over things."""
+from app.places.opening import field_file
+from nerfnav.experiments import in_words
+from nerfnav.field import load_field
 
 
 @dataclass(frozen=True)
@@ -52,87 +35,17 @@ def run(arguments: Arguments) -> None:
     field = load_field(path)
     summary = {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
-        **_grain(field),
+        **grain(field),
         **asdict(field.info),
         "file_bytes": path.stat().st_size,
     }
     for name in ("surface_taken_for_free", "free_taken_for_free", "unproven_share"):
         del summary[name]  # told together, below
-    freedom = _freedom(field, path)
+    freedom = freedom_of(field, path)
     summary["geometry"] = asdict(freedom)
     if arguments.mesh is not None:
-        summary["geometry"] |= asdict(_geometry(field, _truth(arguments.mesh, field, path)))
+        summary["geometry"] |= asdict(geometry_of(field, truth_of(arguments.mesh, field, path)))
     summary["in_words"] = in_words(freedom)
     if arguments.png is not None:
-        summary["png"] = str(_picture(field, arguments.png))
+        summary["png"] = str(write_picture(field, arguments.png))
     show(str(path), summary, arguments.json)
-
-
-def _grain(field: StoredField) -> dict[str, Any]:
-    """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
-    if isinstance(field, VoxelField):
-        return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
-    if isinstance(field, NeuralField):
-        shape = field.fine.config
-        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
-    return {"voxel_m": field.step}
-
-
-def _freedom(field: StoredField, path: Path) -> Freedom:
-    """What planners take for free: as it was measured when the field was made, else as far as it can be now."""
-    info, voxel = field.info, _grain(field)["voxel_m"]
-    if info.unproven_share is not None:
-        return Freedom(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, voxel)
-    truth = ground_truth(field, path)
-    if truth is None:
-        return freedom_alone(field, voxel)
-    scene = truth.load()
-    return freedom_on_mesh(field, voxel, scene, _seen_from(field, scene))
-
-
-def _geometry(field: StoredField, scene: Scene) -> GeometryReport:
-    """The field against the mesh, seen from where the photographs that it was trained from were taken."""
-    return measure_geometry(field, _grain(field)["voxel_m"], scene, _seen_from(field, scene))
-
-
-def _seen_from(field: StoredField, scene: Scene) -> tuple[Camera, Pose]:
-    """The camera that a field of a scene was photographed with, and its poses T_world_camera, which the seed tells."""
-    learned = field.info.images
-    config = CaptureConfig(images=images_taken(learned) if learned else CaptureConfig.images)
-    imported = scene.paint is not None  # a place of any size
-    config = config.clear_of(_grain(field)["voxel_m"]) if imported else config.suiting(scene)
-    poses = capture_poses(scene, config, torch.Generator().manual_seed(field.info.seed))
-    return Camera.from_fov(config.width, config.height, config.horizontal_fov_deg), poses
-
-
-def _truth(what: str, field: StoredField, path: Path) -> Scene:
-    """A bundled scene, or a mesh file: as the field's own ground truth has it where that was made from this file."""
-    if what in scenes.names():
-        return scenes.load(what)
-    if not Path(what).is_file():
-        raise InvalidInputError(f"there is no mesh file {what}, and no scene of that name; known are: {_known()}")
-    own = ground_truth(field, path)
-    if own is not None and (scene := own.load()).name == Path(what).name:
-        return scene
-    box = (_corner(field.box.lower), _corner(field.box.upper))
-    *_, last = import_mesh(Path(what), SceneConfig(Placement(box=box)))
-    assert last.imported is not None  # the last step carries the scene
-    return last.imported.scene
-
-
-def _corner(point: torch.Tensor) -> tuple[float, float, float]:
-    x, y, z = point.tolist()
-    return x, y, z
-
-
-def _known() -> str:
-    return ", ".join(scenes.names())
-
-
-def _picture(field: StoredField, out: Path) -> Path:
-    """What the field looks like from above one of its corners."""
-    path = prepare_file(out)
-    eye = field.box.center + torch.tensor(_STANDPOINT) * field.box.size.max()
-    aim = field.box.center - 0.15 * field.box.size * torch.tensor([0.0, 0.0, 1.0])
-    seen = render_image(field, Camera.from_fov(_WIDTH, _HEIGHT, _FOV_DEG), look_at(eye, aim))
-    return write_bytes(path, picture_file(seen.image.numpy()))

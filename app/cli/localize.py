@@ -5,7 +5,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.terminal import follow, show
+from app.cli.progress import follow
+from app.cli.terminal import show
 from app.jobs.localize import LocalizeRequest
 from app.jobs.localize import run as run_job
 

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.terminal import follow, show
+from app.cli.progress import follow
+from app.cli.terminal import show
 from app.jobs.map import MapRequest
 from app.jobs.map import run as run_job
 from app.places.opening import field_file
-from nerfnav.field.checkpoint import load_field
+from nerfnav.field import load_field
 
 
 @dataclass(frozen=True)

@@ -1,46 +1,19 @@
 """Arguments that several subcommands share."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 from tyro.conf import Positional
 
-from app.cli.number_arguments import in_words, numbers
+from app.cli.end_arguments import EndNumbers, end_of
+from app.cli.planner_arguments import PLANNER
 from app.jobs.plan_request import PlanRequest
-from app.places.ends import End, Ends
+from app.places.ends import Ends
 from app.places.opening import open_place
 from app.places.place import Place
-from nerfnav import robots
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.unknown import Unknown
-from nerfnav.planner import planners
-from nerfnav.planner.planner import PlannerConfig, PlannerEntry
-
-
-def _end_numbers(words: list[str]) -> tuple[float, ...]:
-    read = numbers(words, "an end")
-    if len(read) not in (3, 4):
-        raise ValueError(f"an end is X Y Z or X Y Z YAW, not {len(read)} numbers")
-    return read
-
-
-EndNumbers = Annotated[tuple[float, ...] | None, in_words("X Y Z [YAW]", _end_numbers)]
-"""Where a flight starts or ends, as words of a command line [m, rad]."""
-
-
-PLANNER = "fast"
-"""Which planner is used where none is named."""
-
-
-def planner_of(words: Sequence[str]) -> PlannerEntry:
-    """The planner that the words of a command line ask for. Raises UnknownNameError, which lists the known ones."""
-    planner = PLANNER
-    for word, following in pairwise([*words, ""]):
-        if word == "--planner" or word.startswith("--planner="):
-            planner = word.partition("=")[2] or following
-    return planners.load(planner)
+from nerfnav.field import Unknown
+from nerfnav.planner import PlannerConfig
 
 
 @dataclass(frozen=True)
@@ -77,7 +50,7 @@ class Route:
         number = 0 if self.task is None else self.task
         if self.start is not None or not 0 <= number < len(tasks):
             return place
-        return replace(place, robot=robots.load(tasks[number].robot))
+        return place.with_robot(tasks[number].robot)
 
     def request(self, place: Place, config: PlannerConfig) -> PlanRequest:
         """What is asked of the planner."""
@@ -100,7 +73,7 @@ class Route:
         """Start and goal. Raises InvalidInputError where they cannot be told from what was said."""
         tasks = place.tasks
         if self.start is not None and self.goal is not None and self.task is None:
-            return Ends(_end(self.start), _end(self.goal))
+            return Ends(end_of(self.start), end_of(self.goal))
         if self.start is not None or self.goal is not None:
             raise InvalidInputError("give either --task, or both --start and --goal")
         if not tasks:
@@ -109,7 +82,3 @@ class Route:
         if not 0 <= number < len(tasks):
             raise InvalidInputError(f"{place.name} has tasks 0 to {len(tasks) - 1}, not {number}")
         return Ends.of_task(tasks[number])
-
-
-def _end(numbers: tuple[float, ...]) -> End:
-    return End((numbers[0], numbers[1], numbers[2]), numbers[3] if len(numbers) == 4 else 0.0)

@@ -7,8 +7,7 @@ from rich.table import Table
 
 import scenes
 from app.cli.terminal import show
-from nerfnav.world.scene import Scene
-from nerfnav.world.task import Task
+from nerfnav.world import Scene, Task
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from app.cli.number_arguments import in_words, numbers
-from app.cli.terminal import follow, show
+from app.cli.progress import follow
+from app.cli.terminal import show
 from app.jobs.train import run as run_job
-from app.jobs.training_data.gather import Photographs, TrainRequest
-from app.jobs.training_data.request import NeuralOptions
-from nerfnav.importers.meshes.importer import MeshOptions
-from nerfnav.importers.placement import AXES, Placement
+from app.jobs.training_data.request import NeuralOptions, Photographs, TrainRequest
+from nerfnav.importers import MeshOptions, Placement
+from nerfnav.importers.placement import AXES
 
 
 def _numbers(what: str, count: int, words: list[str]) -> tuple[float, ...]:

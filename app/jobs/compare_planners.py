@@ -7,7 +7,7 @@ from app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, PlannerCompa
 from app.jobs.plan_request import PlanRequest
 from app.places.place import Place
 from nerfnav.errors import NerfnavError
-from nerfnav.planner.steps import PlanStep
+from nerfnav.planner import PlanStep
 
 
 def run(routes: list[PlanRequest], place: Place) -> JobEvents:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from app.places.place import Place
-from nerfnav.field.train import TrainStep
-from nerfnav.navigation.steps import LoopEvent
-from nerfnav.robots.state import Motion
+from nerfnav.field import TrainStep
+from nerfnav.navigation import LoopEvent
+from nerfnav.robots import Motion
 
 
 @dataclass(frozen=True)

@@ -1,25 +1,17 @@
 """Experiment: many trials, a table, figures, and the numbers that sum them up."""
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from app.jobs.arena import open_arena
 from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
-from app.places.opening import open_place
-from app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
-from nerfnav.errors import InvalidInputError, MissingExtraError
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.study import Results, Row, Study, TrialDone
-from nerfnav.field.voxel import VoxelField
-from nerfnav.world.task import Task
-
-if TYPE_CHECKING:
-    import matplotlib.figure
+from app.jobs.result_files import png_of, save_results
+from app.storage.output_files import prepare_folder
+from nerfnav.errors import MissingExtraError
+from nerfnav.experiments import Arena, Results, Row, Study, TrialDone
+from nerfnav.world import Task
 
 
 @dataclass(frozen=True)
@@ -62,19 +54,8 @@ def run(request: ExperimentRequest) -> JobEvents:
     if out is not None:
         figures, left_out = _drawn(results)
         results = replace(results, summary=_with_left_out(results.summary, left_out))
-    files = () if out is None else save(out, request.name, results, figures)
+    files = () if out is None else save_results(out, request.name, results, figures)
     return JobResult(results.summary, files)
-
-
-@cache
-def open_arena(place: str) -> Arena:
-    """A scene with its trained field, opened once in each process. Raises InvalidInputError without a ground truth."""
-    opened = open_place(place)
-    if opened.scene is None:
-        raise InvalidInputError(f"experiments are judged on a ground truth, and {place} has none: name a scene")
-    if not isinstance(opened.field, VoxelField):
-        raise InvalidInputError(f"experiments fly in voxel fields: run `nerfnav bake {place}` first")
-    return Arena(opened.scene, opened.field)
 
 
 def _drawn(results: Results) -> tuple[dict[str, bytes], Row]:
@@ -88,33 +69,6 @@ def _drawn(results: Results) -> tuple[dict[str, bytes], Row]:
 def _with_left_out(summary: Row, left_out: Row) -> Row:
     """A summary that says under `left_out` what was not done, and why."""
     return {**summary, "left_out": {**summary.get("left_out", {}), **left_out}} if left_out else summary
-
-
-def save(folder: Path, name: str, results: Results, figures: Mapping[str, bytes]) -> tuple[Path, ...]:
-    """Write results.json, the table as NAME.csv, and each figure, given as PNG."""
-    content = {"experiment": name, "summary": results.summary, "rows": list(results.rows)}
-    files = [write_text(folder / "results.json", json_line(content) + "\n")]
-    if results.rows:
-        files.append(write_text(folder / f"{name}.csv", table_text(results.rows)))
-    return (*files, *(write_bytes(folder / f"{title}.png", png) for title, png in figures.items()))
-
-
-def table_text(rows: Sequence[Row]) -> str:
-    """CSV of lines that all have the same names."""
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {name: f"{cell:.9g}" if isinstance(cell, float) else cell for name, cell in row.items()} for row in rows
-    )
-    return stream.getvalue()
-
-
-def png_of(figure: "matplotlib.figure.Figure") -> bytes:
-    """A drawing as PNG."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png")
-    return stream.getvalue()
 
 
 def _tasks(experiment: Experiment, place: str, arena: Arena) -> tuple[Task, ...]:

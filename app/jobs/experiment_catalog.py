@@ -3,10 +3,19 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from nerfnav.experiments import basin, correlation, estimation, ground_robots, planners, relocalisation, tangent
-from nerfnav.experiments.study import ExperimentStep, Study
+from nerfnav.experiments import (
+    ExperimentStep,
+    Study,
+    basin,
+    correlation,
+    estimation,
+    ground_robots,
+    planners,
+    relocalisation,
+    tangent,
+)
 from nerfnav.registry import Registry
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 from scenes.tasks import stonehenge
 
 

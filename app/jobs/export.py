@@ -4,20 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.recorded import read_run
 from app.jobs.surface import surface_of
 from app.places.opening import open_place
-from app.storage import step_log as log
 from app.storage.output_files import prepare_file, write_bytes
 from app.storage.run_metadata import RunMetadata
 from app.storage.run_store import RunStore
-from nerfnav import robots
-from nerfnav.errors import InvalidInputError, NerfnavError
-from nerfnav.export.formats import FORMATS
-from nerfnav.export.recording import Recording
-from nerfnav.export.tables import table_of_json
-
-TRAJECTORY = "trajectory.json"
-"""What the folder of a plan holds."""
+from nerfnav.errors import NerfnavError
+from nerfnav.export import FORMATS
 
 
 @dataclass(frozen=True)
@@ -52,31 +46,6 @@ def run(request: ExportRequest) -> JobEvents:
         "file_bytes": out.stat().st_size,
     }
     return JobResult(summary, (out,))
-
-
-def read_run(folder: Path) -> Recording:
-    """The flight or plan in a folder; of a flight that was interrupted, what was flown."""
-    if (folder / log.FILE).is_file():
-        about = RunMetadata.load(folder)
-        return Recording.of_flight(log.read_steps(folder), robots.load(about.robot), title_of(about))
-    path = folder / TRAJECTORY
-    try:
-        table = table_of_json(path.read_text())
-        robot = str(table.info.get("robot", ""))
-        known = robot in robots.names()
-        return Recording(table, extents=robots.load(robot).body.extents) if known else Recording(table)
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise InvalidInputError(
-            f"{folder} is not the folder of a run (it has no {log.FILE} and no {TRAJECTORY}); "
-            "make one with `nerfnav plan` or `nerfnav fly` and --out"
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInputError(f"{path} cannot be read: {error}") from error
-
-
-def title_of(about: RunMetadata) -> str:
-    """A flight in a few words."""
-    return f"{about.place}, {about.task}" if about.task else about.place
 
 
 def _folder(run: Path) -> Path:

@@ -6,15 +6,12 @@ from dataclasses import replace
 import torch
 
 from app.jobs.fly_request import FlyRequest
-from app.jobs.simulated_world import CAMERA, camera_function, contact_function
+from app.jobs.robot_camera import CAMERA
+from app.jobs.simulated_world import camera_function, contact_function
 from app.places.derived import occupancy_of, planning_place, searcher_of
 from app.places.place import Place
-from nerfnav.estimator import estimators
-from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.navigation.replan import Mission, Pilot, navigate
-from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import LoopEvent
+from nerfnav.estimator import ColorNoise, FilterConfig, estimators
+from nerfnav.navigation import LoopEvent, Mission, Pilot, Simulator, navigate
 from nerfnav.planner import planners
 
 

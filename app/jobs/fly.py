@@ -7,10 +7,9 @@ from app.jobs.fly_request import FlyRequest
 from app.places.place import Place
 from app.storage.output_files import prepare_folder
 from app.storage.step_log import logged
-from nerfnav.estimator.relocalise import RelocaliseStep
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.planner.steps import PlanStep
+from nerfnav.estimator import RelocaliseStep
+from nerfnav.navigation import Episode, NavigationStep
+from nerfnav.planner import PlanStep
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:

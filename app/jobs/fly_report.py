@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-from app.jobs.export import TRAJECTORY
 from app.jobs.fly_request import FlyRequest
+from app.jobs.recorded import TRAJECTORY
 from app.places.place import Place
 from app.storage.output_files import write_text
 from app.storage.run_metadata import RunMetadata
-from nerfnav.export.tables import csv_text, episode_table, json_text
-from nerfnav.navigation.episode import Episode
+from nerfnav.export import csv_text, episode_table, json_text
+from nerfnav.navigation import Episode
 
 
 def summary_of(episode: Episode, place: Place) -> dict[str, Any]:

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from app.jobs.plan_request import PlanRequest
-from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.replan import NavigateConfig
-from nerfnav.robots.state import Motion
+from nerfnav.navigation import NavigateConfig, Orders
+from nerfnav.robots import Motion
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,12 @@ from pathlib import Path
 
 from app.jobs import import_field, train
 from app.jobs.events import JobEvents
-from app.jobs.import_field import ImportRequest
+from app.jobs.import_request import ImportRequest
 from app.jobs.train import TrainRequest
 from nerfnav.errors import NerfnavError
-from nerfnav.field.checkpoint import load_field
-from nerfnav.importers.kind import field_name, own_folder
+from nerfnav.field import load_field
+from nerfnav.importers import field_name
+from nerfnav.importers.field_names import own_folder
 from nerfnav.importers.meshes.folders import meshes_in_archive
 from nerfnav.importers.suffixes import ARCHIVES
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_file, write_bytes
-from nerfnav.export.occupancy_map import check_ending, map_files
-from nerfnav.field.checkpoint import StoredField
-from nerfnav.field.states import StateGrid, VoxelState, voxel_states
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.export import map_files
+from nerfnav.export.occupancy_map import check_ending
+from nerfnav.field import StateGrid, StoredField, VoxelState, voxel_states
+from nerfnav.planner import OccupancyConfig
 
 
 @dataclass(frozen=True)

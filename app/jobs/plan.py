@@ -10,15 +10,19 @@ from app.jobs.stopwatch import Stopwatch
 from app.places.derived import occupancy_of, planning_place
 from app.places.place import Place
 from app.storage.output_files import prepare_folder
-from nerfnav.planner import planners
+from nerfnav.planner import (
+    GOOD,
+    FastPlanConfig,
+    OccupancyMap,
+    Planner,
+    PlanOutcome,
+    PlanProblem,
+    PlanStep,
+    Route,
+    planners,
+)
 from nerfnav.planner.chance import within_chance
 from nerfnav.planner.duration import shortest_plan
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.planner import Planner
-from nerfnav.planner.problem import PlanProblem
-from nerfnav.planner.route import Route
-from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep
 
 
 def run(request: PlanRequest, place: Place) -> JobEvents:

@@ -5,11 +5,9 @@ from typing import Any
 
 from app.places.place import Place
 from app.storage.output_files import json_line, write_text
-from nerfnav.export.tables import csv_text, json_text, motion_table
-from nerfnav.planner.safety import Safety, safety_of
-from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
-from nerfnav.robots.limits import limit_uses
-from nerfnav.robots.state import Motion
+from nerfnav.export import csv_text, json_text, motion_table
+from nerfnav.planner import PlanCost, PlanOutcome, PlanStep, Safety, safety_of
+from nerfnav.robots import Motion, limit_uses
 
 
 def summary_of(
@@ -69,7 +67,7 @@ def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
     """Largest overlap of body and mesh over the poses between the waypoints [m^3]; None without a mesh."""
     if place.scene is None:
         return None
-    from nerfnav.world.contact import judge  # slow to import, and people see the place before
+    from nerfnav.world import judge  # slow to import, and people see the place before
 
     return judge(place.scene, place.robot.body, motion.states).max_overlap_m3
 

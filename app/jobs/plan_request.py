@@ -6,9 +6,8 @@ from pathlib import Path
 from app.jobs.validation import require_positive, require_probability
 from app.places.ends import Ends
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.unknown import Unknown
-from nerfnav.planner import planners
-from nerfnav.planner.planner import PlannerConfig
+from nerfnav.field import Unknown
+from nerfnav.planner import PlannerConfig, planners
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,16 @@
 """Simulated world of a flight: the robot's camera and its contact with the ground truth of a place."""
 
+from app.jobs.robot_camera import CAMERA
 from app.places.place import Place
-from nerfnav.field.render import render_image
-from nerfnav.geometry.camera import Camera
-from nerfnav.navigation.simulator import CameraFunction, ContactFunction
-
-CAMERA = Camera.from_fov(200, 200, 90)
-"""What the robot sees with: as wide as the field's own photographs."""
+from nerfnav.field import render_image
+from nerfnav.navigation import CameraFunction, ContactFunction
 
 
 def contact_function(place: Place) -> ContactFunction | None:
     """What tells whether the robot touches the ground truth; None where there is none."""
     if place.scene is None:
         return None
-    from nerfnav.world.contact import contact_check  # slow to import, and people see the place before
+    from nerfnav.world import contact_check  # slow to import, and people see the place before
 
     return contact_check(place.scene, place.robot.body)
 
@@ -22,7 +19,7 @@ def camera_function(place: Place) -> CameraFunction:
     """Pictures of the ground truth; of the field where there is none."""
     if place.scene is None:
         return lambda pose: render_image(place.field, CAMERA, pose).image
-    from nerfnav.world.raycast import MeshRenderer  # slow to import, as above
+    from nerfnav.world import MeshRenderer  # slow to import, as above
 
     renderer = MeshRenderer(place.scene, supersample=2)  # as the photographs that the field learned from
     return lambda pose: renderer.render(CAMERA, pose).image

@@ -8,9 +8,8 @@ from app.jobs.events import JobEvent, Progress
 from app.jobs.training_data.gather import TrainingData
 from app.jobs.training_data.request import NeuralOptions, TrainRequest
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.mlp import MlpConfig
-from nerfnav.field.neural import NeuralField
-from nerfnav.field.neural_train import NeuralTrainConfig, blank_field, train_neural
+from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, train_neural
+from nerfnav.field.neural_blank import blank_field
 
 _LAYERS_BEFORE_SKIP = 5
 

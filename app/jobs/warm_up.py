@@ -3,19 +3,13 @@
 from collections.abc import Iterator
 from contextlib import suppress
 
-import torch
-
 from app.jobs import plan
 from app.jobs.events import Progress
 from app.jobs.plan_request import PlanRequest
+from app.jobs.warm_filter import first_update
 from app.places.ends import opening_ends
 from app.places.place import Place
 from nerfnav.errors import NerfnavError
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.fast import FastFilter
-from nerfnav.field.render import render_image
-from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
-from nerfnav.navigation.replan import NavigateConfig
 
 
 def warm_up(place: Place) -> Iterator[Progress]:
@@ -34,8 +28,5 @@ def warm_up(place: Place) -> Iterator[Progress]:
     with suppress(NerfnavError):  # ends that nobody chose may be occupied
         for _ in plan.run(request, place):
             yield doing
-    start, camera = ends.start.state(), Camera.from_fov(64, 64, 90)
-    picture = render_image(place.field, camera, start.pose.compose(FORWARD_MOUNT)).image
-    belief, draws = Belief(start, NavigateConfig().initial.covariance()), torch.Generator().manual_seed(0)
-    for _ in FastFilter(place.field, place.robot, camera).correct(belief, picture, draws):
+    for _ in first_update(place, ends.start.state()):
         yield doing

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from viser.theme import TitlebarConfig, TitlebarImage
 
-from nerfnav.geometry.srgb import to_linear
+from nerfnav.geometry import to_linear
 
 Rgb = tuple[int, int, int]
 
@@ -32,6 +32,7 @@ _GROUND: Rgb = (120, 118, 112)
 _SKYLIGHT = 2.0  # beside the lamp of viser, which has 3
 
 _PANEL_WIDTH = 340.0  # [pixels]
+
 
 def linear(color: Rgb | np.ndarray) -> np.ndarray:
     """sRGB bytes as linear bytes: what viser wants where it takes an array of colours."""

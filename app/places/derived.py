@@ -4,12 +4,10 @@ from dataclasses import replace
 from functools import lru_cache
 
 from app.places.place import Place
-from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.relocalise import Searcher
-from nerfnav.field.proof import unproven_in_words
-from nerfnav.field.unknown import Unknown, planning_field
-from nerfnav.geometry.camera import Camera
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.estimator import ColorNoise, Searcher
+from nerfnav.field import Unknown, planning_field, unproven_in_words
+from nerfnav.geometry import Camera
+from nerfnav.planner import OccupancyConfig, OccupancyMap
 
 _STEPS_IN_VOXEL = 2
 

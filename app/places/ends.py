@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from app.places.place import Place
-from nerfnav.geometry.box import Box
-from nerfnav.robots.state import RigidState
-from nerfnav.world.task import Task
+from nerfnav.geometry import Box
+from nerfnav.robots import RigidState
+from nerfnav.world import Task
 
 Point = tuple[float, float, float]
 

@@ -7,10 +7,8 @@ import scenes
 from app.places.place import Place, Truth
 from nerfnav import robots
 from nerfnav.errors import NerfnavError, UnknownNameError
-from nerfnav.field.checkpoint import StoredField, load_field
-from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
-from nerfnav.importers.splats.layouts import load_splats
-from nerfnav.importers.splats.splats import splats_beside
+from nerfnav.field import StoredField, load_field
+from nerfnav.importers import SourceKind, load_splats, source_kind, splats_beside, wrong_kind
 from nerfnav.importers.suffixes import FIELD
 
 

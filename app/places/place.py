@@ -1,17 +1,17 @@
 """A place: a field that a robot can plan in, with the ground truth to judge by where there is one."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from nerfnav.field.checkpoint import StoredField
-from nerfnav.importers.splats.splats import Splats
-from nerfnav.robots.robot import Robot
-from nerfnav.world.task import Task
+from nerfnav.field import StoredField
+from nerfnav.importers import Splats
+from nerfnav.robots import Robot, load
+from nerfnav.world import Task
 
 if TYPE_CHECKING:
-    from nerfnav.world.scene import Scene
+    from nerfnav.world import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,10 @@ class Place:
     def tasks(self) -> tuple[Task, ...]:
         """What is asked of this robot here; none without a ground truth."""
         return self.truth.tasks if self.truth is not None else ()
+
+    def with_robot(self, name: str) -> "Place":
+        """The same place for another robot. Raises UnknownNameError, which lists the known ones."""
+        return replace(self, robot=load(name))
 
     @property
     def scene(self) -> "Scene | None":

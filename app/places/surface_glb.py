@@ -13,8 +13,8 @@ import scipy
 
 import nerfnav
 from nerfnav import cached
-from nerfnav.export.glb import packed, parts
-from nerfnav.geometry.srgb import to_linear
+from nerfnav.geometry import to_linear
+from nerfnav.glb import packed, parts
 
 if TYPE_CHECKING:
     import trimesh  # slow to import, and surfaces are seldom made

@@ -10,11 +10,9 @@ from app.places.derived import planning_place
 from app.queries.query import Query, Resources
 from app.state.records import PlanRecord
 from app.state.session import Session
-from nerfnav.field.unknown import Unknown
-from nerfnav.planner.costs import collision_per_step
-from nerfnav.planner.safety import SafetyConfig, clearance_of
-from nerfnav.planner.steps import PlanStep
-from nerfnav.robots.state import Motion
+from nerfnav.field import Unknown
+from nerfnav.planner import PlanStep, SafetyConfig, clearance_of, collision_per_step
+from nerfnav.robots import Motion
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from app.places.ends import End
 from app.queries.query import Query, Resources
 from app.reducers.common import moved, noticed
 from app.state.session import Click, Session
-from nerfnav.field.render import render_rays
+from nerfnav.field import render_rays
 
 LEAST_OPACITY = 0.5
 """Of a ray that has met something."""

@@ -7,10 +7,9 @@ from app.places.derived import occupancy_of, planning_place
 from app.places.ends import End, Which
 from app.queries.query import Query, Resources
 from app.state.session import Session
-from nerfnav.field.unknown import Unknown
+from nerfnav.field import Unknown
 from nerfnav.geometry import so3
-from nerfnav.planner.ends import fits, nearest_free_pose
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose
 
 
 @dataclass(frozen=True)

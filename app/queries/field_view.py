@@ -12,8 +12,8 @@ from app.queries.click_landing import LEAST_OPACITY
 from app.queries.query import Query, Resources
 from app.state.session import Session
 from app.state.view_settings import Backdrop, Eye
-from nerfnav.field.render import render_image
-from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.field import render_image
+from nerfnav.geometry import Camera, Pose
 
 WIDTHS = (240, 720)
 """Of the renderings for a tab [pixels]: one at once, one for who looks longer."""

@@ -1,23 +1,17 @@
 """Query: what is the plan between the ends as they are now? So it follows the hand."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from app.jobs import plan
-from app.jobs.events import JobRun
-from app.jobs.plan_request import PlanRequest
 from app.places.ends import Ends, Which
 from app.queries.query import Query, Resources
-from app.registry import Choice
+from app.queries.wanted_plan import planned
+from app.state.choice import Choice
 from app.state.plan_settings import PlanSettings
 from app.state.records import PlanRecord
 from app.state.session import Session
-from nerfnav.errors import NerfnavError
-from nerfnav.planner import planners
-from nerfnav.planner.planner import PlannerConfig
-from nerfnav.planner.steps import PlanStep
+from nerfnav.planner import PlanStep, planners
 
 
 @dataclass(frozen=True)
@@ -50,15 +44,7 @@ class FollowingPlanQuery(Query[FollowingPlan]):
     def answer(self, resources: Resources) -> FollowingPlan:
         """Plan as the job does."""
         own = resources.plan_configs.get(self.choice.planner)
-        steps, summary = [], {}
-        with suppress(NerfnavError):  # the ends are shown with what is wrong with them
-            request = plan_request(self.settings, self.ends, self.choice.planner, own)
-            planning = JobRun(plan.run(request, resources.place))
-            for event in planning:
-                if isinstance(event, PlanStep):
-                    steps.append(event)
-            summary = planning.result.summary
-        return FollowingPlan(tuple(steps), summary)
+        return FollowingPlan(*planned(self.settings, self.ends, self.choice.planner, own, resources.place))
 
     def apply(self, session: Session, result: FollowingPlan) -> Session:
         """The session with the plan between the ends as they are now; an answer for earlier ends comes too late."""
@@ -69,9 +55,3 @@ class FollowingPlanQuery(Query[FollowingPlan]):
         for step in result.steps:
             record = record.with_step(step)
         return replace(session, plan=record)
-
-
-def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> PlanRequest:
-    """What there is to plan between some ends with what a person has set; `own` where nobody changed the weights."""
-    request = PlanRequest(ends, planner=planner, config=settings.config(planner, own), shortest=settings.shortest)
-    return request.lasting(settings.duration_s)

@@ -12,7 +12,7 @@ from typing import Any, Generic, Self, TypeVar
 from app.places.place import Place
 from app.state.session import Session
 from app.storage.run_store import RunStore
-from nerfnav.planner.planner import PlannerConfig
+from nerfnav.planner import PlannerConfig
 
 Result = TypeVar("Result")
 

@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from app.jobs.simulated_world import CAMERA
-from app.places.place import Place
+from app.jobs.robot_camera import view_from
 from app.queries.query import Query, Resources
 from app.state.records import FlightRecord
 from app.state.session import Session
-from nerfnav.field.render import render_image
-from nerfnav.geometry.camera import FORWARD_MOUNT
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.robots.state import RigidState
+from nerfnav.navigation import NavigationStep
+from nerfnav.robots import RigidState
 
 RobotView = tuple[np.ndarray, ...]
 """One picture for each state, (height, width, 3), sRGB bytes."""
@@ -51,8 +48,3 @@ class RobotViewQuery(Query[RobotView]):
         if kind != "flight" or flight is None or not 0 < key[-1] <= len(flight.steps):
             return None
         return flight.steps[key[-1] - 1]
-
-
-def view_from(place: Place, state: RigidState) -> np.ndarray:
-    """The field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes."""
-    return render_image(place.field, CAMERA, state.pose.compose(FORWARD_MOUNT)).image.numpy()

@@ -11,9 +11,8 @@ from app.places.derived import occupancy_of, planning_place
 from app.places.place import Place
 from app.queries.query import Query, Resources
 from app.state.session import Session
-from nerfnav.field.unknown import Unknown
-from nerfnav.field.voxel import VoxelField
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.field import Unknown, VoxelField
+from nerfnav.planner import OccupancyConfig
 
 
 class Space(Enum):

@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from app.state import actions as m
-from app.state.session import Job, Session
+from app.state.job import Job
+from app.state.session import Session
 
 Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.CarryAway | m.FindRobot
 

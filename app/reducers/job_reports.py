@@ -6,13 +6,13 @@ from app.jobs import events as e
 from app.places.sources import without_folder
 from app.reducers.common import noticed, settled
 from app.reducers.jobs import given_up
+from app.state.job import Job, JobKind
 from app.state.records import PlanRecord, SearchRecord
-from app.state.session import Job, JobKind, Session
+from app.state.session import Session
 from app.text import sentence
-from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
-from nerfnav.estimator.steps import FilterStep
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
+from nerfnav.navigation import EpisodeOutcome, NavigationStep
+from nerfnav.planner import PlanOutcome, PlanStep
 
 
 def reported(session: Session, event: e.JobReport) -> Session:

@@ -6,8 +6,9 @@ from app.places.ends import opening_ends
 from app.reducers.common import noticed
 from app.state import actions as m
 from app.state.experiments import StartExperiment
+from app.state.job import Job, JobKind
 from app.state.records import FlightRecord, PlanRecord
-from app.state.session import Job, JobKind, Session
+from app.state.session import Session
 
 JobCommand = m.StartComparison | m.StartPlan | m.StartFlight | m.FindRobot | m.Cancel | m.Reset | StartExperiment
 

@@ -7,10 +7,10 @@ from app.places.place import Place
 from app.places.sources import title_of
 from app.reducers.common import moved, noticed, settled
 from app.reducers.jobs import cancelled
-from app.registry import Choice
 from app.state import actions as m
-from app.state.session import Click, Job, JobKind, Session, Vector
-from nerfnav import robots
+from app.state.choice import Choice
+from app.state.job import Job, JobKind
+from app.state.session import Click, Session, Vector
 from nerfnav.errors import UnknownNameError
 
 PlaceCommand = m.MoveEnd | m.ChooseTask | m.OpenPlace | m.Choose | m.Aim | m.Point | m.Looked | m.Left
@@ -58,7 +58,7 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
     if choice.robot == session.choice.robot:
         return chosen
     # plans and flights are those of another body
-    other = replace(place, robot=robots.load(choice.robot))
+    other = place.with_robot(choice.robot)
     return settled(replace(cancelled(chosen), plan=None, flight=None, comparison=(), search=None), other)
 
 

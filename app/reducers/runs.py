@@ -76,7 +76,7 @@ def opened(session: Session, stored: StoredFlight) -> Session:
     if about.robot not in robots.names():
         return noticed(session, "Could not open", f"There is no robot called {about.robot!r} any more.", bad=True)
     if place.robot.name != about.robot:
-        place = replace(place, robot=robots.load(about.robot))
+        place = place.with_robot(about.robot)
     timeline = session.runs.timeline.moved(stored.record, 0)
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,

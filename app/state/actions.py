@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from app.jobs.events import JobReport
 from app.places.ends import End, Which
-from app.registry import Choice
+from app.state.choice import Choice
 from app.state.experiments import ExperimentAction
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator import StateNoise
 
 GUST = StateNoise(position_m=0.05, velocity_mps=0.3, attitude_rad=0.05, body_rate_radps=0.3)
 """What one gust of wind does to the robot."""

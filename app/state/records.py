@@ -4,11 +4,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from app.places.ends import Ends
-from nerfnav.estimator.relocalise import RelocaliseStep
-from nerfnav.estimator.steps import FilterStep
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.estimator import FilterStep, RelocaliseStep
+from nerfnav.navigation import EpisodeOutcome, NavigationStep
+from nerfnav.planner import PlanCost, PlanOutcome, PlanStep
+from nerfnav.robots import Motion, RigidState
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ No other place holds state: a reloaded page and a second tab show the same, and 
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from typing import Any
 
 from torch import Tensor
@@ -15,59 +14,17 @@ from torch import Tensor
 from app.jobs.events import PlannerResult
 from app.places.ends import End, Ends, Which
 from app.places.place import Place
-from app.registry import Choice
+from app.state.choice import Choice
 from app.state.experiments import ExperimentState
 from app.state.flight_settings import FlightSettings
+from app.state.job import Job, JobKind
 from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord, SearchRecord
 from app.state.runs import Runs
 from app.state.view_settings import Eye, ViewSettings
-from nerfnav.planner.steps import PlanOutcome
+from nerfnav.planner import GOOD
 
 Vector = tuple[float, float, float]
-
-_FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
-
-
-class JobKind(Enum):
-    """What the worker can be asked for; the value is a verb for the user."""
-
-    OPEN = "open"
-    PLAN = "plan"
-    FLY = "fly"
-    COMPARE = "compare"
-    EXPERIMENT = "do the experiment"
-    FIND = "find the robot"
-
-
-@dataclass(frozen=True)
-class Job:
-    """Work that is wanted of the worker, until the session wants other work or none."""
-
-    id: int
-    """Unique in a session: tells late reports of a cancelled job from those of the next."""
-    kind: JobKind
-    """What to do."""
-    ends: Ends = field(default_factory=Ends)
-    """Between which start and goal."""
-    first_plan: PlanRecord | None = None
-    """For a flight: a finished plan between these ends, to begin with."""
-    label: str = ""
-    """What is being done, for the user."""
-    fraction: float | None = None
-    """0 to 1; None while unknown."""
-    paused: bool = False
-    """Whether to hold once the flight has reported `steps_granted` time steps."""
-    steps_granted: int = 0
-    """How far a paused flight may go; it holds at once where it has gone that far."""
-    pace: float = 0.0
-    """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
-    gusts: int = 0
-    """How many gusts a flight was asked to endure so far."""
-    kidnaps: int = 0
-    """How many times its robot was to be carried away."""
-    searches: int = 0
-    """How many times it was asked to look for the robot everywhere."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +120,7 @@ class Session:
     def fresh_plan(self) -> PlanRecord | None:
         """The plan, if it is finished and joins the ends as they are now."""
         plan = self.plan
-        return plan if plan is not None and plan.outcome in _FLYABLE and plan.ends == self.ends else None
+        return plan if plan is not None and plan.outcome in GOOD and plan.ends == self.ends else None
 
     @property
     def trouble(self) -> Notice | None:

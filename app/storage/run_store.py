@@ -7,12 +7,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from app.storage import run_metadata as about
-from app.storage import step_log as log
 from app.storage.file_lock import is_held
 from app.storage.output_files import OutputError, prepare_folder
-from app.storage.run_metadata import RunMetadata, StoredRun
+from app.storage.step_codec import FILE
+from app.storage.stored_steps import count_steps, read_steps
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
-from nerfnav.navigation.steps import NavigationStep
+from nerfnav.navigation import NavigationStep
 
 VARIABLE = "NERFNAV_RUNS"
 """Environment variable that names the folder."""
@@ -32,7 +32,7 @@ class RunStore:
     def __init__(self, folder: Path | None = None) -> None:
         """Without a folder, the one that NERFNAV_RUNS names, else runs/ where the program was started."""
         self.folder = folder if folder is not None else Path(os.environ.get(VARIABLE) or "runs")
-        self._known: dict[str, tuple[int, StoredRun]] = {}
+        self._known: dict[str, tuple[int, about.StoredRun]] = {}
 
     def new(self, place: str) -> Path:
         """Make the folder of a new flight in a place, named after the time. Raises OutputError where that fails."""
@@ -57,10 +57,10 @@ class RunStore:
         """A text for visitors, which does not say where the folder is."""
         return text.replace(str(self.folder), "the folder of runs")
 
-    def entries(self) -> tuple[StoredRun, ...]:
+    def entries(self) -> tuple[about.StoredRun, ...]:
         """The newest flights, the very newest first; folders that hold something else are passed over."""
         try:
-            folders = [path for path in self.folder.iterdir() if not path.is_symlink() and (path / log.FILE).is_file()]
+            folders = [path for path in self.folder.iterdir() if not path.is_symlink() and (path / FILE).is_file()]
         except OSError:
             return ()
         entries = [entry for path in folders if (entry := self._read(path)) is not None]
@@ -69,18 +69,18 @@ class RunStore:
     def path(self, name: str) -> Path:
         """The folder of a flight. Raises NerfnavError for a bad name and for one that no flight has."""
         path = self.folder / checked(name)
-        if path.is_symlink() or not (path / log.FILE).is_file():
+        if path.is_symlink() or not (path / FILE).is_file():
             raise UnknownNameError("flight", name, [entry.name for entry in self.entries()])
         return path
 
-    def entry(self, name: str) -> StoredRun:
+    def entry(self, name: str) -> about.StoredRun:
         """What is known of a flight. Raises NerfnavError where that cannot be read."""
         path = self.path(name)
-        return _entry(path) or StoredRun(name, RunMetadata.load(path), 0)
+        return _entry(path) or about.StoredRun(name, about.RunMetadata.load(path), 0)
 
     def steps(self, name: str) -> tuple[NavigationStep, ...]:
         """The steps of a flight as far as they were written. Raises NerfnavError where there are none."""
-        return log.read_steps(self.path(name))
+        return read_steps(self.path(name))
 
     def rename(self, name: str, to: str) -> None:
         """Give a flight another name. Raises NerfnavError where it is bad, taken, or the flight is under way."""
@@ -101,7 +101,7 @@ class RunStore:
         except OSError as error:
             raise OutputError(f"{name} cannot be deleted: {error.strerror}") from error
 
-    def _read(self, path: Path) -> StoredRun | None:
+    def _read(self, path: Path) -> about.StoredRun | None:
         """What is known of a flight; what has ended is read only once."""
         try:
             stamp = (path / about.FILE).stat().st_mtime_ns
@@ -117,7 +117,7 @@ class RunStore:
 
     def _at_rest(self, name: str) -> Path:
         path = self.path(name)
-        if is_held(path / log.FILE):
+        if is_held(path / FILE):
             raise InvalidInputError(f"{name} is being flown: wait for its end, or stop it")
         return path
 
@@ -132,11 +132,11 @@ def checked(name: str) -> str:
     return name
 
 
-def _entry(path: Path) -> StoredRun | None:
+def _entry(path: Path) -> about.StoredRun | None:
     try:
-        known = RunMetadata.load(path)
+        known = about.RunMetadata.load(path)
     except InvalidInputError:
         return None
     steps = known.metrics.get("steps")
-    counted = steps if isinstance(steps, int) else log.count_steps(path)
-    return StoredRun(path.name, known, counted, known.outcome is None and is_held(path / log.FILE))
+    counted = steps if isinstance(steps, int) else count_steps(path)
+    return about.StoredRun(path.name, known, counted, known.outcome is None and is_held(path / FILE))

@@ -4,20 +4,13 @@ from dataclasses import replace
 
 import torch
 
-from app.places.derived import planning_place
 from app.places.ends import Ends, Which
 from app.places.place import Place
 from app.state.flight_settings import GUST
-from app.state.session import Job, Session
-from nerfnav.field.unknown import Unknown
-from nerfnav.geometry.camera import Pose
-from nerfnav.navigation.carrying import carried_away
-from nerfnav.navigation.orders import Orders
-from nerfnav.planner.ends import fits
-from nerfnav.robots.state import RigidState
-
-_ROOM = 0.03
-"""Around a robot that is put down somewhere else [m]."""
+from app.state.job import Job
+from app.state.session import Session
+from app.worker.carrying import elsewhere
+from nerfnav.navigation import Orders
 
 
 class FlightOrders:
@@ -48,15 +41,6 @@ class FlightOrders:
         return Orders(
             goal=self._ends.goal.state(),
             gust=GUST if blows else None,
-            carried=self._elsewhere() if asked.kidnaps > felt.kidnaps else None,
+            carried=elsewhere(self._place, self._truth, self._generator) if asked.kidnaps > felt.kidnaps else None,
             search=asked.searches > felt.searches,
         )
-
-    def _elsewhere(self) -> Pose | None:
-        seen = planning_place(self._place, Unknown.OCCUPIED)  # as plans see it
-        body = seen.robot.body_with_room(_ROOM)
-
-        def fits_there(state: RigidState) -> bool:
-            return fits(seen.field, body, seen.robot.settled(state, self._truth))
-
-        return carried_away(self._truth, seen.field.box, fits_there, self._generator)

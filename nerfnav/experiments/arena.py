@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from nerfnav.field.voxel import VoxelField
-from nerfnav.world.scene import Scene
+from nerfnav.field import VoxelField
+from nerfnav.world import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,35 +4,23 @@ They are drawn anew until they touch nothing and have something in sight all the
 there is nothing to estimate by.
 """
 
-from collections.abc import Callable, Generator
-from dataclasses import dataclass
 from functools import lru_cache
 
 import torch
 from torch import Tensor
 
-from nerfnav import robots
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator.fast import FastFilter
-from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator import StateNoise
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.study import Row, Study, TrialDone, run_trials
+from nerfnav.experiments.flights import Trial
 from nerfnav.experiments.views import CAMERA
-from nerfnav.geometry.camera import FORWARD_MOUNT
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.planner import with_room
-from nerfnav.planner.planners.fast import FastPlanner
-from nerfnav.planner.route import Route
-from nerfnav.planner.steps import last_step
-from nerfnav.robots.state import Motion, RigidState
-from nerfnav.world.contact import contact_check
-from nerfnav.world.raycast import MeshRenderer
-from nerfnav.world.task import Task
+from nerfnav.geometry import FORWARD_MOUNT
+from nerfnav.planner import FastPlanConfig, FastPlanner, Route, last_step, with_room
+from nerfnav.robots import Motion, Quadrotor, RigidState
+from nerfnav.world import MeshRenderer, Task, contact_check
 
 STEPS, DT = 20, 0.1
 """Time steps of a flight, and their length [s]."""
-_TRIALS = 100
 _REDRAWS = 2000
 """Blind flights drift, and of some tasks not one in fifty touches nothing."""
 _IN_SIGHT = 0.05
@@ -41,29 +29,9 @@ _GLANCE = CAMERA.scaled(0.2)
 """What looks whether anything is in sight."""
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One flight."""
-
-    task: Task
-    """From where to where."""
-    seed: int
-    """Of everything random in it."""
-
-
-def over_flights(
-    study: Study, label: str, trial: Callable[[Arena, Trial], list[Row]]
-) -> Generator[TrialDone, None, list[Row]]:
-    """Do a trial on as many flights as the study asks for, the tasks in turn; returns the rows of all."""
-    count = study.trials or _TRIALS
-    trials = [Trial(study.tasks[index % len(study.tasks)], study.seed * _TRIALS + index) for index in range(count)]
-    answers = yield from run_trials(study, label, trial, trials)
-    return [row for answer in answers for row in answer]
-
-
 def disturbed_flight(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
     """Actions (20, 4) of a plan, and the states (21) under noise: nothing is touched, and something always in sight."""
-    robot, plan = robots.load("quadrotor"), _plan(arena, trial.task)
+    robot, plan = Quadrotor(), _plan(arena, trial.task)
     touches, renderer = contact_check(arena.scene, robot.body), MeshRenderer(arena.scene)
     generator = torch.Generator().manual_seed(trial.seed)
     states = [trial.task.start_state]
@@ -81,13 +49,6 @@ def disturbed_flight(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
     )
 
 
-@lru_cache(maxsize=2)
-def fast_filter(arena: Arena) -> FastFilter:
-    """The quadrotor's filter for the arena's field, made once in each process."""
-    config = FilterConfig().for_field(arena.field.info.noise_std)
-    return FastFilter(arena.field, robots.load("quadrotor"), CAMERA, config=config)
-
-
 def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
     """Share of a picture that shows more than sky."""
     depth = renderer.render(_GLANCE, state.pose.compose(FORWARD_MOUNT)).depth
@@ -97,5 +58,5 @@ def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
 @lru_cache(maxsize=64)
 def _plan(arena: Arena, task: Task) -> Motion:
     """The flight as it was planned, with room for noise."""
-    planner = FastPlanner(arena.field, robots.load("quadrotor"), with_room(FastPlanConfig()))
+    planner = FastPlanner(arena.field, Quadrotor(), with_room(FastPlanConfig()))
     return last_step(planner.plan(Route(task.start_state, task.goal_state, STEPS, DT))).motion

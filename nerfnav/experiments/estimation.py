@@ -4,39 +4,22 @@ Disturbed flights (see experiments/disturbed.py) are photographed from the mesh;
 belief, the same actions and the same pictures.
 """
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
 
 import torch
 
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.covariance import POSE
-from nerfnav.estimator.estimator import Estimator
-from nerfnav.estimator.fast import inerf
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.steps import FilterOutcome
+from nerfnav.estimator import Belief, Estimator, FilterOutcome, StateNoise, inerf
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.disturbed import DT, STEPS, Trial, disturbed_flight, fast_filter, over_flights
-from nerfnav.experiments.figures import COLORS, panels
+from nerfnav.experiments.disturbed import DT, STEPS, disturbed_flight
+from nerfnav.experiments.estimation_errors import errors_of
+from nerfnav.experiments.estimation_results import METHODS, picture, summary_of
+from nerfnav.experiments.fast_filter import fast_filter
+from nerfnav.experiments.flights import Trial, over_flights
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study
-from nerfnav.experiments.views import SUPERSAMPLE, take_picture
-from nerfnav.robots.state import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState
-from nerfnav.world.raycast import MeshRenderer
+from nerfnav.experiments.views import renderer_of, take_picture
 
-if TYPE_CHECKING:
-    import matplotlib.figure
-
-METHODS = ("nerfnav", "inerf")
-"""Who takes part: the fast filter, and dynamically-informed iNeRF."""
-ERRORS = {"position_m": POSITION, "rotation_rad": ATTITUDE, "velocity_mps": VELOCITY, "rate_radps": BODY_RATE}
-"""Parts of the error, the length of each."""
 _FIRST = StateNoise.isotropic(0.01**2)  # spread of the first belief: 1 cm, 0.01 rad
-_LOST = {"position_m": 0.1, "rotation_rad": 0.2}
-"""A trial has diverged that ends further off than this."""
-_ELLIPSOID_95 = 7.815
-"""95 % of a chi-squared of three numbers."""
 
 
 def run(study: Study) -> Iterator[ExperimentStep]:
@@ -48,7 +31,7 @@ def run(study: Study) -> Iterator[ExperimentStep]:
 def follow(arena: Arena, trial: Trial) -> list[Row]:
     """Fly once, and let every method estimate."""
     actions, truths = disturbed_flight(arena, trial)
-    renderer = MeshRenderer(arena.scene, supersample=SUPERSAMPLE)
+    renderer = renderer_of(arena)
     images = [take_picture(renderer, truths[index].pose) for index in range(1, STEPS + 1)]
     start = truths[0].retract(_FIRST.sample(torch.Generator().manual_seed(trial.seed)))
     rows = []
@@ -59,79 +42,10 @@ def follow(arena: Arena, trial: Trial) -> list[Row]:
             *_, last = _estimators(arena)[method].update(belief, image, action, DT, generator)
             assert last.posterior is not None, "the last step of an estimator has the posterior"
             belief = last.posterior
-            judged = judge(belief, truths[index + 1])
+            judged = errors_of(belief, truths[index + 1])
             rows.append({"seed": trial.seed, "task": trial.task.name, "method": method, "step": index + 1} | judged
                         | {"outcome": (last.outcome or FilterOutcome.UPDATED).name.lower()})  # fmt: skip
     return rows
-
-
-def judge(belief: Belief, truth: RigidState) -> Row:
-    """How far off a belief is, and whether it knew."""
-    error = belief.mean.local(truth)
-    covariance = belief.covariance.double()
-
-    def nees(index: list[int]) -> float:
-        part = error[index].double()
-        return (part @ torch.linalg.solve(covariance[index][:, index], part)).item()
-
-    lengths = {name: error[part].norm().item() for name, part in ERRORS.items()}
-    place = nees([0, 1, 2])
-    return lengths | {"nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": place < _ELLIPSOID_95}
-
-
-def summary_of(rows: Sequence[Row]) -> Row:
-    """Errors of both methods over all steps and at the end, and the honesty of nerfnav's covariance."""
-    methods = {method: _summary([row for row in rows if row["method"] == method]) for method in METHODS}
-    own = [row for row in rows if row["method"] == "nerfnav"]
-    return {
-        "methods": methods,
-        "ratios": {
-            name: methods["nerfnav"][name] / methods["inerf"][name]
-            for name in methods["nerfnav"]
-            if "rmse" in name and methods["inerf"][name] > 0
-        },
-        "nees_pose_mean": _mean(own, "nees_pose"),
-        "nees_mean": _mean(own, "nees"),
-        "inside_95": _mean(own, "inside_95"),
-    }
-
-
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
-    """Mean errors over the steps, with bands of one standard deviation, as in the paper."""
-    units = {"position_m": "[m]", "rotation_rad": "[rad]", "velocity_mps": "[m/s]", "rate_radps": "[rad/s]"}
-    figure, axes = panels([f"{name.rpartition('_')[0].capitalize()} error {unit}" for name, unit in units.items()])
-    for ax, name in zip(axes, ERRORS, strict=True):
-        for method, color in zip(METHODS, COLORS, strict=False):
-            steps = range(1, STEPS + 1)
-            table = [
-                torch.tensor([row[name] for row in rows if row["method"] == method and row["step"] == step])
-                for step in steps
-            ]
-            mean = torch.stack([entries.mean() for entries in table])
-            spread = torch.stack([entries.std(correction=0) for entries in table])
-            ax.plot(steps, mean, color=color, label=method)
-            ax.fill_between(steps, (mean - spread).clamp_min(0), mean + spread, color=color, alpha=0.25, linewidth=0)
-        ax.set_xlabel("step")
-        ax.set_ylim(bottom=0)
-    axes[0].legend(frameon=False)
-    return figure
-
-
-def _summary(rows: Sequence[Row]) -> Row:
-    last = [row for row in rows if row["step"] == STEPS]
-    unit = {name: f"{name.rpartition('_')[0]}_rmse_{name.rpartition('_')[2]}" for name in ERRORS}
-    summary: Row = {unit[name]: _rms(rows, name) for name in ERRORS}
-    summary |= {f"final_{unit[name]}": _rms(last, name) for name in ("position_m", "rotation_rad")}
-    lost = [row for row in last if any(not row[name] <= bound for name, bound in _LOST.items())]
-    return summary | {"diverged": len(lost), "trials": len(last)}
-
-
-def _rms(rows: Sequence[Row], name: str) -> float:
-    return math.sqrt(sum(row[name] ** 2 for row in rows) / len(rows))
-
-
-def _mean(rows: Sequence[Row], name: str) -> float:
-    return sum(row[name] for row in rows) / len(rows)
 
 
 @lru_cache(maxsize=2)

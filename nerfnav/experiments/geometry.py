@@ -19,11 +19,9 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.field import Field
-from nerfnav.geometry.camera import Camera, Pose
-from nerfnav.world.raycast import RayCaster
-from nerfnav.world.scene import Scene
-from nerfnav.world.solid import Solid
+from nerfnav.field import Field
+from nerfnav.geometry import Camera, Pose
+from nerfnav.world import RayCaster, Scene, Solid
 
 _SAMPLES = 61
 """Densities along a normal."""

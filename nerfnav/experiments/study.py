@@ -14,7 +14,7 @@ import torch
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
 from nerfnav.extras import from_extra
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 
 if TYPE_CHECKING:
     import matplotlib.figure

@@ -5,10 +5,9 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.experiments.arena import Arena
-from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
-from nerfnav.robots.state import RigidState
-from nerfnav.world.capture import CaptureConfig, capture_poses
-from nerfnav.world.raycast import MeshRenderer
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
+from nerfnav.robots import RigidState
+from nerfnav.world import CaptureConfig, MeshRenderer, capture_poses
 
 CAMERA = Camera.from_fov(200, 200, 90)
 """As wide as the photographs that bundled fields learned from."""
@@ -24,6 +23,11 @@ def held_out_poses(arena: Arena, count: int, seed: int = 0) -> RigidState:
     cameras = capture_poses(arena.scene, config, torch.Generator().manual_seed(_FIRST_SEED + seed))
     zero = torch.zeros_like(cameras.position)
     return RigidState(cameras.position, zero, cameras.rotation @ FORWARD_MOUNT.rotation.T, zero)
+
+
+def renderer_of(arena: Arena) -> MeshRenderer:
+    """What takes pictures of the ground truth, as sharp as those photographs."""
+    return MeshRenderer(arena.scene, supersample=SUPERSAMPLE)
 
 
 def take_picture(renderer: MeshRenderer, pose: Pose) -> UInt8[Tensor, "height width 3"]:

@@ -1,1 +1,5 @@
 """Taking plans and episodes away: to files, robots and viewers."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,7 +10,7 @@ from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.replay import replay
 from nerfnav.export.ros.mcap import mcap
 from nerfnav.export.ros.rosbag2 import rosbag2
-from nerfnav.export.tables import csv_text, json_text
+from nerfnav.export.table_text import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.registry import Registry
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from nerfnav.export.glb import packed
 from nerfnav.export.recording import Exported, Recording
+from nerfnav.glb import packed
 
 _FLOAT, _UINT16 = 5126, 5123
 _LINES, _TRIANGLES = 1, 4

@@ -13,22 +13,16 @@ northernmost, and `origin` is the lower left corner.
 import io
 import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool
 
 from nerfnav.errors import InvalidInputError, UnknownNameError
-from nerfnav.export.glb import packed
-from nerfnav.field.states import StateGrid, VoxelState
-
-if TYPE_CHECKING:
-    import trimesh
+from nerfnav.export.occupancy_meshes import mesh_files
+from nerfnav.field import StateGrid, VoxelState
 
 _OCCUPIED_FROM, _FREE_BELOW = 0.65, 0.196
 """map_server's thresholds: unknown, (255 - 205) / 255 = 0.19608, lies between them, if barely."""
 _SHADES = {VoxelState.FREE: 254, VoxelState.SOLID: 0, VoxelState.UNPROVEN: 205}
-_COLORS = {VoxelState.SOLID: (170, 175, 185, 255), VoxelState.UNPROVEN: (235, 150, 60, 255)}
 
 
 def map_files(grid: StateGrid, ending: str, stem: str, height: float | None = None) -> dict[str, bytes]:
@@ -55,40 +49,6 @@ def _voxels(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes
     return {f"{stem}.npz": stream.getvalue()}
 
 
-def _meshes(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes]:
-    import trimesh  # slow to import
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
-    scene, root = trimesh.Scene(), "world_z_up"
-    upright = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
-    scene.graph.update(root, scene.graph.base_frame, matrix=upright)
-    for state, color in _COLORS.items():
-        mesh, name = _surface(grid, grid.state == state), state.name.lower()
-        if len(mesh.faces):
-            paint = PBRMaterial(name=name, baseColorFactor=color, roughnessFactor=1.0)
-            mesh.visual = TextureVisuals(material=paint)
-            scene.add_geometry(mesh, name, name, root)
-    content = scene.export(file_type="glb") if scene.geometry else packed(_EMPTY, b"")
-    assert isinstance(content, bytes)
-    return {f"{stem}.glb": content}
-
-
-def _surface(grid: StateGrid, chosen: Bool[np.ndarray, "nx ny nz"]) -> "trimesh.Trimesh":
-    """The closed surface halfway between the middles of chosen voxels and those of the others, which is their faces.
-
-    Marching cubes (Lorensen and Cline, 1987): edges and corners are cut at half a voxel. Empty where none is chosen.
-    """
-    import trimesh
-    from skimage.measure import marching_cubes
-
-    if not chosen.any():
-        return trimesh.Trimesh()
-    vertices, faces, *_ = marching_cubes(np.pad(chosen, 1).astype(np.float32), 0.5, gradient_direction="ascent")
-    # index (0, 0, 0) is the middle of the padding's first voxel
-    return trimesh.Trimesh(grid.lower + grid.voxel * (vertices - 0.5), faces, process=False)
-
-
 def _ros(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes]:
     middle = float(grid.lower[2] + 0.5 * grid.voxel * grid.state.shape[2])
     layer = grid.layer(middle if height is None else height)
@@ -112,12 +72,10 @@ def _ros(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes]:
 
 ENDINGS: dict[str, Callable[[StateGrid, str, float | None], dict[str, bytes]]] = {
     ".npz": _voxels,
-    ".glb": _meshes,
+    ".glb": mesh_files,
     ".pgm": _ros,
     ".yaml": _ros,
 }
 """Ending of a file to what makes it and what belongs to it."""
 _FLAT = (".pgm", ".yaml")
 """Endings of maps of one height."""
-_EMPTY = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}
-"""A glTF of nothing: all is free."""

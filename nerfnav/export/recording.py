@@ -10,11 +10,8 @@ from torch import Tensor
 
 from nerfnav.export.tables import Table, episode_table, motion_table
 from nerfnav.geometry import so3
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.robots.headings import unwrapped
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion
+from nerfnav.navigation import Episode, NavigationStep
+from nerfnav.robots import Motion, Robot, unwrapped
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.export.glb import parts
-from nerfnav.geometry.srgb import to_srgb
+from nerfnav.geometry import to_srgb
+from nerfnav.glb import parts
 
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
 _MOST_VERTICES = 45_000

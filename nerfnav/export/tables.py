@@ -5,9 +5,6 @@ is an empty cell in CSV and null in JSON. Axes are those of the library: world E
 (x forward, y left, z up), attitude as the quaternion (w, x, y, z) of R_world_body.
 """
 
-import csv
-import io
-import json
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,20 +15,10 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.navigation.episode import Episode
-from nerfnav.robots.state import POSITION, Motion, RigidState
+from nerfnav.navigation import Episode
+from nerfnav.robots import POSITION, Motion, RigidState
 
-FORMAT, VERSION = "nerfnav trajectory", 1
-FRAMES = {
-    "world": "ENU: x east, y north, z up",
-    "body": "FLU: x forward, y left, z up",
-    "attitude": "quaternion (w, x, y, z) of R_world_body",
-    "body_rate": "wx, wy, wz in the body's axes",
-}
 STATE_COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz")
-_UNITS = {"t": "s"} | dict.fromkeys("xyz", "m") | dict.fromkeys(("vx", "vy", "vz"), "m/s")
-_UNITS |= dict.fromkeys(("qw", "qx", "qy", "qz"), "1") | dict.fromkeys(("wx", "wy", "wz"), "rad/s")
-_UNIT_OF_SUFFIX = {"n": "N", "nm": "N m", "mps": "m/s", "mps2": "m/s^2", "radps": "rad/s", "radps2": "rad/s^2"}
 
 
 @dataclass(frozen=True)
@@ -109,47 +96,6 @@ def motion_of_table(table: Table) -> Motion:
     return Motion(states, table.block(names)[:-1].float(), float(table.info["dt"]))
 
 
-def csv_text(table: Table) -> str:
-    """One header line, one line for each row; nine digits, which is every bit of a float32."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(table.columns)
-    for row in table.values.tolist():
-        writer.writerow(["" if math.isnan(value) else f"{value:.9g}" for value in row])
-    return stream.getvalue()
-
-
-def json_text(table: Table) -> str:
-    """One object: format, version, what is known about the table, frames, units, columns, rows."""
-    rows = [[None if math.isnan(value) else float(f"{value:.9g}") for value in row] for row in table.values.tolist()]
-    head = {"format": FORMAT, "version": VERSION, **table.info, "frames": FRAMES}
-    head |= {"units": {name: _unit(name) for name in table.columns}, "columns": list(table.columns)}
-    return json.dumps(head | {"rows": rows}, allow_nan=False) + "\n"
-
-
-def table_of_csv(text: str) -> Table:
-    """Read what `csv_text` wrote; a CSV says nothing but columns and numbers, so `info` stays empty."""
-    try:
-        header, *rows = csv.reader(io.StringIO(text))
-        return Table(tuple(header), _tensor([[float(cell) if cell else math.nan for cell in row] for row in rows]))
-    except ValueError as error:
-        raise InvalidInputError(f"this is not a CSV table of numbers under one header line: {error}") from error
-
-
-def table_of_json(text: str) -> Table:
-    """Read what `json_text` wrote. Raises InvalidInputError for any other text."""
-    try:
-        content = json.loads(text)
-        if content["format"] != FORMAT or content["version"] != VERSION:
-            raise ValueError(f"it says format {content['format']!r}, version {content['version']!r}")
-        rows = [[math.nan if value is None else float(value) for value in row] for row in content["rows"]]
-        derived = {"format", "version", "frames", "units", "columns", "rows"}
-        info = {name: value for name, value in content.items() if name not in derived}
-        return Table(tuple(content["columns"]), _tensor(rows), info)
-    except (ValueError, KeyError, TypeError) as error:
-        raise InvalidInputError(f"this is no {FORMAT} of version {VERSION}: {error}") from error
-
-
 def _state_block(states: RigidState) -> Float[Tensor, "n 13"]:
     quaternion = _continuous(so3.quaternion_from_matrix(states.rotation.detach().double()))
     parts = [states.position.double(), states.velocity.double(), quaternion, states.body_rate.double()]
@@ -161,15 +107,3 @@ def _continuous(quaternions: Float[Tensor, "n 4"]) -> Float[Tensor, "n 4"]:
     along = (quaternions[1:] * quaternions[:-1]).sum(-1)
     flips = torch.where(along < 0, -torch.ones_like(along), torch.ones_like(along))
     return quaternions * torch.cat([torch.ones_like(flips[:1]), flips]).cumprod(0)[:, None]
-
-
-def _unit(column: str) -> str:
-    name = column.removeprefix("belief_").removeprefix("sd_")
-    return _UNITS.get(name) or _UNIT_OF_SUFFIX.get(name.rsplit("_", 1)[-1], "1")
-
-
-def _tensor(rows: list[list[float]]) -> Tensor:
-    table = torch.tensor(rows, dtype=torch.float64)
-    if table.dim() != 2:
-        raise ValueError("it has no rows")
-    return table

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.field import Points, RaySamples, uniform_samples
-from nerfnav.geometry.box import Box
+from nerfnav.geometry import Box
 
 
 @dataclass(frozen=True)

@@ -13,33 +13,31 @@ node towards it.
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.compiled import default_threads, threads
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.field import Field
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.kernels.fit import add_moments
-from nerfnav.field.render import render_image
-from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.camera import Camera, Pose, look_at
-from nerfnav.geometry.directions import spiral
-from nerfnav.geometry.grid import node_positions, shape_for, spacing_of, with_neighbours
-from nerfnav.geometry.images import psnr_db
+from nerfnav.field.likeness import likeness, sample_views
+from nerfnav.field.moments import Refined, fitted, moments
+from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.geometry import (
+    Box,
+    Camera,
+    node_positions,
+    shape_for,
+    spacing_of,
+    spiral,
+    with_neighbours,
+)
 
 MOST_NODES = 30_000_000
 """Fitting looks at eight points for each node."""
 _AT_ONCE = 1 << 16
 _NODES_ALONG = 160
 _LEAST_LIGHT = 0.1  # share of a node's light: what less of it reaches hardly sees the node
-_QUARTERS = ((0.75, 0.25), (0.25, 0.75))  # weights of a cell's two nodes at its two points along an axis
-
-Grid = Float[Tensor, "nx ny nz"]
-Refined = Float[Tensor, "fx fy fz"]  # two points along each edge of each cell
 
 
 @dataclass(frozen=True)
@@ -102,72 +100,9 @@ def bake(field: Field, config: BakeConfig | None = None) -> Generator[BakeStep, 
     baked = VoxelField(box, values, field.background.cpu(), getattr(field, "info", FieldInfo()))
     for share in _color(field, baked, config.directions):
         yield BakeStep("measuring colours", 0.55 + 0.35 * share)
-    psnr = likeness(field, baked, sample_views(box, config), Camera.from_fov(config.size, config.size, config.fov_deg))
+    poses = sample_views(box, config.views, config.distance)
+    psnr = likeness(field, baked, poses, Camera.from_fov(config.size, config.size, config.fov_deg))
     yield BakeStep("baked", 1.0, psnr, replace(baked, info=replace(baked.info, baked_psnr_db=psnr)))
-
-
-def sample_views(box: Box, config: BakeConfig) -> Pose:
-    """Poses T_world_camera (views) spread around and above the box, looking at its middle."""
-    towards = spiral((torch.arange(config.views) + 0.5) / config.views)
-    return look_at(box.center + config.distance * box.size.norm() * towards, box.center.expand_as(towards))
-
-
-def likeness(first: Field, second: Field, poses: Pose, camera: Camera) -> float:
-    """Peak signal-to-noise ratio [dB] between what two fields show, over all pixels of all poses."""
-    errors = [
-        (render_image(first, camera, poses[index]).color.cpu() - render_image(second, camera, poses[index]).color)
-        for index in range(len(poses.position))
-    ]
-    return psnr_db(torch.stack(errors).square().mean().item())
-
-
-def fitted(targets: Grid, sweeps: int, empty: float) -> Grid:
-    """Raw densities whose moments are `targets`; nodes with less than `empty` [1/m] are empty."""
-    least = 0.1 * empty
-    start = torch.special.expm1((targets / DENSITY_SCALE).clamp(1e-7, 30)).log()
-    raw = torch.where(targets > least, start, torch.full_like(start, EMPTY_RAW))
-    with threads(default_threads()):
-        for _ in range(sweeps):
-            change = ((targets + least) / (moments_of(raw) + least)).log().clamp(-1.5, 1.5)
-            raw = torch.where(targets > least, (raw + change).clamp(EMPTY_RAW, 8.0), raw)
-    dense = DENSITY_SCALE * torch.nn.functional.softplus(raw)
-    return torch.where(dense < empty, torch.full_like(raw, EMPTY_RAW), raw)
-
-
-def moments_of(raw: Grid) -> Grid:
-    """`moments` of the density of a grid with these raw values, compiled."""
-    sums = np.zeros(raw.shape, np.float32)
-    add_moments(raw.contiguous().numpy(), np.float32(DENSITY_SCALE), sums)
-    # weights add up to 2 along each axis, and to 1 at its ends
-    x, y, z = (torch.cat([torch.ones(1), torch.full((count - 2,), 2.0), torch.ones(1)]) for count in raw.shape)
-    return torch.from_numpy(sums) / (x[:, None, None] * y[:, None] * z)
-
-
-def refined(nodes: Grid) -> Refined:
-    """Values between nodes: two along each edge of each cell, a quarter of it from its ends."""
-    for axis in range(3):
-        first, second = nodes.narrow(axis, 0, nodes.shape[axis] - 1), nodes.narrow(axis, 1, nodes.shape[axis] - 1)
-        pairs = torch.stack([a * first + b * second for a, b in _QUARTERS], axis + 1)
-        nodes = pairs.flatten(axis, axis + 1)
-    return nodes
-
-
-def moments(points: Refined) -> Grid:
-    """Means of values at the points of `refined`, weighted by each node's hat function: its adjoint, normalised."""
-    for axis in range(3):
-        cells = points.unflatten(axis, (-1, 2))
-        parts, weights = [], []
-        for side in (0, 1):
-            mixed = sum(pair[side] * cells.select(axis + 1, index) for index, pair in enumerate(_QUARTERS))
-            assert isinstance(mixed, Tensor)
-            empty = torch.zeros_like(mixed.narrow(axis, 0, 1))
-            ones = torch.ones(cells.shape[axis])
-            parts.append(torch.cat([mixed, empty] if side == 0 else [empty, mixed], axis))
-            weights.append(torch.nn.functional.pad(ones, (0, 1) if side == 0 else (1, 0)))
-        column = [1, 1, 1]
-        column[axis] = -1
-        points = (parts[0] + parts[1]) / (weights[0] + weights[1]).reshape(column)
-    return points
 
 
 def _solid_cells(

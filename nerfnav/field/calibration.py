@@ -17,7 +17,7 @@ from torch import Tensor
 from nerfnav.field.field import Field
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.render import render_image
-from nerfnav.geometry.images import PosedImages, psnr_db
+from nerfnav.geometry import PosedImages, psnr_db
 
 _DEVIATION_PER_MEDIAN = 1.4826
 """Standard deviation of a Gaussian whose median absolute value is 1."""

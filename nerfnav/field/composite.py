@@ -26,8 +26,7 @@ from nerfnav.field.field import (
 )
 from nerfnav.field.render import HasBackdrop
 from nerfnav.field.surroundings import Backdrop
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Box, Pose
 
 _NO_DENSITY = 1e-6  # [1/m]: where all parts together have less, the first one says the colour
 _ROUNDING = 1e-3  # of a step: samples on a border between two bins belong to one of them

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from nerfnav.field.field import Field
 from nerfnav.field.render import render_image
-from nerfnav.geometry.images import PosedImages, reduced
+from nerfnav.geometry import PosedImages, reduced
 
 _REDUCED = 0.25
 """Photographs are compared at a quarter of their size: exposure needs no detail."""

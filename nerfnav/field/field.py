@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.geometry.box import Box
+from nerfnav.geometry import Box
 
 Points = Float[Tensor, "*batch 3"]
 LAST_SAMPLE = 0.499

@@ -1,6 +1,5 @@
 """The state of training at one resolution: the grid of the box, that of its surroundings, and occupancy."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,53 +7,22 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from nerfnav.field.clear_grids import all_blocks, clear, clear_around, views_of
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, raw_of
 from nerfnav.field.fusion import Fused
 from nerfnav.field.kernels import learn
+from nerfnav.field.learned_place import VALUE_BOUNDS, Finish, Place, finished_field
 from nerfnav.field.rays import RayBatch
-from nerfnav.field.surroundings import SPAN, Surroundings, uncontracted
 from nerfnav.field.trained_grid import TrainedGrid, refined
 from nerfnav.field.voxel import VoxelField, occupied_blocks
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import node_positions, spacing_of, with_neighbours
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import PosedImages, node_positions, spacing_of, with_neighbours
 
 _START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
-_START_OUTSIDE = -4.5  # about half of the light gets through all shells
-VALUE_BOUNDS = torch.tensor([[EMPTY_RAW, 0.0, 0.0, 0.0], [2.0, 1.0, 1.0, 1.0]])
-"""Smallest and largest raw density and colours."""
 _OCCUPIED_ABOVE = 0.02  # [1/unit]: what is thinner is skipped in training
 _OCCUPANCY_EVERY = 64  # steps between two looks at what is empty
 _OCCUPANCY_FROM = 128  # steps of a stage before the first look
 ROUGHNESS_EVERY = 2
 """Steps between two looks at how rough the grids are."""
-_FAINT_OUTSIDE = -7.0  # raw density of a shell that stops less than 0.25 % of the light
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where there is something to learn."""
-
-    box: Box
-    """What the grid covers."""
-    background: Float[Tensor, "3"]
-    """Colour of rays that nothing stops."""
-    unit: float
-    """Length [m] that densities are weighed in: fog is thin or thick for the size of a place's voxels."""
-
-
-@dataclass(frozen=True)
-class Finish:
-    """What becomes of trained densities in the end. They are in 1/unit, as fog is thin or thick for the voxels."""
-
-    empty_below: float = 0.5
-    """Density under which a node is emptied: 8 voxels of it would stop 5 % of the light."""
-    firm_above: float = 10.0
-    """Density over which a node is part of a surface: more than maps take for free, so that gaps stay as wide."""
-    firmness: float = 2.0
-    """What densities of surfaces are multiplied by. Colours do not tell a wall that stops 60 % of the light before
-    another one of its colour from a solid one; robots do. On the church, 2 gains 0.2 dB, and the share of surfaces
-    with an optical depth of 1 (2.3) rises from 92 to 96 % (from 79 to 90 %); 4 costs 0.6 dB."""
 
 
 @dataclass(frozen=True)
@@ -93,9 +61,9 @@ class GridLearner:
     ) -> "GridLearner":
         """A nearly clear grey box, with a grid of `outside`^3 nodes around it; 0 for a plain background."""
         seen = views_of(node_positions(place.box, shape), photographs)
-        clear = _clear(shape, raw_of(_START_DENSITY / place.unit))
-        inner = TrainedGrid(clear, seen, _all_blocks(shape), VALUE_BOUNDS, workers)
-        return cls(place, inner, _clear_around(place, photographs, outside, workers))
+        grey = clear(shape, raw_of(_START_DENSITY / place.unit))
+        inner = TrainedGrid(grey, seen, all_blocks(shape), VALUE_BOUNDS, workers)
+        return cls(place, inner, clear_around(place, photographs, outside, workers))
 
     @classmethod
     def from_depth(
@@ -108,13 +76,13 @@ class GridLearner:
         nx, ny, nz = told.raw.shape
         shape = (nx, ny, nz)
         seen = views_of(node_positions(place.box, shape), photographs)
-        values = _clear(shape, EMPTY_RAW)
+        values = clear(shape, EMPTY_RAW)
         values[..., 0] = torch.where(told.known, told.raw, values[..., 0])
         values[..., 1:] = told.color
         rates = torch.where(told.known, 0.0, seen)
         near = with_neighbours(dense_blocks(values, place))
         inner = TrainedGrid(values, rates, near, VALUE_BOUNDS, workers)
-        learner = cls(place, inner, _clear_around(place, photographs, outside, workers))
+        learner = cls(place, inner, clear_around(place, photographs, outside, workers))
         learner.occupied = near.numpy().astype(np.uint8)
         return learner
 
@@ -126,7 +94,7 @@ class GridLearner:
         if field.outside is not None:
             m = field.outside.values.shape[0]
             scale = torch.ones(m, m, m)
-            outer = TrainedGrid(field.outside.values, scale, _all_blocks((m, m, m)), VALUE_BOUNDS, workers)
+            outer = TrainedGrid(field.outside.values, scale, all_blocks((m, m, m)), VALUE_BOUNDS, workers)
         learner = cls(Place(field.box, field.background, unit), inner, outer)
         learner.occupied = field.occupied.numpy().astype(np.uint8)
         return learner
@@ -141,7 +109,7 @@ class GridLearner:
         if outside > outer.shape[0] > 0:
             grid = (outside, outside, outside)
             scale = _refined_scale(outer, grid)
-            outer = TrainedGrid(outer.refined_values(grid), scale, _all_blocks(grid), VALUE_BOUNDS, workers)
+            outer = TrainedGrid(outer.refined_values(grid), scale, all_blocks(grid), VALUE_BOUNDS, workers)
         learner = GridLearner(self.place, inner, outer)
         learner.occupied = near.numpy().astype(np.uint8)
         return learner
@@ -193,58 +161,6 @@ def looks_for_empty_blocks(step: int) -> bool:
 def dense_blocks(values: Float[Tensor, "nx ny nz 4"], place: Place) -> Bool[Tensor, "bx by bz"]:
     """Blocks with enough density to be looked at in training."""
     return occupied_blocks(values[..., 0], raw_of(_OCCUPIED_ABOVE / place.unit))
-
-
-def finished_field(
-    place: Place,
-    values: Float[Tensor, "nx ny nz 4"],
-    occupied: Bool[Tensor, "bx by bz"],
-    outer: Float[Tensor, "m m m 4"] | None,
-    finish: Finish,
-) -> VoxelField:
-    """A field of trained values, changed in place: fog and blocks not `occupied` become empty, surfaces firm."""
-    nx, ny, nz, _ = values.shape
-    for axis in range(3):
-        occupied = occupied.repeat_interleave(4, axis)
-    raw = values[..., 0]
-    raw[(raw < raw_of(finish.empty_below / place.unit)) | ~occupied[:nx, :ny, :nz]] = EMPTY_RAW
-    # below a raw density of about 0, the density is exponential in it
-    raw[raw > raw_of(finish.firm_above / place.unit)] += math.log(finish.firmness)
-    raw.clamp_(max=float(VALUE_BOUNDS[1, 0]))
-    if outer is None:
-        return VoxelField(place.box, values, place.background)
-    outer[..., 0][outer[..., 0] < _FAINT_OUTSIDE] = EMPTY_RAW
-    return VoxelField(place.box, values, place.background, outside=Surroundings(outer))
-
-
-def views_of(points: Float[Tensor, "*batch 3"], photographs: PosedImages) -> Float[Tensor, "*batch"]:
-    """The share of cameras, relative to the best seen point, whose picture contains each point (walls ignored)."""
-    flat = points.reshape(-1, 3)
-    seen = torch.zeros(len(flat))
-    for index in range(len(photographs)):
-        _, inside = photographs.camera.project(photographs.poses[index], flat)
-        seen += inside
-    return (seen / seen.max().clamp_min(1)).reshape(points.shape[:-1])
-
-
-def _clear_around(place: Place, photographs: PosedImages, outside: int, workers: int) -> TrainedGrid:
-    """Surroundings on a grid of `outside`^3 nodes in which nothing is known yet; 0 for a plain background."""
-    if outside == 0:
-        return TrainedGrid.nothing(workers)
-    grid = (outside, outside, outside)
-    seen = views_of(uncontracted(place.box, node_positions(SPAN, grid)), photographs)
-    return TrainedGrid(_clear(grid, _START_OUTSIDE), seen, _all_blocks(grid), VALUE_BOUNDS, workers)
-
-
-def _clear(shape: tuple[int, int, int], raw: float) -> Float[Tensor, "nx ny nz 4"]:
-    values = torch.full((*shape, 4), 0.5)
-    values[..., 0] = raw
-    return values
-
-
-def _all_blocks(shape: tuple[int, int, int]) -> Bool[Tensor, "bx by bz"]:
-    x, y, z = (-(-count // 4) for count in shape)
-    return torch.ones(x, y, z, dtype=torch.bool)
 
 
 def _refined_scale(grid: TrainedGrid, shape: tuple[int, int, int]) -> Float[Tensor, "nx ny nz"]:

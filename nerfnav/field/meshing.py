@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from nerfnav.field.field import Field
-from nerfnav.geometry.grid import node_positions, shape_for, spacing_of
+from nerfnav.geometry import node_positions, shape_for, spacing_of
 
 if TYPE_CHECKING:
     import trimesh

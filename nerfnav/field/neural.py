@@ -22,8 +22,7 @@ from nerfnav.field.field import LAST_SAMPLE, Points, RaySamples, box_interval, c
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.mlp import RadianceMlp
 from nerfnav.field.render import Rendering, composite
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Box, Pose
 
 _POINTS_AT_ONCE = 1 << 15  # activations of a wide network stay in a processor's cache
 

@@ -11,8 +11,7 @@ from nerfnav.field.codec import Encoded, FieldCodec
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.mlp import Encoding, MlpConfig, RadianceMlp
 from nerfnav.field.neural import Activation, NeuralConfig, NeuralField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Box, Pose
 
 
 def encode(field: NeuralField) -> Encoded:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.kernels.pixels import rays_of_pixels
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import PosedImages
 
 
 @dataclass(frozen=True)

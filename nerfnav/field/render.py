@@ -14,7 +14,7 @@ from torch import Tensor
 
 from nerfnav.field.field import Field, RaySamples
 from nerfnav.field.surroundings import Backdrop
-from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.geometry import Camera, Pose
 
 _RAYS_AT_ONCE = 8192
 

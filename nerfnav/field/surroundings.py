@@ -19,8 +19,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.kernels import shells
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import trilinear
+from nerfnav.geometry import Box, trilinear
 
 _RAW_TO_DEPTH = float(shells.RAW_TO_DEPTH)
 SPAN = Box.of((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))

@@ -9,24 +9,15 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.field.field import LAST_SAMPLE, RaySamples, box_interval
-from nerfnav.field.kernels import learn
-from nerfnav.field.learner import (
-    ROUGHNESS_EVERY,
-    VALUE_BOUNDS,
-    Finish,
-    GridLearner,
-    LearningRates,
-    Place,
-    dense_blocks,
-    finished_field,
-    looks_for_empty_blocks,
-)
+from nerfnav.field.kernels import adam
+from nerfnav.field.learned_place import VALUE_BOUNDS, Finish, Place, finished_field
+from nerfnav.field.learner import ROUGHNESS_EVERY, GridLearner, LearningRates, dense_blocks, looks_for_empty_blocks
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.render import composite, over
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.trained_grid import TrainedGrid, refined
 from nerfnav.field.voxel import DENSITY_SCALE, VoxelField
-from nerfnav.geometry.grid import spacing_of, trilinear, with_neighbours
+from nerfnav.geometry import spacing_of, trilinear, with_neighbours
 
 Values = Float[Tensor, "nx ny nz 4"]
 _SHELL_JITTER = 0.98  # as the kernel: the last shell must stay this side of infinity
@@ -57,20 +48,20 @@ class TorchGrid:
         """A step of Adam on the nodes that have a gradient."""
         self._steps += 1
         moving = gradient != 0
-        mean = torch.lerp(self._first, gradient, float(1 - learn.FIRST))
-        square = torch.lerp(self._second, gradient.square(), float(1 - learn.SECOND))
+        mean = torch.lerp(self._first, gradient, float(1 - adam.FIRST))
+        square = torch.lerp(self._second, gradient.square(), float(1 - adam.SECOND))
         self._first = torch.where(moving, mean, self._first)
         self._second = torch.where(moving, square, self._second)
-        size = (square / (1 - float(learn.SECOND) ** self._steps)).sqrt() + 1e-15
+        size = (square / (1 - float(adam.SECOND) ** self._steps)).sqrt() + 1e-15
         rate = torch.full_like(gradient, rates.color)
         rate[..., 0] = rates.density * self.rate_scale
-        moved = self.values - rate * mean / (1 - float(learn.FIRST) ** self._steps) / size
+        moved = self.values - rate * mean / (1 - float(adam.FIRST) ** self._steps) / size
         bounded = torch.minimum(torch.maximum(moved, self._bounds[0]), self._bounds[1])
         self.values = torch.where(moving, bounded, self.values)
 
     @torch.no_grad()
     def roughness(self, gradient: Values, density_weight: float, color_weight: float) -> Values:
-        """The gradient of the roughness of all nodes that `gradient` moves (see `learn.add_roughness`)."""
+        """The gradient of the roughness of all nodes that `gradient` moves (see `adam.add_roughness`)."""
         weights = torch.tensor([density_weight, *[color_weight] * 3], device=gradient.device)
         pull = torch.zeros_like(gradient)
         for axis in range(3):

@@ -4,8 +4,7 @@ import os
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.trained_grid import training_bytes
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import Box, PosedImages
 
 _LEAST_IMAGES = 2
 _ORTHONORMAL = 1e-2  # how far a rotation times its transpose may be from the identity

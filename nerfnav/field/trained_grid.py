@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.field.kernels import learn
+from nerfnav.field.kernels import adam
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
 
 _BLOCK_NODES = (1 << BLOCK_SHIFT) ** 3
@@ -56,14 +56,14 @@ class TrainedGrid:
     def smooth(self, density_weight: float, color_weight: float) -> None:
         """Add the gradient of the roughness of what rays have touched, weighed, to that of the rays."""
         weights = np.array([density_weight, *[color_weight] * 3], np.float32)
-        learn.add_roughness(self.values, self._blocks, self.gradients, self.touched, weights)
+        adam.add_roughness(self.values, self._blocks, self.gradients, self.touched, weights)
 
     def descend(self, density_rate: float, color_rate: float) -> None:
         """Take a step of Adam, and clear the gradients."""
         self._steps += 1
-        corrections = np.array([1 - learn.FIRST**self._steps, 1 - learn.SECOND**self._steps], np.float32)
+        corrections = np.array([1 - adam.FIRST**self._steps, 1 - adam.SECOND**self._steps], np.float32)
         rates = np.array([density_rate, *[color_rate] * 3], np.float32)
-        learn.adam(
+        adam.adam(
             self.values, self._blocks, self.gradients, self.touched, self._moments, rates, self.rate_scale,
             self._bounds, corrections,
         )  # fmt: skip

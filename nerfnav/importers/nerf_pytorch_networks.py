@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.mlp import Encoding, MlpConfig, RadianceMlp
+from nerfnav.field import MlpConfig
+from nerfnav.field.mlp import Encoding, RadianceMlp
 
 _PARTS = ((0, "weight"), (1, "bias"))
 

@@ -11,8 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.geometry import so3
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Pose, so3
 from nerfnav.structs import TensorStruct
 
 TANGENT = 12

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from manifold3d import Manifold
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.robots.body import Body
+from nerfnav.robots import Body
 from nerfnav.world.manifold import manifold_of
 from nerfnav.world.triangles import TriangleIndex, Vector, boxes_touch_triangles
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Float32, Int32, UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.geometry import Camera, Pose
 from nerfnav.world.scene import Scene
 from nerfnav.world.surface import surface_color
 

@@ -5,7 +5,7 @@ from enum import Enum
 
 import trimesh
 
-from nerfnav.geometry.box import Box
+from nerfnav.geometry import Box
 from nerfnav.world.paint import Paint
 from nerfnav.world.task import Task
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from nerfnav.robots.state import RigidState
+from nerfnav.robots import RigidState
 
 Point = tuple[float, float, float]
 

@@ -11,8 +11,7 @@ import trimesh
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.directions import spiral
+from nerfnav.geometry import Box, spiral
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Vantage
 

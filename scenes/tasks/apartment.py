@@ -2,7 +2,7 @@
 
 import math
 
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 
 _FLIGHTS = [
     ("From the sofa to the stove", (-1.6, -1.2, 1.2), (-3.2, 2.3, 1.3)),

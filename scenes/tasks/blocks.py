@@ -1,6 +1,6 @@
 """What is asked of robots between the blocks: two flights."""
 
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 
 TASKS = (
     Task("Around the red block", (-0.42, 0.0, 0.12), (0.42, 0.0, 0.15)),

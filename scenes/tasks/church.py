@@ -2,7 +2,7 @@
 
 import math
 
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 
 _FLIGHTS = [
     ("Down the nave", (-1.15, 0.0, 0.2), (0.9, 0.0, 0.3)),

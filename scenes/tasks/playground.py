@@ -1,6 +1,6 @@
 """What is asked of robots in the playground: ten flights."""
 
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 
 TASKS = tuple(
     Task(name, start, goal)

@@ -2,7 +2,7 @@
 
 import math
 
-from nerfnav.world.task import Task
+from nerfnav.world import Task
 
 _FLIGHTS = tuple(
     Task(name, start, goal)

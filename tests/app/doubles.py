@@ -15,8 +15,9 @@ from app.queries.robot_view import RobotViewQuery
 from app.queries.run_list import RunListQuery
 from app.queries.stored_run import StoredRunQuery
 from app.state.actions import RunChanged
+from app.state.job import Job, JobKind
 from app.state.runs import RunChange
-from app.state.session import Job, JobKind, Session
+from app.state.session import Session
 from app.storage.run_store import RunStore
 from app.worker.backend import NavigationBackend
 from nerfnav.estimator.belief import Belief

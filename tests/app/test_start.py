@@ -13,13 +13,13 @@ import pytest
 import viser
 from viser import _icons
 
-from app.cli.serve import _shown_before
+from app.cli.served_place import shown_before
 from app.jobs.events import JobResult
 from app.jobs.surface import surface_of
 from app.page.icon_archive import icons_at_hand
 from app.places.opening import open_place
 from app.places.surface_glb import box_of
-from app.state.session import JobKind
+from app.state.job import JobKind
 from app.system.fast_imports import importing
 from app.system.memory import give_back
 from app.worker import worker
@@ -110,10 +110,10 @@ def test_a_surface_that_was_shaped_is_found_by_the_name_or_the_file_of_its_place
     field_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert _shown_before(str(field_file)) is None, "nobody has looked at it on this machine"
+    assert shown_before(str(field_file)) is None, "nobody has looked at it on this machine"
     surface = surface_of(open_place(str(field_file)))
-    assert _shown_before(str(field_file)) == surface and box_of(surface) is not None
-    assert _shown_before("stonehenge") is None
+    assert shown_before(str(field_file)) == surface and box_of(surface) is not None
+    assert shown_before("stonehenge") is None
     surface = surface_of(open_place("stonehenge"))
-    assert _shown_before("stonehenge") == surface
-    assert _shown_before("nowhere") is None
+    assert shown_before("stonehenge") == surface
+    assert shown_before("nowhere") is None

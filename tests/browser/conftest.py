@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
 
 from app.server import App
-from app.worker.worker import Work
+from app.worker.work import Work
 from tests.browser.complaints import complaints_of
 from tests.browser.tab import Tab
 from tests.waiting import free_port

@@ -54,7 +54,7 @@ _READY = "'/field' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__
 
 def serve(port: int) -> None:
     """The app with one more button, which tells on stdout when it was pressed."""
-    from app.cli.serve import _SWITCH_S
+    from app.cli.served_app import _SWITCH_S
     from app.server import App
 
     sys.setswitchinterval(_SWITCH_S)

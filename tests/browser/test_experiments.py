@@ -15,7 +15,7 @@ from app.places.place import Place
 from app.queries.experiments import ExperimentsQuery
 from app.queries.query import Query, Resources
 from app.server import App
-from app.state.session import JobKind
+from app.state.job import JobKind
 from app.storage.experiment_store import ExperimentStore
 from app.storage.run_store import RunStore
 from tests.app.doubles import ScriptedWork

@@ -11,7 +11,7 @@ from app.jobs.events import JobResult, Progress
 from app.page.layers.ends import GIZMO
 from app.places.ends import Which
 from app.server import App
-from app.state.session import JobKind
+from app.state.job import JobKind
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import ScriptedWork, flight_step, plan_step
 from tests.browser.tab import Tab

@@ -11,7 +11,7 @@ from app.queries.field_view import FieldViewQuery
 from app.server import App
 from app.state.actions import MoveEnd
 from app.state.flight_settings import FlightSettings
-from app.state.session import JobKind
+from app.state.job import JobKind
 from app.state.view_settings import Backdrop
 from tests.app.doubles import ScriptedWork, flight_step
 from tests.browser.tab import Tab

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.experiments.correlation import Watch, overlap_along, picture, summary_of, watch
+from nerfnav.experiments.correlation import Watch, overlap_along, watch
+from nerfnav.experiments.correlation_results import picture, summary_of
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.world.task import Task
 from tests.experiments.places import column

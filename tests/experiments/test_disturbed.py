@@ -5,7 +5,8 @@ import torch
 
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
-from nerfnav.experiments.disturbed import Trial, disturbed_flight
+from nerfnav.experiments.disturbed import disturbed_flight
+from nerfnav.experiments.flights import Trial
 from nerfnav.world.contact import contact_check
 from nerfnav.world.task import Task
 from tests.experiments.places import PAST, column

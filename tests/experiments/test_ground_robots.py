@@ -8,7 +8,10 @@ import torch
 import trimesh
 
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.ground_robots import Drive, drive, outlines, run
+from nerfnav.experiments.drives import Drive
+from nerfnav.experiments.ground_robots import run
+from nerfnav.experiments.ground_trial import drive
+from nerfnav.experiments.outlines import outlines
 from nerfnav.experiments.study import Results, Study
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
 from nerfnav.world.scene import Scene

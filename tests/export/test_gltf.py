@@ -6,9 +6,9 @@ import torch
 import trimesh
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.export.glb import packed, parts
 from nerfnav.export.gltf import gltf
 from nerfnav.geometry import so3
+from nerfnav.glb import packed, parts
 from tests.export.flights import flight, flown, plan
 
 

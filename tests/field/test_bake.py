@@ -7,7 +7,9 @@ import torch
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.analytic import BallsField
-from nerfnav.field.bake import BakeConfig, bake, fitted, likeness, moments, moments_of, refined, sample_views
+from nerfnav.field.bake import BakeConfig, bake
+from nerfnav.field.likeness import likeness, sample_views
+from nerfnav.field.moments import fitted, moments, moments_of, refined
 from nerfnav.field.render import render_rays
 from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
@@ -52,7 +54,7 @@ def test_fitting_meets_the_moments_of_a_grid() -> None:
 def test_a_baked_field_looks_like_its_original(baked: VoxelField) -> None:
     psnr = baked.info.baked_psnr_db
     assert psnr is not None and psnr > 27
-    views = sample_views(BOX, BakeConfig(views=3))
+    views = sample_views(BOX, 3, BakeConfig.distance)
     assert likeness(BALLS, baked, views, Camera.from_fov(40, 40, 50)) > 26
 
 

@@ -7,7 +7,8 @@ import torch
 
 from nerfnav.field.evidence import SOLID_DENSITY, State, states_of
 from nerfnav.field.fusion import Fused, fused
-from nerfnav.field.train import TrainConfig, train
+from nerfnav.field.train import train
+from nerfnav.field.train_config import TrainConfig
 from nerfnav.field.voxel import VoxelField
 from tests.field import rooms
 

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from nerfnav.field.field import uniform_samples
-from nerfnav.field.learner import Finish, GridLearner, LearningRates
+from nerfnav.field.learned_place import Finish
+from nerfnav.field.learner import GridLearner, LearningRates
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.render import render_rays
 from nerfnav.field.surroundings import Surroundings

@@ -14,7 +14,10 @@ from nerfnav.field.field import Field, density_and_gradient, uniform_samples
 from nerfnav.field.jacobian import colors_and_jacobian
 from nerfnav.field.mlp import Encoding, MlpConfig
 from nerfnav.field.neural import NeuralField
-from nerfnav.field.neural_train import NeuralTrainConfig, blank_field, drawn_from, train_neural
+from nerfnav.field.neural_blank import blank_field
+from nerfnav.field.neural_learner import drawn_from
+from nerfnav.field.neural_train import train_neural
+from nerfnav.field.neural_train_config import NeuralTrainConfig
 from nerfnav.field.render import render_rays
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Pose

@@ -10,7 +10,8 @@ from nerfnav.field.field import uniform_samples
 from nerfnav.field.jacobian import colors_and_jacobian
 from nerfnav.field.render import render_rays
 from nerfnav.field.surroundings import Surroundings, uncontracted
-from nerfnav.field.train import TrainConfig, train
+from nerfnav.field.train import train
+from nerfnav.field.train_config import TrainConfig
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, Pose, look_at

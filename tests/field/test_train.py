@@ -4,9 +4,10 @@ import pytest
 import torch
 
 from nerfnav.compiled import default_threads
-from nerfnav.field.learner import views_of
+from nerfnav.field.clear_grids import views_of
 from nerfnav.field.rays import RaySampler
-from nerfnav.field.train import TrainConfig, TrainStep, train
+from nerfnav.field.train import TrainStep, train
+from nerfnav.field.train_config import TrainConfig
 from nerfnav.geometry.grid import node_positions
 from tests.field.fields import BOX, ball, photographs_of_ball
 

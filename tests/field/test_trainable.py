@@ -10,7 +10,8 @@ import torch
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import trainable
-from nerfnav.field.train import TrainConfig, train
+from nerfnav.field.train import train
+from nerfnav.field.train_config import TrainConfig
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.images import PosedImages
 from tests.field.fields import BOX, photographs_of_ball

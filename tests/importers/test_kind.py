@@ -14,9 +14,12 @@ import trimesh
 from nerfnav.field.checkpoint import save_field
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
-from nerfnav.importers.kind import SourceKind, WrongKindError, field_name, source_kind, wrong_kind
+from nerfnav.importers.field_names import field_name
+from nerfnav.importers.kind import source_kind
+from nerfnav.importers.kinds import SourceKind
 from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.splats import save_splats
+from nerfnav.importers.wrong_kind import WrongKindError, wrong_kind
 from tests.importers.captures.synthetic import write_transforms
 from tests.importers.splat_files import bundle_sog, some_splats, write_inria, write_ksplat, write_sog, write_spz
 

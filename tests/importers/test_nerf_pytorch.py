@@ -13,7 +13,9 @@ from torch import Tensor, nn
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.render import render_image
 from nerfnav.geometry.camera import Camera, look_at
-from nerfnav.importers.nerf_pytorch import NerfPytorchConfig, is_checkpoint, load_nerf_pytorch
+from nerfnav.importers.nerf_pytorch import load_nerf_pytorch
+from nerfnav.importers.nerf_pytorch_config import NerfPytorchConfig
+from nerfnav.importers.nerf_pytorch_files import is_checkpoint
 from nerfnav.importers.placement import Placement
 
 BOX = Placement(box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))

@@ -10,7 +10,8 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.astar import SearchConfig, find_paths
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.state import RigidState
-from nerfnav.world.contact import ground, judge
+from nerfnav.world.contact import judge
+from nerfnav.world.ground import ground
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Scene
 from tests.scenes.rasters import raster_field

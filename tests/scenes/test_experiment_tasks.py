@@ -5,7 +5,7 @@ import torch
 import scenes
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
-from nerfnav.world.contact import ground
+from nerfnav.world.ground import ground
 from scenes.tasks.stonehenge import EXPERIMENT_TASKS
 
 

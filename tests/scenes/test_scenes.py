@@ -8,7 +8,8 @@ from nerfnav import robots
 from nerfnav.errors import UnknownNameError
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
-from nerfnav.world.contact import ground, judge
+from nerfnav.world.contact import judge
+from nerfnav.world.ground import ground
 
 _BODY = Body.box((0.1, 0.1, 0.04), (2, 2, 2))
 

@@ -5,11 +5,14 @@ import pytest
 import torch
 import trimesh
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
-from nerfnav.world.contact import Ground, contact_check, interpolate_poses, judge
+from nerfnav.world.contact import contact_check, judge
+from nerfnav.world.ground import Ground
+from nerfnav.world.interpolation import interpolate_poses
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import winding_number
 from nerfnav.world.triangles import boxes_touch_triangles
@@ -194,3 +197,9 @@ def test_what_a_solid_holds_is_not_counted_again_for_a_sheet_in_it():
 def test_a_place_without_anything_is_never_touched():
     empty = Scene("air", "Air", trimesh.Trimesh(), (), Box.of((-1, -1, -1), (1, 1, 1)), (1.0, 1.0, 1.0), ())
     assert not Ground(empty).touches(_BODY, _states((0.0, 0.0, 0.0))).any()
+
+
+def test_states_that_are_no_numbers_are_refused_in_one_sentence():
+    states = _states((0.0, 0.0, 3.0), (0.0, float("nan"), 3.0))
+    with pytest.raises(InvalidInputError, match="1 of 2 are not: the first is state 1"):
+        judge(_scene(_cube(0.2)), _BODY, states)

@@ -9,10 +9,11 @@ import scenes
 from app.jobs.events import JobEvent, Progress
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
-from nerfnav.field.train import TrainConfig
-from nerfnav.geometry.images import PosedImages
-from nerfnav.world.capture import FINE_VOXEL, CaptureConfig, capture, split
-from nerfnav.world.scene import Scene
+from nerfnav.field import TrainConfig
+from nerfnav.geometry import PosedImages
+from nerfnav.world import CaptureConfig, Scene, split
+from nerfnav.world.capture import capture
+from nerfnav.world.capture_config import FINE_VOXEL
 
 LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
 """Training steps that a field needs: a larger place has more surface to learn."""

@@ -7,7 +7,7 @@ import scenes
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import Photographs, TrainRequest
 from nerfnav.errors import InvalidInputError
-from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
+from nerfnav.importers import SourceKind, source_kind, wrong_kind
 
 KINDS = {
     SourceKind.SCENE: "bundled",

@@ -1,11 +1,8 @@
 """Training data from a mesh: it becomes a scene, is photographed from where it is free, and is its own ground truth."""
 
-import os
-import tempfile
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import torch
 
@@ -13,17 +10,11 @@ from app.jobs.events import JobEvent, Progress
 from app.jobs.training_data.bundled import images_for, iterations_for, photograph
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
-from nerfnav.errors import InvalidInputError
-from nerfnav.field.train import TrainConfig
-from nerfnav.importers.captures.archive import extract
-from nerfnav.importers.meshes.files import SUFFIXES
-from nerfnav.importers.meshes.folders import mesh_file, meshes_in_archive, only_one
-from nerfnav.importers.meshes.importer import Imported, SceneConfig, import_mesh
-from nerfnav.importers.meshes.refusal import MeshFileError
-from nerfnav.world.capture import split
+from app.jobs.training_data.unpacking import mesh_unpacked
+from nerfnav.field import TrainConfig
+from nerfnav.importers import Imported, SceneConfig, import_mesh
+from nerfnav.world import split
 
-_BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".tif", ".tiff")
-"""Endings of the files that meshes in an archive may need."""
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""
 WITHOUT_DEPTH = 3
@@ -34,7 +25,7 @@ space to be free then, and half a dozen looks past a node seldom do."""
 def gather(request: TrainRequest) -> Gathering:
     """Read the mesh and photograph it. Raises MeshFileError for files that no scene can be made of."""
     request.require_unset("a mesh", downscale=request.photographs.downscale)
-    with _unzipped(Path(request.source)) as path:
+    with mesh_unpacked(Path(request.source)) as path:
         config = SceneConfig(request.placement, request.mesh, request.voxel, _nodes(request.budget))
         imported = yield from _imported(path, config)
     scene = imported.scene
@@ -65,22 +56,3 @@ def _imported(path: Path, config: SceneConfig) -> Generator[JobEvent, bool | Non
         if step.imported is not None:
             return step.imported
     raise AssertionError("an import ends with its scene")
-
-
-@contextmanager
-def _unzipped(source: Path) -> Iterator[Path]:
-    """The mesh file, unpacked where it came in an archive."""
-    if source.suffix.lower() != ".zip":
-        yield mesh_file(source)
-        return
-    names = meshes_in_archive(source)
-    name = only_one([PurePosixPath(name) for name in names])
-    if name is None:
-        raise InvalidInputError(f"{source} holds {len(names)} meshes ({', '.join(names[:5])}): pack one alone")
-    with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:
-        extract(source, Path(folder), (*SUFFIXES, *_BESIDE))
-        try:
-            yield Path(folder) / name
-        except MeshFileError as error:
-            # people know the archive, not the folder that it was unpacked into
-            raise MeshFileError(str(error).replace(folder + os.sep, "")) from error

@@ -8,9 +8,8 @@ from torch import Tensor
 
 from app.jobs.events import JobEvent
 from nerfnav.errors import NerfnavError
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.images import PosedImages
-from nerfnav.world.scene import Scene
+from nerfnav.geometry import Box, PosedImages
+from nerfnav.world import Scene
 
 
 class StoppedError(NerfnavError):

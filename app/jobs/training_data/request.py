@@ -5,10 +5,9 @@ from pathlib import Path
 
 from app.jobs.validation import require_positive
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.train import TrainConfig
-from nerfnav.importers.meshes.importer import MeshOptions
-from nerfnav.importers.placement import Placement
-from nerfnav.world.capture import CaptureConfig
+from nerfnav.field import TrainConfig
+from nerfnav.importers import MeshOptions, Placement
+from nerfnav.world import CaptureConfig
 
 LEAST_HELD_OUT = 10
 """Photographs of a scene or mesh of which one is held out."""

@@ -9,8 +9,8 @@ from app.page.theme import OTHER_PLAN, OTHER_TRUTH
 from app.state.records import FlightRecord
 from app.state.runs import StoredFlight
 from app.state.session import Session
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.robots.state import RigidState
+from nerfnav.navigation import NavigationStep
+from nerfnav.robots import RigidState
 
 _NOBODY = np.zeros((0, 3)), np.zeros((0, 4))
 

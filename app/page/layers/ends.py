@@ -12,7 +12,7 @@ from app.page.theme import GOAL, HIT, START
 from app.places.ends import End, Which
 from app.state.actions import Command, MoveEnd, Point
 from app.state.session import Session
-from nerfnav.robots.robot import Robot
+from nerfnav.robots import Robot
 
 GIZMO = 0.24
 """Size of the arrows [m]."""

@@ -9,10 +9,9 @@ from app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternio
 from app.page.layers.shapes import ball, robot_shape
 from app.page.theme import BELIEF, HIT, PLAN, TRUTH
 from app.state.session import Session
-from nerfnav.estimator.belief import Belief
-from nerfnav.geometry.ellipsoid import ellipsoid_95
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
+from nerfnav.estimator import Belief
+from nerfnav.geometry import ellipsoid_95
+from nerfnav.robots import ATTITUDE, POSITION, RigidState, Robot
 
 _NOSE, _RIM = 0.2, 12  # length [m] and number of the lines that show where the nose may point
 _PAST = 5  # earlier plans that are still drawn

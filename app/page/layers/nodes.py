@@ -6,7 +6,7 @@ import viser.transforms as tf
 
 from app.page.layers.shapes import Shape
 from app.page.theme import Rgb, linear
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots import Motion, RigidState
 
 _SOMEWHERE = np.zeros((1, 2, 3), dtype=np.float32)
 

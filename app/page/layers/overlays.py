@@ -11,7 +11,7 @@ from app.queries.space import Space, SpaceQuery, SpaceVoxels
 from app.state.session import Session
 
 if TYPE_CHECKING:
-    from nerfnav.world.scene import Scene  # slow to import
+    from nerfnav.world import Scene  # slow to import
 
 _TRUTH_OPACITY = 0.35
 _COLORS = {Space.OCCUPIED: HIT, Space.UNKNOWN: STALE}

@@ -9,9 +9,8 @@ from app.page.layers.shapes import robot_shape
 from app.page.theme import PLAN, STALE
 from app.state.records import PlanRecord
 from app.state.session import Session
-from nerfnav.planner.planners import PLANNERS
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion
+from nerfnav.planner import PLANNERS
+from nerfnav.robots import Motion, Robot
 
 _THICKNESS = 0.017  # [m]
 

@@ -9,8 +9,8 @@ from app.page.layers.shapes import robot_shape
 from app.page.theme import CANDIDATE
 from app.state.records import SearchRecord
 from app.state.session import Session
-from nerfnav.estimator.relocalise import RelocaliseStep
-from nerfnav.geometry.camera import Pose
+from nerfnav.estimator import RelocaliseStep
+from nerfnav.geometry import Pose
 from nerfnav.geometry.so3 import quaternion_from_matrix
 
 MOST_CANDIDATES = 5

@@ -5,7 +5,8 @@ import viser
 
 from app.state.session import Session
 from app.state.view_settings import Backdrop
-from nerfnav.importers.splats.splats import Splats, in_half_precision
+from nerfnav.importers import Splats
+from nerfnav.importers.splats.splats import in_half_precision
 
 
 class SplatsLayer:

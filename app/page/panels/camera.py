@@ -7,7 +7,7 @@ from app.page.html import note
 from app.page.panels.camera_images import beside, difference, with_pixels
 from app.queries.robot_view import RobotView, RobotViewQuery
 from app.state.session import Session
-from nerfnav.navigation.steps import NavigationStep
+from nerfnav.navigation import NavigationStep
 
 _WIDTH, _LEFT, _TOP = 460.0, 14.0, 14.0  # [pixels]
 _FLYING = (

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.page.theme import BELIEF, HIT
-from nerfnav.estimator.steps import FilterStep
+from nerfnav.estimator import FilterStep
 
 _GAP = 6  # [pixels] between two pictures
 _DARK = 30  # level of grey of the gap

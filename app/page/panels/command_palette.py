@@ -26,9 +26,10 @@ from app.state.actions import (
     StartPlan,
     StepOnce,
 )
-from app.state.session import JobKind, Session
+from app.state.job import JobKind
+from app.state.session import Session
 from nerfnav import robots
-from nerfnav.planner.planners import PLANNERS
+from nerfnav.planner import PLANNERS
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from app.places.ends import End, Which
 from app.state.actions import Aim, ChooseTask, Command, MoveEnd
 from app.state.session import Session
 from app.text import capital, sentence
-from nerfnav.geometry.box import Box
+from nerfnav.geometry import Box
 
 _BY_HAND = "put by hand"
 

@@ -2,25 +2,16 @@
 
 from collections.abc import Callable
 
-import numpy as np
 import viser
 
-from app.page.html import columns, fine, note, table, warning
-from app.page.layers.search import MOST_CANDIDATES
+from app.page.html import note
 from app.page.panels.binder import Binder
 from app.page.panels.dropdown import ChoiceList
+from app.page.panels.estimate_words import describe, found
 from app.page.panels.flight_charts import ERRORS, FlightChart
 from app.state.actions import CarryAway, Command, FindRobot, Settings
-from app.state.records import FlightRecord
 from app.state.session import Session
-from app.text import number, sentence
 from nerfnav.estimator import estimators
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
-from nerfnav.geometry.so3 import yaw_of
-from nerfnav.navigation.recovery import Recovery
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
 
 
 class EstimatePanel:
@@ -64,71 +55,3 @@ class EstimatePanel:
         if session.search is not None:
             self._found.content = found(session.search.step)
         self._numbers.content = describe(session.shown_flight)
-
-
-def describe(flight: FlightRecord | None) -> str:
-    """The numbers of the last time step, as HTML."""
-    if flight is None or not flight.steps:
-        return note("Nothing is estimated yet: press Fly, and the robot finds its way by its camera.")
-    last = flight.steps[-1]
-    error, deviation = last.truth.local(last.belief.mean), last.belief.covariance.diagonal().clamp_min(0).sqrt()
-    rows = [
-        ("Position error", number(100 * error[POSITION].norm().item(), "cm")),
-        ("Standard deviations", _three(100 * deviation[POSITION].numpy(), "cm")),
-        ("Attitude error", number(np.rad2deg(error[ATTITUDE].norm().item()), "°")),
-        ("Standard deviations", _three(np.rad2deg(deviation[ATTITUDE].numpy()), "°")),
-        ("NEES of the pose (6 where honest)", number(nees_of_pose(last.belief, last.truth), "")),
-        *_of_update(last),
-    ]
-    words = last.update.outcome.value if last.update is not None and last.update.outcome is not None else ""
-    return table(rows) + (note(sentence(words)) if words else "") + _of_recovery(last)
-
-
-def _of_recovery(step: NavigationStep) -> str:
-    if step.recovery is None:
-        return ""
-    say = fine if step.recovery is Recovery.RELOCALISED else warning
-    return say(sentence(step.recovery.value))
-
-
-def found(step: RelocaliseStep) -> str:
-    """The likeliest places of a search, as HTML."""
-    if step.outcome is None:
-        return note(f"{len(step.weights)} places are left to compare.")
-    poses = step.body_poses()
-    rows = [
-        (
-            str(index + 1),
-            ", ".join(f"{value:.2f}" for value in poses.position[index].tolist()),
-            f"{np.rad2deg(yaw_of(poses.rotation[index]).item()):.0f}°",
-            f"{100 * step.weights[index].item():.0f} %",
-        )
-        for index in range(min(len(step.weights), MOST_CANDIDATES))
-    ]
-    say = fine if step.outcome is RelocaliseOutcome.FOUND else warning
-    return say(sentence(step.outcome.value)) + columns(("", "place [m]", "heading", "likely"), rows)
-
-
-def nees_of_pose(belief: Belief, truth: RigidState) -> float:
-    """Squared error of position and attitude in units of what the covariance expects."""
-    pose = np.r_[POSITION, ATTITUDE]
-    error = belief.mean.local(truth).detach().double().numpy()[pose]
-    covariance = belief.covariance.detach().double().numpy()[np.ix_(pose, pose)]
-    return float(error @ np.linalg.solve(covariance, error))
-
-
-def _of_update(step: NavigationStep) -> list[tuple[str, str]]:
-    update = step.update
-    if update is None:
-        return []
-    count = len(update.pixels)
-    used = count if update.believed is None else int(update.believed.sum())
-    return [
-        ("Iterations", str(update.iteration + 1)),
-        ("Pixels", f"{used} of {count}" if used < count else str(count)),
-        ("Filter", number(step.filter_ms, "ms")),
-    ]
-
-
-def _three(values: np.ndarray, unit: str) -> str:
-    return " · ".join(f"{value:.2g}" for value in values) + f" {unit}"

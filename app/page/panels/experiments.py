@@ -9,7 +9,8 @@ from app.page.html import heading, note, table
 from app.queries.experiments import Experiments, ExperimentsQuery
 from app.state.actions import Cancel, Command
 from app.state.experiments import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
-from app.state.session import JobKind, Session
+from app.state.job import JobKind
+from app.state.session import Session
 from app.storage.experiment_store import ExperimentResult
 from app.text import capital
 

@@ -12,9 +12,8 @@ from app.state.actions import Command, Reset, Tell
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.export.formats import FORMATS, ExportFormat
-from nerfnav.export.recording import Recording
-from nerfnav.geometry.images import picture_file
+from nerfnav.export import FORMATS, ExportFormat, Recording
+from nerfnav.geometry import picture_file
 
 SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}
 """Of screenshots: width and height [pixels]."""

@@ -12,7 +12,7 @@ from app.state.actions import Cancel, Command, Gust, Pause, Resume, StartFlight,
 from app.state.records import FlightRecord
 from app.state.session import Session
 from app.text import number, sentence
-from nerfnav.robots.state import ATTITUDE, POSITION
+from nerfnav.robots import ATTITUDE, POSITION
 
 
 class FlightPanel:

@@ -10,8 +10,8 @@ from app.page.panels.chart import Chart
 from app.page.theme import BELIEF, HIT, PLAN, TRUTH, Rgb
 from app.state.records import FlightRecord
 from app.state.session import Session
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.robots.state import POSITION
+from nerfnav.navigation import NavigationStep
+from nerfnav.robots import POSITION
 
 _SIGMAS = 3.0
 

@@ -10,7 +10,7 @@ from app.page.panels.binder import Binder
 from app.state.actions import Command, Settings
 from app.state.session import Session
 from app.text import capital
-from nerfnav.planner.costs import CostWeights
+from nerfnav.planner import CostWeights
 
 _UNITS = {"outside": "1/m²", "margin": "m"}
 

@@ -8,7 +8,8 @@ from app.page.html import heading, legend, warning
 from app.page.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from app.places.sources import title_of
 from app.state.actions import Cancel, Command, StartFlight, StartPlan
-from app.state.session import JobKind, Session
+from app.state.job import JobKind
+from app.state.session import Session
 from app.text import capital
 
 _MEANINGS = (

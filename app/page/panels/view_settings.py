@@ -8,7 +8,7 @@ from app.page.panels.binder import Binder
 from app.state.actions import Command, Settings
 from app.state.session import Session
 from app.state.view_settings import Backdrop
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field import VoxelField
 
 _BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
 _SHOWN_AT_FIRST = 0.3  # share of the height of a slice that was not drawn yet

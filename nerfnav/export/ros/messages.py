@@ -19,8 +19,8 @@ import torch
 from nerfnav.export.recording import Recording
 from nerfnav.extras import from_extra
 from nerfnav.geometry import so3
-from nerfnav.navigation.steps import NavigationStep
-from nerfnav.robots.state import ATTITUDE, POSITION
+from nerfnav.navigation import NavigationStep
+from nerfnav.robots import ATTITUDE, POSITION
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -77,3 +77,9 @@ def block_exit(start, slope, cell):
     block = cell >> BLOCK_SHIFT
     border = (block + 1) << BLOCK_SHIFT if slope > np.float32(0.0) else block << BLOCK_SHIFT
     return (np.float32(border) - start) / slope
+
+
+@kernel(inline=True)
+def node_in_block(x, y, z):
+    """Where a node's numbers stand among the 64 of its block."""
+    return ((x & 3) << 4) | ((y & 3) << 2) | (z & 3)

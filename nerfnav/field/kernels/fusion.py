@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel, prange
-from nerfnav.field.kernels.views import SIDE, cube_count, cube_of, in_camera, may_show, picture_of, window_of
+from nerfnav.field.kernels.views import SIDE, cube_count, cube_in_view, in_camera, picture_of, position_of, window_of
 
 MOST = 255
 """Counting ends here."""
@@ -102,21 +102,14 @@ def fuse(grid, view, maps, sizes, noise, sums):
     depth, points, normals, nearest, colors = maps
     free, hits, weight, distance, color = sums
     shape, (height, width) = free.shape, depth.shape
-    half = np.float32(0.5 * (SIDE - 1))
-    radius = half * np.float32(math.sqrt(spacing[0] ** 2 + spacing[1] ** 2 + spacing[2] ** 2))
     for cube in prange(cube_count(shape)):
-        x0, y0, z0 = cube_of(cube, shape)
-        middle = in_camera(
-            lower[0] + (np.float32(x0) + half) * spacing[0], lower[1] + (np.float32(y0) + half) * spacing[1],
-            lower[2] + (np.float32(z0) + half) * spacing[2], rotation, position,
-        )  # fmt: skip
-        if not may_show(middle[0], middle[1], middle[2], radius, lens, width, height):
+        x0, y0, z0, seen = cube_in_view(cube, lower, spacing, shape, view, width, height)
+        if not seen:
             continue
         for i in range(x0, min(x0 + SIDE, shape[0])):
             for j in range(y0, min(y0 + SIDE, shape[1])):
                 for k in range(z0, min(z0 + SIDE, shape[2])):
-                    x, y = lower[0] + np.float32(i) * spacing[0], lower[1] + np.float32(j) * spacing[1]
-                    z = lower[2] + np.float32(k) * spacing[2]
+                    x, y, z = position_of(i, j, k, lower, spacing)
                     right, down, ahead = in_camera(x, y, z, rotation, position)
                     if ahead <= np.float32(1e-9):
                         continue

@@ -1,4 +1,4 @@
-"""A training step: forward, closed-form backward and Adam (Kingma and Ba, 2015).
+"""A training step: forward and closed-form backward; Adam is in adam.py.
 
 For a ray with colour C = sum_i w_i c_i + T_end b and loss L with g = dL/dC:
 
@@ -21,14 +21,12 @@ from nerfnav.field.kernels.cells import (
     NEGLIGIBLE_RAW,
     corner_weights,
     interpolate,
+    node_in_block,
     sigmoid,
     softplus,
 )
 from nerfnav.field.kernels.march import STOPPED, grid_ray, locate, next_sample, sample_count, scratch
 from nerfnav.field.kernels.shells import RAW_TO_DEPTH, cross_shell, shell_count
-
-FIRST, SECOND = np.float32(0.9), np.float32(0.99)
-"""Adam's beta_1 and beta_2."""
 
 
 @kernel(inline=True)
@@ -43,12 +41,6 @@ def scatter(gradient, touched, slots, cell, weights, by_value):
         for channel in range(4):
             gradient[slot, node, channel] += weights[corner] * by_value[channel]
         touched[slot] = 1
-
-
-@kernel(inline=True)
-def node_in_block(x, y, z):
-    """Where a node's numbers stand among the 64 of its block."""
-    return ((x & 3) << 4) | ((y & 3) << 2) | (z & 3)
 
 
 @kernel(parallel=True)
@@ -159,84 +151,3 @@ def loss_and_gradient(grid, rays, scales, background, inner, outer):
                     corner_weights(fraction[0], fraction[1], fraction[2], weights)
                     scatter(gradients[worker], touched[worker], slots, cell, weights, by_value)
     return errors
-
-
-@kernel(inline=True)
-def touched_by_any(touched, slot):
-    """Whether any thread has added a gradient to a block."""
-    found = False
-    for worker in range(touched.shape[0]):
-        found = found or touched[worker, slot] != 0
-    return found
-
-
-@kernel(parallel=True)
-def add_roughness(values, blocks, gradients, touched, weights):
-    """Add to gradients[0] that of the total variation, sum over neighbours of weight * huber(difference).
-
-    For touched nodes only: what no ray looks at may be as rough as it likes. `weights` (4) are those of the channels.
-    """
-    nx, ny, nz, channels = values.shape
-    workers, count = touched.shape
-    side = 1 << BLOCK_SHIFT
-    one = np.float32(1.0)
-    for slot in prange(count):
-        if not touched_by_any(touched, slot):
-            continue
-        x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
-        for x in range(x0, min(nx, x0 + side)):
-            for y in range(y0, min(ny, y0 + side)):
-                for z in range(z0, min(nz, z0 + side)):
-                    node = node_in_block(x, y, z)
-                    for channel in range(channels):
-                        slope = np.float32(0.0)
-                        for worker in range(workers):
-                            slope += gradients[worker, slot, node, channel]
-                        if slope == np.float32(0.0):
-                            continue
-                        here, pull = values[x, y, z, channel], np.float32(0.0)
-                        pull += min(max(here - values[max(x - 1, 0), y, z, channel], -one), one)
-                        pull += min(max(here - values[min(x + 1, nx - 1), y, z, channel], -one), one)
-                        pull += min(max(here - values[x, max(y - 1, 0), z, channel], -one), one)
-                        pull += min(max(here - values[x, min(y + 1, ny - 1), z, channel], -one), one)
-                        pull += min(max(here - values[x, y, max(z - 1, 0), channel], -one), one)
-                        pull += min(max(here - values[x, y, min(z + 1, nz - 1), channel], -one), one)
-                        gradients[0, slot, node, channel] += weights[channel] * pull
-
-
-@kernel(parallel=True)
-def adam(values, blocks, gradients, touched, moments, rates, rate_scale, bounds, corrections):
-    """Sum the threads' gradients and take a step of Adam on touched blocks, in place; clears gradients and marks.
-
-    `blocks` (slots, 3) says which block has which slot, `moments` (2, slots, 64, 4) are Adam's. `rates` (4) are
-    learning rates of the channels, `rate_scale` (nx, ny, nz) scales that of the density, `bounds` (2, 4) limit the
-    values, `corrections` are 1 - beta^t of both moments. Nodes without gradient rest.
-    """
-    nx, ny, nz, channels = values.shape
-    workers, count = touched.shape
-    side = 1 << BLOCK_SHIFT
-    for slot in prange(count):
-        if not touched_by_any(touched, slot):
-            continue
-        for worker in range(workers):
-            touched[worker, slot] = 0
-        x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
-        for x in range(x0, min(nx, x0 + side)):
-            for y in range(y0, min(ny, y0 + side)):
-                for z in range(z0, min(nz, z0 + side)):
-                    node = node_in_block(x, y, z)
-                    for channel in range(channels):
-                        slope = np.float32(0.0)
-                        for worker in range(workers):
-                            slope += gradients[worker, slot, node, channel]
-                            gradients[worker, slot, node, channel] = np.float32(0.0)
-                        if slope == np.float32(0.0):
-                            continue
-                        mean = FIRST * moments[0, slot, node, channel] + (np.float32(1.0) - FIRST) * slope
-                        square = SECOND * moments[1, slot, node, channel] + (np.float32(1.0) - SECOND) * slope * slope
-                        moments[0, slot, node, channel] = mean
-                        moments[1, slot, node, channel] = square
-                        rate = rates[channel] * (rate_scale[x, y, z] if channel == 0 else np.float32(1.0))
-                        size = np.float32(math.sqrt(square / corrections[1])) + np.float32(1e-15)
-                        moved = values[x, y, z, channel] - rate * (mean / corrections[0]) / size
-                        values[x, y, z, channel] = min(max(moved, bounds[0, channel]), bounds[1, channel])

@@ -82,11 +82,9 @@ def scratch():
 @kernel(parallel=True)
 def render(values, occupied, lower, per_meter, origins, directions, scale, step, background, outer):
     """Colour (n, 3), opacity (n) and mean depth (n) of rays; `outer` (m, m, m, 4) are the surroundings, m = 0: none."""
-    count = origins.shape[0]
-    shape = values.shape
+    count, shape = origins.shape[0], values.shape
     colors = np.empty((count, 3), np.float32)
-    opacities = np.empty(count, np.float32)
-    depths = np.empty(count, np.float32)
+    opacities, depths = np.empty(count, np.float32), np.empty(count, np.float32)
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         start, slope, cell, fraction, weights = scratch()
         seen = np.empty(4, np.float32)
@@ -94,8 +92,7 @@ def render(values, occupied, lower, per_meter, origins, directions, scale, step,
             enter, leave = grid_ray(origins[ray], directions[ray], lower, per_meter, shape, start, slope)
             samples = sample_count(enter, leave, step)
             red = green = blue = depth = np.float32(0.0)
-            light = np.float32(1.0)
-            index = 0
+            light, index = np.float32(1.0), 0
             while index < samples and light > STOPPED:
                 distance = locate(index, enter, step, start, slope, shape, cell, fraction)
                 following = next_sample(index, enter, step, start, slope, cell, occupied)

@@ -53,6 +53,27 @@ def may_show(right, down, ahead, radius, lens, width, height):
 
 
 @kernel(inline=True)
+def cube_in_view(cube, lower, spacing, shape, view, width, height):
+    """First nodes (x, y, z) of a cube, and whether a `view` (rotation, position, lens) may show any of it."""
+    rotation, position, lens = view
+    half = np.float32(0.5 * (SIDE - 1))
+    radius = half * np.float32(math.sqrt(spacing[0] ** 2 + spacing[1] ** 2 + spacing[2] ** 2))
+    x, y, z = cube_of(cube, shape)
+    right, down, ahead = in_camera(
+        lower[0] + (np.float32(x) + half) * spacing[0], lower[1] + (np.float32(y) + half) * spacing[1],
+        lower[2] + (np.float32(z) + half) * spacing[2], rotation, position,
+    )  # fmt: skip
+    return x, y, z, may_show(right, down, ahead, radius, lens, width, height)
+
+
+@kernel(inline=True)
+def position_of(i, j, k, lower, spacing):
+    """Where a node stands in the world [m]."""
+    x, y = lower[0] + np.float32(i) * spacing[0], lower[1] + np.float32(j) * spacing[1]
+    return x, y, lower[2] + np.float32(k) * spacing[2]
+
+
+@kernel(inline=True)
 def picture_of(right, down, ahead, lens):
     """Where a point in the camera's frame stands in the picture [pixels]; the point must be ahead of the camera."""
     return lens[0] * right / ahead + lens[2], lens[1] * down / ahead + lens[3]

@@ -9,8 +9,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers.captures import depths, placing
 from nerfnav.importers.captures.triangulated import agreed_points
 

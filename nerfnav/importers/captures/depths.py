@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.geometry.camera import Camera
+from nerfnav.geometry import Camera
 from nerfnav.importers.captures.pictures import undistortion
 from nerfnav.importers.captures.views import CaptureError, View
 

@@ -6,8 +6,7 @@ from pathlib import Path
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers.placement import Placement
 
 

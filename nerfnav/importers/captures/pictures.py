@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from nerfnav.geometry.camera import Camera
+from nerfnav.geometry import Camera
 from nerfnav.importers.captures.views import CaptureError, Lens
 
 _LEAST_PIXELS = 8

@@ -15,8 +15,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import Box, PosedImages
 
 _PLANAR = 0.02
 """Second eigenvalue of the mean of x x' above which the cameras' x axes span a plane."""

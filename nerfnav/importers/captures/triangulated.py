@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import PosedImages
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry.camera import Camera
+from nerfnav.geometry import Camera
 
 _SKEWED = 1e-2
 """How far from a rotation a matrix may be and still be one that was only rounded."""

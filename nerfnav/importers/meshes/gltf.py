@@ -4,16 +4,15 @@ import base64
 import io
 import json
 import re
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
+from nerfnav.glb import ContainerError, chunks
 from nerfnav.importers.meshes.refusal import MeshFileError
 
-_MAGIC, _JSON, _BINARY = b"glTF", 0x4E4F534A, 0x004E4942
 _KNOWN = {
     "KHR_draco_mesh_compression",
     "KHR_materials_unlit",
@@ -35,21 +34,11 @@ _IGNORED = re.compile(
 
 def glb_parts(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
     """The header and the binary chunk of a .glb. Raises MeshFileError where it is not a whole one."""
-    if data[:4] != _MAGIC:
-        raise MeshFileError(f"{path} is not a .glb file: it does not begin with glTF")
-    if len(data) < 20:
-        raise MeshFileError(f"{path} is cut off: it has {len(data)} bytes")
-    _, length, json_length, kind = struct.unpack("<4xIIII", data[:20])
-    if length > len(data) or 20 + json_length > len(data):
-        raise MeshFileError(f"{path} is cut off: it has {len(data)} bytes of {length}")
-    if kind != _JSON:
-        raise MeshFileError(f"{path} is damaged: its first chunk is not its header")
-    start = 20 + json_length
-    binary = b""
-    if start + 8 <= len(data):
-        size, kind = struct.unpack("<II", data[start : start + 8])
-        binary = data[start + 8 : start + 8 + size] if kind == _BINARY else b""
-    return header_of(path, data[20:start]), binary
+    try:
+        text, binary = chunks(data)
+    except ContainerError as error:
+        raise MeshFileError(f"{path} {error}") from error
+    return header_of(path, text), binary
 
 
 def header_of(path: Path, text: bytes) -> dict[str, Any]:

@@ -12,7 +12,6 @@ import base64
 import copy
 import importlib
 import io
-import json
 import math
 import struct
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from nerfnav import glb
 from nerfnav.importers.meshes.refusal import MeshFileError, first_sentence
 
 NO_TEXTURE = 100
@@ -28,7 +28,6 @@ NO_TEXTURE = 100
 _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _TRANSFORM, _BASISU, _DRACO = "KHR_texture_transform", "KHR_texture_basisu", "KHR_draco_mesh_compression"
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
 Read = Callable[[dict[str, Any]], bytes]
 
 
@@ -66,10 +65,7 @@ class Plain:
             views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), **kept})
             binary += data + bytes(-len(data) % 8)
         self.header |= {"bufferViews": views, "buffers": [{"byteLength": len(binary)}]}
-        text = json.dumps(self.header).encode()
-        text += b" " * (-len(text) % 4)
-        chunks = struct.pack("<II", len(text), _JSON) + text + struct.pack("<II", len(binary), _BINARY) + bytes(binary)
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+        return glb.packed(self.header, bytes(binary))
 
     def view(self, index: int) -> bytes:
         """The bytes of a buffer view."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from nerfnav.importers.meshes.files import Declared
+from nerfnav.importers.meshes.declared import Declared
 from nerfnav.importers.meshes.parts import Parts
 from nerfnav.importers.meshes.refusal import MeshFileError
 from nerfnav.importers.placement import AXES, LOWER, PLAUSIBLE, Placement, is_flatter, rotation_to_z

@@ -19,7 +19,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from nerfnav.importers.meshes.parts import Parts
-from nerfnav.world.solid import Solid, winding_number
+from nerfnav.world import Solid, winding_number
 
 _SAME = 1e-6
 """Vertices closer than this share of the longest edge are one."""

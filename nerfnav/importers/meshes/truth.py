@@ -6,25 +6,17 @@ npz without pickle; textures are PNG inside. The field's file names it, relative
 import hashlib
 import json
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
-import torch
-import trimesh
 
 from nerfnav.errors import FieldFileError
 from nerfnav.files import replacing
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.images import picture_file
-from nerfnav.world.paint import Image, Paint
-from nerfnav.world.scene import Scene, Vantage
-
-_FORMAT, _VERSION = "nerfnav-ground-truth", 1
+from nerfnav.importers.meshes.truth_codec import FORMAT, VERSION, arrays_of, scene_of
+from nerfnav.world import Scene
 
 
 @dataclass(frozen=True)
@@ -52,7 +44,7 @@ def truth_beside(scene: Scene, field: Path) -> Iterator[TruthLink]:
     path = truth_path(field)
     try:
         with replacing(path) as stream:
-            np.savez_compressed(stream, **_arrays(scene))  # type: ignore[arg-type] # none is called allow_pickle
+            np.savez_compressed(stream, **arrays_of(scene))  # type: ignore[arg-type] # none is called allow_pickle
             stream.flush()
             yield TruthLink(path.name, _digest(Path(stream.name)))
     except OSError as error:
@@ -69,83 +61,13 @@ def load_truth(path: Path, sha256: str) -> Scene:
             )
         with np.load(path, allow_pickle=False) as file:
             header = json.loads(str(file["header"]))
-            if header.get("format") != _FORMAT or header["version"] > _VERSION:
+            if header.get("format") != FORMAT or header["version"] > VERSION:
                 raise FieldFileError(f"{path} is no ground truth that this nerfnav can read: train the field again")
-            return _scene_of(file, header)
+            return scene_of(file, header)
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError, TypeError) as error:
         raise FieldFileError(f"{path} is no whole ground truth: train the field again") from error
     except OSError as error:
         raise FieldFileError(f"the ground truth {path} cannot be read: {error.strerror}") from error
-
-
-def _arrays(scene: Scene) -> dict[str, np.ndarray]:
-    assert scene.paint is not None, "an imported mesh has paint"
-    header = {
-        "format": _FORMAT,
-        "version": _VERSION,
-        "name": scene.name,
-        "title": scene.title,
-        "sky": scene.sky,
-        "voxel": scene.voxel,
-        "vantage": scene.vantage.value,
-        "images": len(scene.paint.images),
-    }
-    return {
-        "header": np.array(json.dumps(header)),
-        "box": np.stack([scene.box.lower.numpy(), scene.box.upper.numpy()]),
-        "image_of_face": scene.paint.image_of_face,
-        "uv": scene.paint.uv,
-        "tint": scene.paint.tint,
-        **{f"image_{index}": _bytes(picture_file(image)) for index, image in enumerate(scene.paint.images)},
-        **_packed("mesh", [scene.mesh]),
-        **_packed("solids", scene.solids),
-        **_packed("sheets", scene.sheets),
-    }
-
-
-def _scene_of(file: np.lib.npyio.NpzFile, header: dict[str, Any]) -> Scene:
-    images = tuple(_picture(file[f"image_{index}"]) for index in range(header["images"]))
-    red, green, blue = header["sky"]
-    return Scene(
-        header["name"],
-        header["title"],
-        _unpacked("mesh", file)[0],
-        tuple(_unpacked("solids", file)),
-        Box(*torch.from_numpy(file["box"])),
-        (red, green, blue),
-        (),
-        header["voxel"],
-        Paint(images, file["image_of_face"], file["uv"], file["tint"]),
-        tuple(_unpacked("sheets", file)),
-        Vantage(header["vantage"]),
-    )
-
-
-def _packed(name: str, meshes: Sequence[trimesh.Trimesh]) -> dict[str, np.ndarray]:
-    """Meshes as four arrays: their vertices and faces one after the other, and how many each has."""
-    return {
-        f"{name}_vertices": np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices, float) for mesh in meshes)]),
-        f"{name}_faces": np.concatenate([np.zeros((0, 3), np.int64), *(np.asarray(mesh.faces) for mesh in meshes)]),
-        f"{name}_counts": np.array([[len(mesh.vertices), len(mesh.faces)] for mesh in meshes]).reshape(-1, 2),
-    }
-
-
-def _unpacked(name: str, file: np.lib.npyio.NpzFile) -> list[trimesh.Trimesh]:
-    ends = np.cumsum(file[f"{name}_counts"], axis=0)[:-1]
-    vertices = np.split(file[f"{name}_vertices"], ends[:, 0]) if len(file[f"{name}_counts"]) else []
-    faces = np.split(file[f"{name}_faces"], ends[:, 1])
-    return [trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=False)]
-
-
-def _bytes(content: bytes) -> np.ndarray:
-    return np.frombuffer(content, np.uint8)
-
-
-def _picture(data: np.ndarray) -> Image:
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR)
-    if image is None:
-        raise ValueError("a texture that is no PNG")
-    return np.ascontiguousarray(image[..., ::-1])
 
 
 def _digest(path: Path) -> str:

@@ -22,11 +22,9 @@ import torch
 
 from nerfnav.compiled import default_threads, threads
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.bake import fitted
-from nerfnav.field.info import FieldInfo
-from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import shape_for, spacing_of
+from nerfnav.field import FieldInfo, VoxelField
+from nerfnav.field.moments import fitted
+from nerfnav.geometry import Box, shape_for, spacing_of
 from nerfnav.importers.kernels.splatting import REACH, splat
 from nerfnav.importers.splats.splats import Splats, extent
 

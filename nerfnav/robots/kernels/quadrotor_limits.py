@@ -20,22 +20,9 @@ def limits(velocity, rotation, rate, action, bounds, weight, dt, by_position, by
     [m/s] and body rate [rad/s]. Velocities and rates between the ends stand for positions and attitudes.
     """
     steps = action.shape[0]
-    carried, floor, most_thrust = bounds[0], bounds[1], bounds[2]
     total = 0.0
     for t in range(steps):
-        up = rotation[t, 2]  # the world's z axis in the body
-        missing = floor - action[t, 0] * up[2] / carried
-        if missing > 0.0:
-            total += weight * missing * missing
-            slope = -2.0 * weight * missing / carried
-            by_action[t, 0] += slope * up[2]
-            # d (e3' R Exp(delta) e3) = delta . (e3 x R' e3)
-            by_rotation[t, 0] -= slope * action[t, 0] * up[1]
-            by_rotation[t, 1] += slope * action[t, 0] * up[0]
-        excess = action[t, 0] / most_thrust - 1.0
-        if excess > 0.0:
-            total += weight * excess * excess
-            by_action[t, 0] += 2.0 * weight * excess / most_thrust
+        total += _thrust(rotation[t], action[t, 0], bounds, weight, by_rotation[t], by_action[t])
     for t in range(steps + 1):
         total += _tilt(rotation[t], bounds[3], weight, by_rotation[t])
         moving = 0 < t < steps
@@ -55,6 +42,27 @@ def limits(velocity, rotation, rate, action, bounds, weight, dt, by_position, by
             if moving:
                 slope = 2.0 * weight * excess / (bounds[5] * size)
                 _through_rate(rate[t], slope, dt, by_rotation[t], by_rotation[t + 1])
+    return total
+
+
+@kernel(inline=True)
+def _thrust(rotation, thrust, bounds, weight, by_rotation, by_action):
+    """The penalties on too little upward thrust and on too much of it."""
+    carried, floor, most = bounds[0], bounds[1], bounds[2]
+    total = 0.0
+    up = rotation[2]  # the world's z axis in the body
+    missing = floor - thrust * up[2] / carried
+    if missing > 0.0:
+        total += weight * missing * missing
+        slope = -2.0 * weight * missing / carried
+        by_action[0] += slope * up[2]
+        # d (e3' R Exp(delta) e3) = delta . (e3 x R' e3)
+        by_rotation[0] -= slope * thrust * up[1]
+        by_rotation[1] += slope * thrust * up[0]
+    excess = thrust / most - 1.0
+    if excess > 0.0:
+        total += weight * excess * excess
+        by_action[0] += 2.0 * weight * excess / most
     return total
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.main import main, parse
+from app.cli.main import main
+from app.cli.parsing import parse
 from app.jobs.experiment_catalog import EXPERIMENTS
 
 

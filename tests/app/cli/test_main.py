@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from app.cli.main import COMMANDS, main, parse
+from app.cli.catalog import COMMANDS
+from app.cli.main import main
+from app.cli.parsing import parse
 from app.jobs.events import JobEvents
 from app.jobs.fly_request import FlyRequest
 from app.places.place import Place

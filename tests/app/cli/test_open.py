@@ -12,8 +12,8 @@ from PIL import Image
 from app.cli import main as cli
 from app.jobs import make_field, open_place
 from app.jobs.events import JobEvent, PlaceOpened
-from app.jobs.import_field import ImportRequest
 from app.jobs.import_field import run as run_import
+from app.jobs.import_request import ImportRequest
 from app.jobs.make_field import field_path, made_before
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.voxel import VoxelField

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.terminal import follow, show
+from app.cli.progress import follow
+from app.cli.terminal import show
 from app.jobs.events import JobEvents, JobResult, Progress
 from tests.waiting import PATIENCE_S
 

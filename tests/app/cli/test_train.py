@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.main import main, parse
+from app.cli.main import main
+from app.cli.parsing import parse
 from nerfnav.errors import NerfnavError
 from nerfnav.importers.placement import Placement
 from tests.importers.captures.synthetic import changed, write_transforms

@@ -12,10 +12,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from app.benchmarks.comparison import Comparison
-from app.jobs import bench, experiment, experiment_catalog
+from app.cli.parsing import parse
+from app.jobs import bench, bench_measures, experiment, experiment_catalog
+from app.jobs.arena import open_arena
 from app.jobs.bench import BenchRequest
 from app.jobs.events import Progress
-from app.jobs.experiment import ExperimentRequest, open_arena
+from app.jobs.experiment import ExperimentRequest
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
 from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, MissingExtraError, NerfnavError, UnknownNameError
@@ -94,6 +96,13 @@ def fake(name: str) -> Any:
     return SimpleNamespace(measure=measure)
 
 
+def test_help_names_every_experiment_of_the_table(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse(["experiment", "--help"])
+    told = "".join(capsys.readouterr().out.split()).replace("│", "")
+    assert ",".join(EXPERIMENTS) in told
+
+
 def test_the_bench_tells_every_comparison_and_names_what_it_left_out(tmp_path: Path) -> None:
     done = result_of(bench.run(BenchRequest(out=tmp_path), fake))
     expected = {"paper_ms": 100.0, "fast_ms": 4.0, "ratio": 25.0, "threads": 2, "options": 0.0}
@@ -106,12 +115,12 @@ def test_the_bench_tells_every_comparison_and_names_what_it_left_out(tmp_path: P
 def test_a_quick_bench_asks_for_less() -> None:
     done = result_of(bench.run(BenchRequest(quick=True), fake))
     assert done.summary["quick"] is True
-    assert done.summary["plan"]["options"] == len(bench.QUICK["plan"])
+    assert done.summary["plan"]["options"] == len(bench_measures.QUICK["plan"])
 
 
 def test_quick_options_are_those_of_the_measures() -> None:
-    for name, options in bench.QUICK.items():
-        module = bench.module_named(name)
+    for name, options in bench_measures.QUICK.items():
+        module = bench_measures.module_named(name)
         assert module is not None
         code = module.measure.__wrapped__ if hasattr(module.measure, "__wrapped__") else module.measure
         assert set(options) <= set(code.__code__.co_varnames), name

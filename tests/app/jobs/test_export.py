@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from app.cli.main import main
-from app.jobs.export import ExportRequest, read_run, run
+from app.jobs.export import ExportRequest, run
+from app.jobs.recorded import read_run
 from app.storage.run_store import VARIABLE, RunStore
 from app.storage.step_log import FILE
 from nerfnav import robots
@@ -15,7 +16,8 @@ from nerfnav.errors import InvalidInputError, NameTakenError
 from nerfnav.export import formats
 from nerfnav.export.formats import FORMATS, ExportFormat
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.tables import json_text, motion_table
+from nerfnav.export.table_text import json_text
+from nerfnav.export.tables import motion_table
 from nerfnav.export.tum import poses_of_tum
 from nerfnav.robots.state import Motion
 from tests.app.following import result_of

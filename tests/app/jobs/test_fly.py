@@ -15,7 +15,7 @@ from app.places.ends import End, Ends
 from app.places.opening import open_place
 from app.places.place import Place
 from app.storage.run_metadata import RunMetadata
-from app.storage.step_log import read_steps
+from app.storage.stored_steps import read_steps
 from nerfnav.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep

@@ -9,8 +9,10 @@ import pytest
 import torch
 
 from app.jobs.events import Progress
-from app.jobs.localize import LocalizeRequest, camera_of, find, read_image, run
-from app.jobs.simulated_world import CAMERA as ROBOTS_CAMERA
+from app.jobs.find_robot import find
+from app.jobs.given_picture import camera_of, read_image
+from app.jobs.localize import LocalizeRequest, run
+from app.jobs.robot_camera import CAMERA as ROBOTS_CAMERA
 from app.places.derived import searcher_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseStep
@@ -67,9 +69,9 @@ def test_a_picture_of_the_robots_own_camera_is_found_in_an_open_place() -> None:
 def test_intrinsics_take_the_place_of_the_field_of_view(request_here: LocalizeRequest) -> None:
     image = read_image(request_here.image)
     asked = LocalizeRequest("x", request_here.image, intrinsics=(50.0, 51.0, 47.0, 41.0))
-    assert camera_of(asked, image) == Camera(96, 80, 50.0, 51.0, 47.0, 41.0)
+    assert camera_of(image, asked.fov_deg, asked.intrinsics) == Camera(96, 80, 50.0, 51.0, 47.0, 41.0)
     with pytest.raises(InvalidInputError, match="focal lengths"):
-        camera_of(LocalizeRequest("x", request_here.image, intrinsics=(0.0, 51.0, 47.0, 41.0)), image)
+        camera_of(image, 90.0, (0.0, 51.0, 47.0, 41.0))
 
 
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:

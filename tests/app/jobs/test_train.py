@@ -13,8 +13,9 @@ from app.places.opening import NoTrainedFieldError, field_file, open_place
 from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.checkpoint import load_field
-from nerfnav.field.train import TrainConfig, TrainStep
-from nerfnav.world.capture import CaptureConfig
+from nerfnav.field.train import TrainStep
+from nerfnav.field.train_config import TrainConfig
+from nerfnav.world.capture_config import CaptureConfig
 from tests.app.following import followed, result_of
 
 SMALL = {

@@ -11,7 +11,7 @@ from app.page.layers.nodes import quaternions, segments
 from app.page.layers.shapes import Shape, ball, robot_shape
 from app.page.panels import ends as ends_panel
 from app.page.panels import flight as fly_panel
-from app.page.panels import plan as plan_panel
+from app.page.panels import plan_charts, plan_words
 from app.page.panels.export import recording_of, subject
 from app.page.panels.status import activity
 from app.page.theme import branded, linear
@@ -151,14 +151,14 @@ def test_chart_data_has_a_column_for_each_term_and_no_zeros() -> None:
     history = CostHistory()
     for iteration in range(5):
         history = history.appended(iteration, PlanCost(0.0, 2.0, 0.5))
-    iterations, total, control, collision, limits = plan_panel.chart_data(history)
+    iterations, total, control, collision, limits = plan_charts.chart_data(history)
     assert iterations.tolist() == [0, 1, 2, 3, 4]
     assert total[0] == 2.5 and control[0] == 2.0 and limits[0] == 0.5 and collision[0] > 0
 
 
 def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
     session = Session.opening("balls")
-    assert "press Plan" in plan_panel.describe(None, stale=False, planning=False)
+    assert "press Plan" in plan_words.describe(None, stale=False, planning=False)
     assert "press Fly" in fly_panel.describe(None, stale=False, flying=False)
     assert "Opening" in activity(session)
     assert subject(session) is None and recording_of(session) is None

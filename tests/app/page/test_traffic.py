@@ -17,7 +17,8 @@ from app.page_server import page_server
 from app.places.surface_glb import unlit_glb
 from app.server import App
 from app.state.actions import StartFlight, StartPlan
-from app.state.session import JobKind, Session
+from app.state.job import JobKind
+from app.state.session import Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
@@ -64,7 +65,7 @@ def sent_while(app: App, command: Any) -> list[viser_messages.Message]:
     app.post(command)
     until(lambda: _frames(app) >= 5, "the job did not begin")
     shown = threading.Event()
-    app._parts = (*app._parts, _Shown(shown))  # last of all parts: what it saw, the others have shown
+    app._loop.parts = (*app._loop.parts, _Shown(shown))  # last of all parts: what it saw, the others have shown
     assert shown.wait(PATIENCE_S), "the page is not changed any more"
 
     def note(message: Any) -> None:

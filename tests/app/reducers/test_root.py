@@ -17,11 +17,12 @@ from app.queries.field_view import FieldView, FieldViewQuery
 from app.queries.following_plan import FollowingPlan, FollowingPlanQuery
 from app.queries.robot_view import RobotViewQuery
 from app.reducers.root import reduce
-from app.registry import Choice
 from app.state import actions as m
+from app.state.choice import Choice
 from app.state.flight_settings import GUST
+from app.state.job import JobKind
 from app.state.records import CostHistory, PlanRecord
-from app.state.session import JobKind, Session
+from app.state.session import Session
 from app.state.view_settings import Eye
 from app.worker.flight_orders import FlightOrders
 from nerfnav.navigation.steps import EpisodeOutcome

@@ -13,6 +13,7 @@ from app.queries.run_list import RunListQuery
 from app.queries.stored_run import StoredRunQuery
 from app.reducers.root import reduce
 from app.state import actions as m
+from app.state.job import JobKind
 from app.state.run_actions import (
     CompareRun,
     DeleteRun,
@@ -22,7 +23,7 @@ from app.state.run_actions import (
     RenameRun,
     Scrub,
 )
-from app.state.session import JobKind, Session
+from app.state.session import Session
 from app.storage.run_store import RunStore
 from app.worker.backend import NavigationBackend
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep

@@ -13,7 +13,7 @@ import viser
 from websockets.exceptions import InvalidStatus
 
 from app.page_server import page_server
-from app.security.guarded_server import TokenError
+from app.security.token import TokenError
 from app.security.token_bucket import TokenBucket
 from tests.app.security.hostile import address, connect_as_viser
 from tests.waiting import PATIENCE_S, free_port, until

@@ -16,7 +16,8 @@ from app.queries.query import Resources
 from app.reducers.root import reduce
 from app.state import actions as m
 from app.state.experiments import ListExperiments, ShowResult, StartExperiment
-from app.state.session import JobKind, Session
+from app.state.job import JobKind
+from app.state.session import Session
 from app.storage.experiment_store import FOLDER, ExperimentResult, ExperimentStore, lines
 from app.storage.run_store import RunStore
 from tests.app.doubles import balls_place

@@ -11,7 +11,8 @@ from app.storage import step_log as log_module
 from app.storage.file_lock import is_held
 from app.storage.output_files import OutputError
 from app.storage.run_metadata import RunMetadata
-from app.storage.step_log import StepLog, count_steps, logged, read_steps
+from app.storage.step_log import StepLog, logged
+from app.storage.stored_steps import count_steps, read_steps
 from nerfnav.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.recovery import Recovery
@@ -151,7 +152,7 @@ def test_a_full_disk_is_told_without_saying_where_it_is(tmp_path: Path, monkeypa
     def refuse(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(log, "_keep", refuse)
+    monkeypatch.setattr(log_module, "keep_picture", refuse)
     with pytest.raises(OutputError, match="cannot be written into run: No space left on device"):
         log.append(flown()[1])
     log.close()

@@ -8,10 +8,11 @@ import torch
 
 from app.jobs.events import JobFinished, JobResult
 from app.page.layers.search import frusta
-from app.page.panels import estimate
+from app.page.panels import estimate_words
 from app.state import actions as m
+from app.state.job import JobKind
 from app.state.records import SearchRecord
-from app.state.session import JobKind, Session
+from app.state.session import Session
 from app.worker.backend import NavigationBackend
 from app.worker.flight_orders import FlightOrders
 from nerfnav.errors import InvalidInputError
@@ -115,18 +116,18 @@ def test_the_worker_looks_for_the_robot_in_the_picture_that_the_session_has(open
 
 
 def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None:
-    told = estimate.found(candidates())
+    told = estimate_words.found(candidates())
     for text in ("One place looks like the picture.", "0.10, 0.20, 0.30", "90 %", "29°"):
         assert text in told
-    assert "2 places are left" in estimate.found(candidates(None))
-    assert "move and look again" in estimate.found(candidates(RelocaliseOutcome.AMBIGUOUS))
+    assert "2 places are left" in estimate_words.found(candidates(None))
+    assert "move and look again" in estimate_words.found(candidates(RelocaliseOutcome.AMBIGUOUS))
 
 
 def test_the_panel_says_what_a_robot_does_that_does_not_know_where_it_is(opened: Session) -> None:
     session = flying(opened, 3)
     assert session.flight is not None
     doubting = replace(flight_step(session.ends, 3), recovery=Recovery.WIDENED)
-    assert "and the robot holds" in estimate.describe(session.flight.with_step(doubting))
+    assert "and the robot holds" in estimate_words.describe(session.flight.with_step(doubting))
 
 
 def test_a_frustum_begins_at_the_camera_and_opens_where_it_looks() -> None:

@@ -12,7 +12,8 @@ from app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Prog
 from app.queries.catalog import pending_queries
 from app.reducers.root import reduce
 from app.state import actions as m
-from app.state.session import JobKind, Session
+from app.state.job import JobKind
+from app.state.session import Session
 from app.worker.worker import Worker
 from nerfnav.errors import NerfnavError
 from nerfnav.planner.steps import PlanOutcome

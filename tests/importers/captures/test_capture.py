@@ -113,7 +113,7 @@ def test_captures_in_the_coordinates_of_a_map_are_moved_to_where_numbers_are_exa
 
 
 def test_large_photographs_are_made_smaller_and_that_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(capture, "_LONGEST", 20)
+    monkeypatch.setattr(capture, "LONGEST", 20)
     report = imported(write_transforms(tmp_path)).report
     assert (report.downscale, report.image_size) == (3, (16, 12))
     assert any(guess.startswith("downscale") for guess in report.guesses)

@@ -13,7 +13,8 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from nerfnav.geometry.camera import Camera, look_at
-from nerfnav.importers.meshes.importer import Imported, MeshOptions, SceneConfig, import_mesh
+from nerfnav.importers.meshes.config import MeshOptions, SceneConfig
+from nerfnav.importers.meshes.importer import Imported, import_mesh
 from nerfnav.importers.placement import Placement
 from nerfnav.world.raycast import MeshRenderer
 

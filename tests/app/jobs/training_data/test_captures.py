@@ -14,9 +14,9 @@ from app.jobs.training_data.captures import NODES, gather
 from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
-from nerfnav.field.train import TrainConfig
+from nerfnav.field.train_config import TrainConfig
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.meshes.importer import MeshOptions
+from nerfnav.importers.meshes.config import MeshOptions
 from nerfnav.importers.placement import Placement
 from tests.app.following import followed, result_of
 from tests.importers.captures.synthetic import changed, write_transforms

@@ -17,12 +17,12 @@ from app.jobs.training_data.gather import Photographs, TrainingData, gather
 from app.places.opening import open_place
 from nerfnav.errors import FieldFileError, InvalidInputError, NerfnavError
 from nerfnav.field.checkpoint import load_field
-from nerfnav.field.train import TrainConfig
-from nerfnav.importers.meshes.importer import MeshOptions
+from nerfnav.field.train_config import TrainConfig
+from nerfnav.importers.meshes.config import MeshOptions
 from nerfnav.importers.meshes.refusal import MeshFileError
 from nerfnav.importers.placement import Placement
 from nerfnav.robots.state import RigidState
-from nerfnav.world.capture import CaptureConfig
+from nerfnav.world.capture_config import CaptureConfig
 from nerfnav.world.contact import judge
 from tests.app.following import followed, result_of
 from tests.importers.meshes.places import two_textures, write

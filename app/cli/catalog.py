@@ -1,0 +1,21 @@
+"""Subcommands of nerfnav, by name."""
+
+
+COMMANDS = {
+    "serve": "open a scene or a field in the browser (what `nerfnav` alone does, with stonehenge)",
+    "open": "open anything in the browser: a field, a mesh, a capture, splats, a video, a trained NeRF",
+    "scenes": "list the bundled scenes and their tasks",
+    "train": "train a field of a scene, a mesh, or somebody's photographs",
+    "import": "make a field of a trained NeRF or of Gaussian splats",
+    "bake": "turn a field into a voxel field",
+    "info": "tell what a field file holds",
+    "plan": "plan a trajectory through a field",
+    "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",
+    "localize": "find where in a field a picture was taken",
+    "export": "write the trajectory of a plan or a flight in another format",
+    "map": "write what planners take for free, solid or unproven, for other programs",
+    "experiment": "run one of the experiments: trials judged on the ground truth, a table, figures",
+    "bench": "time nerfnav against the paper's way on this machine",
+    "doctor": "tell what this machine has: threads, GPU, kernels, browser, LieTorch",
+}
+"""Name and purpose of every subcommand, in the order of a first visit."""

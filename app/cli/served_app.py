@@ -1,0 +1,23 @@
+"""The app, brought to a page that is up already."""
+
+import sys
+
+from app.page.layers.field_surface import FieldSurfaceLayer
+from app.system.fast_imports import importing
+
+_SWITCH_S = 0.001
+"""How long the worker may keep the interpreter when the page wants it; a click needs it several times."""
+
+
+def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSurfaceLayer) -> None:
+    """Bring the app to the page, which shows the place already where it was shown before, and wait for its end."""
+    with importing(for_good=True):
+        from app.server import App
+
+    sys.setswitchinterval(_SWITCH_S)
+    app = App(what, host, port, token, begun=surface)
+    app.start()
+    try:
+        app.wait()
+    finally:
+        app.stop()

@@ -1,0 +1,38 @@
+"""Recording of a stored plan or flight, read from its folder."""
+
+from pathlib import Path
+
+from app.storage.run_metadata import RunMetadata
+from app.storage.step_codec import FILE
+from app.storage.stored_steps import read_steps
+from nerfnav import robots
+from nerfnav.errors import InvalidInputError
+from nerfnav.export import Recording, table_of_json
+
+TRAJECTORY = "trajectory.json"
+"""What the folder of a plan holds."""
+
+
+def read_run(folder: Path) -> Recording:
+    """The flight or plan in a folder; of a flight that was interrupted, what was flown."""
+    if (folder / FILE).is_file():
+        about = RunMetadata.load(folder)
+        return Recording.of_flight(read_steps(folder), robots.load(about.robot), title_of(about))
+    path = folder / TRAJECTORY
+    try:
+        table = table_of_json(path.read_text())
+        robot = str(table.info.get("robot", ""))
+        known = robot in robots.names()
+        return Recording(table, extents=robots.load(robot).body.extents) if known else Recording(table)
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise InvalidInputError(
+            f"{folder} is not the folder of a run (it has no {FILE} and no {TRAJECTORY}); "
+            "make one with `nerfnav plan` or `nerfnav fly` and --out"
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"{path} cannot be read: {error}") from error
+
+
+def title_of(about: RunMetadata) -> str:
+    """A flight in a few words."""
+    return f"{about.place}, {about.task}" if about.task else about.place

@@ -1,0 +1,45 @@
+"""What a training is configured to, by the request and by what is trained from."""
+
+from dataclasses import replace
+
+from app.jobs.training_data.gather import TrainingData, TrainRequest
+from nerfnav.errors import InvalidInputError
+from nerfnav.field import TrainConfig
+from nerfnav.geometry import Box
+
+MOST_VOXELS = 30_000_000
+"""Training holds a dozen numbers for each voxel and thread."""
+OUTSIDE_NODES = 128
+"""Nodes along each edge of the grid over what photographs show around the box."""
+SMOOTHNESS = (1e-8, 1e-7)
+"""Weights of the roughness of densities and of colours for real photographs, which are few and differ in exposure."""
+
+
+def config_for(request: TrainRequest, material: TrainingData) -> TrainConfig:
+    config = request.config if material.bounded else _of_photographs(request.config)
+    return replace(
+        config,
+        voxel=request.voxel or material.voxel or config.voxel,
+        iterations=request.iterations or material.iterations or config.iterations,
+        budget=request.budget,
+    )
+
+
+def _of_photographs(config: TrainConfig) -> TrainConfig:
+    """The same for photographs of a real place: what is around the box is learned too, and all of it more smoothly."""
+    rough_density, rough_color = SMOOTHNESS
+    return replace(
+        config,
+        outside=config.outside or OUTSIDE_NODES,
+        exposure=True,
+        rough_density=config.rough_density or rough_density,
+        rough_color=config.rough_color or rough_color,
+    )
+
+
+def require_room(box: Box, voxel: float) -> None:
+    if box.size.prod().item() / voxel**3 > MOST_VOXELS:
+        raise InvalidInputError(
+            f"a field of {box.describe()} with voxels of {voxel:g} m would have more than {MOST_VOXELS} of them: "
+            "choose a larger --voxel"
+        )

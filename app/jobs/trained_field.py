@@ -1,0 +1,47 @@
+"""A field that was trained: judged, and stored with its ground truth."""
+
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import scenes
+from app.jobs.training_data.gather import TrainingData
+from nerfnav.experiments import Freedom, freedom_alone, freedom_on_depth, freedom_on_mesh, in_words
+from nerfnav.field import NeuralField, VoxelField, save_field
+from nerfnav.importers.meshes.truth import truth_beside, truth_path
+from nerfnav.world import Scene
+
+
+def freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Freedom:
+    """What planners take for free there, against the best that tells what is."""
+    voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
+    if material.truth is not None:
+        seen_from = (material.learned.camera, material.learned.poses)
+        return freedom_on_mesh(trained, voxel, material.truth, seen_from)
+    if material.held_out.depth is not None and len(material.held_out):
+        return freedom_on_depth(trained, voxel, material.held_out, material.learned)
+    return freedom_alone(trained, voxel)
+
+
+def stored(trained: VoxelField | NeuralField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
+    """Store a field, and beside it the ground truth that is not bundled. Its size in bytes, and what was written."""
+    if truth is None or truth.name in scenes.names():
+        return save_field(trained, out), (out,)
+    with truth_beside(truth, out) as link:
+        linked = replace(trained, info=replace(trained.info, truth=link.name, truth_sha256=link.sha256))
+        return save_field(linked, out), (out, truth_path(out))
+
+
+def numbers_of(trained: VoxelField | NeuralField, freedom: Freedom, file_bytes: int) -> dict[str, Any]:
+    """What `train --json` prints of it."""
+    return {
+        "psnr_db": trained.info.psnr_db,
+        "train_s": trained.info.train_s,
+        "voxels": math.prod(trained.shape) if isinstance(trained, VoxelField) else None,
+        "file_bytes": file_bytes,
+        "learned_from": trained.info.learned_from,
+        "proven_from": trained.info.proven_from,
+        "geometry": asdict(freedom),
+        "in_words": in_words(freedom),
+    }

@@ -1,0 +1,31 @@
+"""The layers of the page: what is drawn in the 3D scene.
+
+A new layer is a file beside this one and a line here.
+"""
+
+from app.page.layers.comparison import ComparisonLayer
+from app.page.layers.ends import EndsLayer
+from app.page.layers.field_backdrop import FieldBackdropLayer
+from app.page.layers.flight import FlightLayer
+from app.page.layers.notices import NoticesLayer
+from app.page.layers.overlays import OverlaysLayer
+from app.page.layers.plan import PlanLayer
+from app.page.layers.search import SearchLayer
+from app.page.layers.splats import SplatsLayer
+from app.page.panels.panel import Page, Panel
+
+
+def layers(page: Page) -> tuple[Panel, ...]:
+    """Put up all layers but the field's surface, which is there before them."""
+    server = page.server
+    return (
+        SplatsLayer(server),
+        OverlaysLayer(server),
+        FieldBackdropLayer(server, page.post),
+        EndsLayer(server, page.post),
+        PlanLayer(server),
+        FlightLayer(server),
+        ComparisonLayer(server),
+        SearchLayer(server),
+        NoticesLayer(server),
+    )

@@ -1,0 +1,24 @@
+"""The page: all that is put up on it once everything is imported."""
+
+from collections.abc import Callable
+
+from app.page.icon_archive import icons_at_hand
+from app.page.layers.field_surface import FieldSurfaceLayer
+from app.page.layers.scene import layers
+from app.page.panels.panel import Page, Panel
+from app.page.panels.tabs import panels
+from app.page.theme import apply_theme
+from app.places.uploads import Uploads
+from app.state.actions import Command
+
+
+def put_up(
+    surface: FieldSurfaceLayer, post: Callable[[Command], None], uploads: Uploads
+) -> tuple[Panel, ...]:
+    """Put up all layers and panels, in place of what was seen at first: the surface, on whose server the page is."""
+    page = Page(surface.server, post, uploads)
+    page.server.gui.reset()
+    apply_theme(page.server)
+    drawn = layers(page)
+    with icons_at_hand():
+        return (surface, *drawn, *panels(page))

@@ -1,0 +1,42 @@
+"""Charts of a plan: its cost over the iterations, its clearance and its risk over time."""
+
+import numpy as np
+import viser
+
+from app.page.panels.chart import Chart
+from app.page.theme import HIT, STALE, START, TRUTH
+from app.queries.clearance import ClearanceQuery
+from app.state.records import CostHistory
+from app.state.session import Session
+
+_LEAST_COST = 1e-3  # of what the logarithmic axis shows
+_TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))
+
+
+class PlanCharts:
+    """Hidden while there is nothing to draw."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        """Put the charts up below what is there."""
+        self._cost = Chart(server, "iteration", _TERMS, logarithmic=True)
+        self._room = Chart(server, "time [s]", ((START, "clearance [cm]"),))
+        self._risk = Chart(server, "time [s]", ((HIT, "bound on the probability of a collision [%]"),))
+        self._history: CostHistory | None = None
+
+    def show(self, session: Session) -> None:
+        """Draw the plan of the session."""
+        history = session.plan.history if session.plan is not None else CostHistory()
+        if history is not self._history:
+            self._history = history
+            self._cost.show(chart_data(history))
+        known = ClearanceQuery.rows_of(session.plan, session)
+        rows = np.zeros((3, 0)) if known is None else known
+        self._room.show(rows[[0, 1]])
+        self._risk.show(rows[[0, 2]])
+
+
+def chart_data(history: CostHistory) -> np.ndarray:
+    """Rows: iterations, then total, control, collision and limits at each; floored for the logarithmic axis."""
+    terms = [(cost.total, cost.control, cost.collision, cost.limits) for cost in history.costs]
+    rows = np.maximum(np.array(terms, dtype=np.float64).reshape(-1, 4), _LEAST_COST).T
+    return np.concatenate([np.array(history.iterations, dtype=np.float64)[None], rows])

@@ -1,0 +1,48 @@
+"""Job: work that is wanted of the worker."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from app.places.ends import Ends
+from app.state.records import PlanRecord
+
+
+class JobKind(Enum):
+    """What the worker can be asked for; the value is a verb for the user."""
+
+    OPEN = "open"
+    PLAN = "plan"
+    FLY = "fly"
+    COMPARE = "compare"
+    EXPERIMENT = "do the experiment"
+    FIND = "find the robot"
+
+
+@dataclass(frozen=True)
+class Job:
+    """Work that is wanted of the worker, until the session wants other work or none."""
+
+    id: int
+    """Unique in a session: tells late reports of a cancelled job from those of the next."""
+    kind: JobKind
+    """What to do."""
+    ends: Ends = field(default_factory=Ends)
+    """Between which start and goal."""
+    first_plan: PlanRecord | None = None
+    """For a flight: a finished plan between these ends, to begin with."""
+    label: str = ""
+    """What is being done, for the user."""
+    fraction: float | None = None
+    """0 to 1; None while unknown."""
+    paused: bool = False
+    """Whether to hold once the flight has reported `steps_granted` time steps."""
+    steps_granted: int = 0
+    """How far a paused flight may go; it holds at once where it has gone that far."""
+    pace: float = 0.0
+    """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
+    gusts: int = 0
+    """How many gusts a flight was asked to endure so far."""
+    kidnaps: int = 0
+    """How many times its robot was to be carried away."""
+    searches: int = 0
+    """How many times it was asked to look for the robot everywhere."""

@@ -1,0 +1,100 @@
+"""Step codec: a time step of a flight to a line of JSON, and back.
+
+steps.jsonl     index, time [s], action, truth and belief as 18 numbers (position, velocity, rotation row by row, body
+                rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery
+pictures/       the camera's picture of each step as JPEG
+
+Numbers have nine digits, which is every bit of a float32. What the filter compared is not kept.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from nerfnav.estimator import Belief
+from nerfnav.geometry import picture_file
+from nerfnav.navigation import EpisodeOutcome, NavigationStep, Recovery
+from nerfnav.robots import Motion, RigidState
+
+FILE, PICTURES = "steps.jsonl", "pictures"
+"""Where steps and their pictures are in the folder of a flight."""
+_JPEG_QUALITY = 90
+
+
+def content_of(step: NavigationStep) -> dict[str, Any]:
+    """What is written of a step; its picture is a file of its own."""
+    return {
+        "index": step.index,
+        "time": step.time,
+        "action": None if step.action is None else _numbers(step.action),
+        "truth": _numbers(_flat(step.truth)),
+        "belief": _numbers(_flat(step.belief.mean)),
+        "covariance": _numbers(step.belief.covariance),
+        "plan": {
+            "states": _numbers(_flat(step.plan.states)),
+            "actions": _numbers(step.plan.actions),
+            "shape": list(step.plan.actions.shape),
+            "dt": step.plan.dt,
+        },
+        "touched": step.touched,
+        "filter_ms": step.filter_ms,
+        "replan_ms": step.replan_ms,
+        "outcome": None if step.outcome is None else step.outcome.name.lower(),
+        "recovery": None if step.recovery is None else step.recovery.name.lower(),
+    }
+
+
+def keep_picture(folder: Path, image: Tensor, index: int) -> str:
+    """Write the picture of a step into the folder of a flight. Its path within that."""
+    (folder / PICTURES).mkdir(exist_ok=True)
+    name = f"{PICTURES}/{index:05}.jpg"
+    (folder / name).write_bytes(picture_file(image.numpy(), _JPEG_QUALITY))
+    return name
+
+
+def step_of(content: dict[str, Any], folder: Path | None) -> NavigationStep:
+    """A step as it was written, with its picture where `folder` is given."""
+    plan, action = content["plan"], content["action"]
+    states = _state(torch.tensor(plan["states"]).reshape(-1, 18))
+    actions = torch.tensor(plan["actions"]).reshape(plan["shape"])
+    outcome, recovery = content["outcome"], content["recovery"]
+    return NavigationStep(
+        index=int(content["index"]),
+        time=float(content["time"]),
+        action=None if action is None else torch.tensor(action),
+        truth=_state(torch.tensor(content["truth"])),
+        belief=Belief(_state(torch.tensor(content["belief"])), torch.tensor(content["covariance"]).reshape(12, 12)),
+        image=None if folder is None or content["picture"] is None else _picture(folder, content["index"]),
+        update=None,
+        plan=Motion(states, actions, float(plan["dt"])),
+        touched=bool(content["touched"]),
+        filter_ms=float(content["filter_ms"]),
+        replan_ms=float(content["replan_ms"]),
+        outcome=None if outcome is None else EpisodeOutcome[outcome.upper()],
+        recovery=None if recovery is None else Recovery[recovery.upper()],
+    )
+
+
+def _picture(folder: Path, index: int) -> Tensor | None:
+    """The picture of a step; None where the file is gone or is none."""
+    path = folder / PICTURES / f"{int(index):05}.jpg"
+    bgr = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
+    return None if bgr is None else torch.from_numpy(np.ascontiguousarray(bgr[..., ::-1]))
+
+
+def _flat(state: RigidState) -> Tensor:
+    return torch.cat([state.position, state.velocity, state.rotation.flatten(-2), state.body_rate], -1)
+
+
+def _state(flat: Tensor) -> RigidState:
+    position, velocity, rotation, rate = flat.split([3, 3, 9, 3], -1)
+    return RigidState(position, velocity, rotation.unflatten(-1, (3, 3)), rate)
+
+
+def _numbers(tensor: Tensor) -> Sequence[float]:
+    return [float(f"{value:.9g}") for value in tensor.detach().reshape(-1).tolist()]

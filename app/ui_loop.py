@@ -1,0 +1,103 @@
+"""The UI loop: the one thread that changes the session and shows it.
+
+commands of tabs and reports of the worker --> inbox --> session = reduce(session, message) --> parts of the page
+"""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from app.reducers.root import reduce
+from app.state.actions import Action, Reported, Tick
+from app.state.session import Session
+
+_log = logging.getLogger(__name__)
+_FRAME_S = 1 / 20  # the page changes at most this often; what happens in between is merged
+_SETTLED_S = 1 / 200  # what comes together is shown together
+
+
+class Shows(Protocol):
+    """A part of the page."""
+
+    def show(self, session: Session) -> None:
+        """Show the session, by changing what has changed."""
+        ...
+
+
+class UiLoop:
+    """Takes messages from any thread, and moves one session on."""
+
+    def __init__(self, session: Session, follow: Callable[[Session], None]) -> None:
+        """`follow` is told of every session that comes about."""
+        self.session = session
+        self.parts: tuple[Shows, ...] = ()
+        """What shows the session."""
+        self._follow = follow
+        self._inbox: queue.SimpleQueue[Action | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
+
+    def start(self, parts: tuple[Shows, ...]) -> None:
+        """Begin to take messages, and to show the session in these parts of the page."""
+        self.parts = parts
+        self._thread.start()
+
+    def post(self, message: Action) -> None:
+        """Hand a message to the session, from any thread."""
+        self._inbox.put(message)
+
+    def stop(self) -> None:
+        """Take no more messages."""
+        self._inbox.put(None)
+        self._thread.join(5)
+
+    def runs_on(self, wait_s: float) -> bool:
+        """Whether messages are still taken after a while."""
+        self._thread.join(wait_s)
+        return self._thread.is_alive()
+
+    def _run(self) -> None:
+        """Take in messages as they come, and show what they made of the session at once, but not too often."""
+        self._show()
+        shown_at = time.monotonic()
+        while (message := self._next()) is not None:
+            until = max(shown_at + _FRAME_S, time.monotonic() + _SETTLED_S)
+            changed = self._take(message)
+            while (left := until - time.monotonic()) > 0:
+                try:
+                    message = self._inbox.get(timeout=left)
+                except queue.Empty:
+                    break
+                if message is None:
+                    return
+                changed = self._take(message) or changed
+            if changed:
+                self._show()
+                shown_at = time.monotonic()
+
+    def _next(self) -> Action | None:
+        """The next message, or that a frame has passed where something moves by itself."""
+        try:
+            return self._inbox.get(timeout=_FRAME_S if self.session.moves else None)
+        except queue.Empty:
+            return Tick(_FRAME_S)
+
+    def _take(self, message: Action) -> bool:
+        """Let the session move on; whether the page may have to change."""
+        before = self.session
+        try:
+            self.session = reduce(before, message)
+        except Exception:
+            _log.exception("a message of type %s was not understood", type(message).__name__)
+        self._follow(self.session)
+        # a command that was refused leaves the session alone, but its tab shows what was refused
+        return self.session is not before or not isinstance(message, Reported)
+
+    def _show(self) -> None:
+        for part in self.parts:
+            try:
+                part.show(self.session)
+            except Exception:
+                _log.exception("%s could not show the session", type(part).__name__)

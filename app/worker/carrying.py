@@ -1,0 +1,25 @@
+"""Kidnapped robot: where a flying robot is put down without being told."""
+
+import torch
+
+from app.places.derived import planning_place
+from app.places.place import Place
+from nerfnav.field import Unknown
+from nerfnav.geometry import Pose
+from nerfnav.navigation.carrying import carried_away
+from nerfnav.planner import fits
+from nerfnav.robots import RigidState
+
+_ROOM = 0.03
+"""Around a robot that is put down somewhere else [m]."""
+
+
+def elsewhere(place: Place, truth: RigidState, generator: torch.Generator) -> Pose | None:
+    """A pose at which the robot fits, far from where it is; None where there is none."""
+    seen = planning_place(place, Unknown.OCCUPIED)  # as plans see it
+    body = seen.robot.body_with_room(_ROOM)
+
+    def fits_there(state: RigidState) -> bool:
+        return fits(seen.field, body, seen.robot.settled(state, truth))
+
+    return carried_away(truth, seen.field.box, fits_there, generator)

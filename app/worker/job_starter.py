@@ -1,0 +1,75 @@
+"""Beginning of jobs: what the session wants, as requests to the jobs that the command line runs too."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from app.jobs import compare_planners, find_robot, fly, open_place, plan
+from app.jobs.events import JobEvents
+from app.jobs.fly_request import FlyRequest
+from app.queries.wanted_plan import plan_request
+from app.state.job import Job, JobKind
+from app.state.session import Session
+from app.storage.run_store import RunStore
+from app.worker.experiment_job import begin_experiment
+from app.worker.flight_orders import FlightOrders
+from nerfnav.navigation import NavigateConfig
+from nerfnav.planner import PlannerConfig, planners
+
+
+@dataclass
+class JobStarter:
+    """Begins the jobs of a session, and lets a flight know what the session wants of it."""
+
+    open: Callable[[str], JobEvents] = open_place.run
+    """The job that opens a place."""
+    plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
+    """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
+    navigate: NavigateConfig = field(default_factory=NavigateConfig)
+    """How a flight is flown; its noise is what the session has."""
+    runs: RunStore | None = field(default_factory=RunStore)
+    """Where flights are kept; None keeps none."""
+    _flight_orders: FlightOrders | None = None
+
+    def begin(self, session: Session, job: Job) -> JobEvents:
+        """The events of a job."""
+        if job.kind is JobKind.OPEN:
+            return self.open(session.what)
+        place, settings = session.place, session.plan_settings
+        assert place is not None, "nothing but opening is asked for before the place is open"
+        if job.kind is JobKind.COMPARE:
+            requests = [plan_request(settings, job.ends, name, self.plans.get(name)) for name in planners.names()]
+            return compare_planners.run(requests, place)
+        if job.kind is JobKind.EXPERIMENT:
+            return begin_experiment(session, self.runs or RunStore())
+        if job.kind is JobKind.FIND:
+            picture = session.last_picture
+            assert picture is not None, "nothing is looked for without a picture"
+            return find_robot.find(place, picture)
+        if job.kind is JobKind.PLAN:
+            name = session.choice.planner
+            return plan.run(plan_request(settings, job.ends, name, self.plans.get(name)), place)
+        self._flight_orders = FlightOrders(job, place)
+        return fly.run(self._flight(session, job, self._flight_orders), place)
+
+    def follow(self, session: Session) -> None:
+        """Let a flight know what the session wants of it now."""
+        if self._flight_orders is not None:
+            self._flight_orders.follow(session)
+
+    def _flight(self, session: Session, job: Job, orders: FlightOrders) -> FlyRequest:
+        """What the session wants to be flown, beginning with a plan that is there already."""
+        assert session.place is not None, "flights begin in a place"
+        name, flying = session.choice.planner, session.flight_settings
+        made = job.first_plan.latest if job.first_plan is not None else None
+        return FlyRequest(
+            plan_request(session.plan_settings, job.ends, name, self.plans.get(name)),
+            plan=None if made is None else made.motion,
+            estimator=session.choice.estimator,
+            open_loop=flying.open_loop,
+            seed=flying.seed,
+            config=replace(self.navigate, noise=flying.noise),
+            orders=orders.orders,
+            source=session.what,
+            task=session.task,
+            out=None if self.runs is None else self.runs.new(session.place.name),
+        )

@@ -1,0 +1,56 @@
+"""Queries of the page that are not answered yet."""
+
+import logging
+import time
+from typing import Any
+
+from app.queries.catalog import pending_queries
+from app.queries.query import Query
+from app.state.actions import QueryAnswered, Tell
+from app.state.session import Session
+from app.worker.running_job import describe_fault
+from app.worker.work import Work
+from nerfnav.errors import NerfnavError
+
+_log = logging.getLogger(__name__)
+_ANSWER_EVERY_S = 0.1  # pause between two answers while a job runs, which has the rest of the time
+
+
+class OpenQueries:
+    """Gives each query of a session once, as long as the session asks it."""
+
+    def __init__(self, work: Work) -> None:
+        """`work` answers them."""
+        self._work = work
+        self._answered: set[Query[Any]] = set()
+        self._last_answer = 0.0
+
+    def follow(self, session: Session) -> None:
+        """Forget the answers to what this session no longer asks."""
+        self._answered.intersection_update(pending_queries(session))
+
+    def next(self, session: Session, busy: bool) -> Query[Any] | None:
+        """A query that is not answered yet; while a job is `busy`, not too soon after the last one."""
+        if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
+            return None
+        return next((query for query in pending_queries(session) if query not in self._answered), None)
+
+    def take(self, session: Session, busy: bool) -> Query[Any] | None:
+        """The same, which counts as answered from now on."""
+        query = None if session.place is None else self.next(session, busy)
+        if query is not None:
+            self._answered.add(query)
+        return query
+
+    def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Tell:
+        """The answer, or why there is none."""
+        assert session.place is not None, "queries are of a place"
+        try:
+            return QueryAnswered(query, self._work.answer(session.place, query))
+        except NerfnavError as error:
+            return Tell("No answer", str(error), bad=True)
+        except Exception as error:
+            _log.exception("answering %s failed", type(query).__name__)
+            return Tell("Something broke", describe_fault(error), bad=True)
+        finally:
+            self._last_answer = time.monotonic()

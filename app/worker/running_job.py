@@ -1,0 +1,69 @@
+"""A job in progress, step by step at its pace."""
+
+import logging
+import time
+from typing import Any
+
+from app.jobs.events import JobEvents, JobFailed, JobFinished
+from app.state.job import Job
+from app.state.session import Session
+from app.worker.work import Work
+from nerfnav.errors import NerfnavError
+from nerfnav.navigation import NavigationStep
+
+_log = logging.getLogger(__name__)
+
+
+class RunningJob:
+    """A job in progress."""
+
+    def __init__(self, job: Job, work: Work, session: Session) -> None:
+        self.id = job.id
+        self._name = job.kind.value
+        self._ended = False
+        self._time_steps = 0
+        self._step_s, self._step_began, self._begun_at = 0.0, 0.0, 0.0
+        self._between_steps = True
+        self._events = self._begin(job, work, session)
+
+    @staticmethod
+    def _begin(job: Job, work: Work, session: Session) -> JobEvents:
+        return (yield from work.begin(session, job))
+
+    def may_go_on(self, job: Job) -> bool:
+        """Whether there is a next step, and the job is not held before it."""
+        held = job.paused and self._time_steps >= job.steps_granted
+        return not self._ended and not held and self.rest_s(job) == 0
+
+    def rest_s(self, job: Job) -> float:
+        """How long to wait before the next time step, so that a flight is not faster than its pace [s]."""
+        if job.pace <= 0 or self._time_steps == 0:
+            return 0.0
+        return max(0.0, self._step_began + self._step_s / job.pace - time.monotonic())
+
+    def next_event(self) -> Any:
+        """What the job yields next; its end, with what it returned, and its failures are events too."""
+        if self._between_steps:
+            self._begun_at, self._between_steps = time.monotonic(), False
+        try:
+            event = next(self._events)
+        except StopIteration as end:
+            event = JobFinished(self._name, end.value)
+        except NerfnavError as error:
+            event = JobFailed(self._name, str(error))
+        except Exception as error:
+            _log.exception("the job %s broke", self._name)
+            event = JobFailed(self._name, describe_fault(error))
+        self._ended = isinstance(event, JobFailed | JobFinished)
+        if isinstance(event, NavigationStep):
+            self._time_steps += 1
+            self._step_s, self._step_began, self._between_steps = event.plan.dt, self._begun_at, True
+        return event
+
+    def close(self) -> None:
+        """Give up what is left of the job."""
+        self._events.close()
+
+
+def describe_fault(error: Exception) -> str:
+    return f"This is a fault of the program ({type(error).__name__}: {error}); it goes on, and the log says more."

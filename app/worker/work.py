@@ -1,0 +1,31 @@
+"""What the worker can do: the protocol of its work."""
+
+from typing import Any, Protocol
+
+from app.jobs.events import JobEvents
+from app.places.place import Place
+from app.queries.query import Query
+from app.state.actions import RunChanged
+from app.state.job import Job
+from app.state.runs import RunChange
+from app.state.session import Session
+
+
+class Work(Protocol):
+    """What the worker can do."""
+
+    def begin(self, session: Session, job: Job) -> JobEvents:
+        """The events of a job, computed as they are asked for."""
+        ...
+
+    def answer(self, place: Place, query: Query[Any]) -> Any:
+        """The result of a query of the page."""
+        ...
+
+    def change(self, change: RunChange) -> RunChanged:
+        """Rename or delete a stored run."""
+        ...
+
+    def follow(self, session: Session) -> None:
+        """Let the running job know of the session as it is now."""
+        ...

@@ -1,0 +1,34 @@
+from .api import fly as fly
+from .api import plan as plan
+from .errors import NerfnavError as NerfnavError
+from .estimator.belief import Belief as Belief
+from .estimator.fast import FastFilter as FastFilter
+from .estimator.filter import PoseFilter as PoseFilter
+from .estimator.noise import StateNoise as StateNoise
+from .export.formats import FORMATS as FORMATS
+from .export.recording import Recording as Recording
+from .field.checkpoint import load_field as load_field
+from .field.checkpoint import save_field as save_field
+from .field.composite import CompositeField as CompositeField
+from .field.composite import PlacedField as PlacedField
+from .field.field import Field as Field
+from .field.train import train as train
+from .field.train_config import TrainConfig as TrainConfig
+from .field.voxel import VoxelField as VoxelField
+from .geometry.camera import Camera as Camera
+from .geometry.camera import Pose as Pose
+from .navigation.episode import Episode as Episode
+from .planner.problem import PlanProblem as PlanProblem
+from .planner.steps import PlanOutcome as PlanOutcome
+from .planner.terms.term import CostTerm as CostTerm
+from .planner.trajectory import Trajectory as Trajectory
+from .robots.couch import Couch as Couch
+from .robots.diffdrive import DiffDrive as DiffDrive
+from .robots.quadrotor import Quadrotor as Quadrotor
+from .robots.robot import Robot as Robot
+from .robots.state import Motion as Motion
+from .robots.state import RigidState as RigidState
+from .world.contact import judge as judge
+from .world.scene import Scene as Scene
+
+__version__: str

@@ -1,0 +1,14 @@
+from .arena import Arena as Arena
+from .freedom import Freedom as Freedom
+from .freedom import freedom_alone as freedom_alone
+from .freedom import freedom_noted as freedom_noted
+from .freedom import freedom_on_depth as freedom_on_depth
+from .freedom import freedom_on_mesh as freedom_on_mesh
+from .freedom import in_words as in_words
+from .geometry import GeometryReport as GeometryReport
+from .geometry import measure_geometry as measure_geometry
+from .study import ExperimentStep as ExperimentStep
+from .study import Results as Results
+from .study import Row as Row
+from .study import Study as Study
+from .study import TrialDone as TrialDone

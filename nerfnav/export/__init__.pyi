@@ -1,0 +1,9 @@
+from .formats import FORMATS as FORMATS
+from .formats import ExportFormat as ExportFormat
+from .occupancy_map import map_files as map_files
+from .recording import Recording as Recording
+from .table_text import csv_text as csv_text
+from .table_text import json_text as json_text
+from .table_text import table_of_json as table_of_json
+from .tables import episode_table as episode_table
+from .tables import motion_table as motion_table

@@ -1,0 +1,41 @@
+"""Judgement of a trained field: what is proven of its nodes, and what held-out views say about it."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import torch
+
+from nerfnav.field.calibration import calibrated
+from nerfnav.field.carving import carved
+from nerfnav.field.evidence import states_of
+from nerfnav.field.fusion import Fused
+from nerfnav.field.info import FieldInfo
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry import PosedImages
+
+
+def info_of(photographs: PosedImages, generator: torch.Generator, iterations: int) -> FieldInfo:
+    """What is known of a field before it is judged: when it was made, of how many images, with which seed."""
+    return FieldInfo(
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        images=len(photographs),
+        seed=generator.initial_seed(),
+        iterations=iterations,
+    )
+
+
+def judged(
+    field: VoxelField,
+    told: Fused | None,
+    photographs: PosedImages,
+    held_out: PosedImages,
+    iterations: int,
+    generator: torch.Generator,
+) -> VoxelField:
+    """What was learned, with what is proven of its nodes and with what held-out views say about it."""
+    free = carved(field, photographs) if told is None else told.free
+    trained = replace(field, evidence=states_of(free, field.values[..., 0]))
+    info = info_of(photographs, generator, iterations)
+    taught, proven = ("pictures", "pictures") if told is None else ("pictures and depth", "depth")
+    info = replace(info, learned_from=taught, proven_from=proven)
+    return replace(trained, info=calibrated(info, trained, held_out))

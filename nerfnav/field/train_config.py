@@ -1,0 +1,89 @@
+"""How a voxel field is trained, and what that comes to at each stage."""
+
+import itertools
+import math
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+
+from nerfnav.field.learned_place import Finish
+from nerfnav.field.learner import LearningRates
+from nerfnav.geometry import Box, shape_for
+
+_FINISHING = 0.06
+"""Share of a budget that goes into the unknown and the held-out views."""
+VOXELS_IN_UNIT = 77
+"""Voxels in the length that densities are weighed in: a metre for the voxels of the paper's Stonehenge."""
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """How a voxel field is trained."""
+
+    voxel: float = 0.013
+    """Distance of nodes in the end [m]."""
+    iterations: int = 1500
+    """Training steps, when there is no budget."""
+    budget: float | None = None
+    """Time to spend [s]; replaces `iterations`. The result then depends on how fast the machine is."""
+    rays: int = 8192
+    """Rays in a training step."""
+    density_rate: float = 0.25
+    """Learning rate of raw densities at the start."""
+    color_rate: float = 0.03
+    """Learning rate of colours at the start."""
+    final_rate: float = 0.1
+    """What is left of the learning rates at the end."""
+    sparsity: float = 1e-4
+    """Weight of the integral of log(1 + 2 rho^2) along each ray: drives fog away."""
+    rough_density: float = 0.0
+    """Weight of the differences between raw densities of neighbours."""
+    rough_color: float = 0.0
+    """Weight of the differences between colours of neighbours."""
+    stages: tuple[float, ...] = (4.0, 2.0, 1.0)
+    """Distance of nodes in each stage, in final voxels."""
+    stage_iterations: tuple[float, ...] = (0.4, 0.35, 0.25)
+    """Share of each stage in the iterations. Coarse steps are cheap and move most."""
+    stage_time: tuple[float, ...] = (0.12, 0.28, 0.6)
+    """Share of each stage in the budget."""
+    finish: Finish = dataclass_field(default_factory=Finish)
+    """What becomes of the densities in the end."""
+    outside: int = 0
+    """Nodes along each edge of the grid over what is around the box, as photographs of real places need it; 0 where the
+    background is one colour. See field/surroundings.py."""
+    exposure: bool = False
+    """Whether photographs may differ in exposure: their gains are then found between the stages."""
+    device: str = "cpu"
+    """Where to train: on "cpu" with compiled kernels, on "cuda" and others in torch, the same to rounding."""
+    report_every: int = 50
+    """Training steps between two TrainSteps."""
+
+    @property
+    def seconds_to_learn(self) -> float | None:
+        """Time until learning ends [s]; the rest of the budget is for what follows. None without a budget."""
+        return None if self.budget is None else (1 - _FINISHING) * self.budget
+
+    @property
+    def stage_ends(self) -> list[float]:
+        """At which share of the training each stage ends."""
+        ends = list(itertools.accumulate(self.stage_iterations if self.budget is None else self.stage_time))
+        ends[-1] = math.inf  # whatever the shares add up to, the last stage lasts to the end
+        return ends
+
+    def rates(self, fraction: float) -> LearningRates:
+        """How far a step goes when a share of the training is done."""
+        decay = self.final_rate**fraction
+        return LearningRates(
+            self.density_rate * decay,
+            self.color_rate * decay,
+            self.sparsity,
+            self.rough_density,
+            self.rough_color,
+        )
+
+    def shape(self, box: Box, stage: int) -> tuple[int, int, int]:
+        """Nodes of the grid of a stage."""
+        return shape_for(box, self.voxel * self.stages[stage])
+
+    def nodes_outside(self, stage: int) -> int:
+        """Nodes along each edge of the grid over what is around the box."""
+        return round(self.outside / self.stages[stage])

@@ -1,0 +1,13 @@
+from .episode import Episode as Episode
+from .orders import Orders as Orders
+from .recovery import Recovery as Recovery
+from .replan import Mission as Mission
+from .replan import NavigateConfig as NavigateConfig
+from .replan import Pilot as Pilot
+from .replan import navigate as navigate
+from .simulator import CameraFunction as CameraFunction
+from .simulator import ContactFunction as ContactFunction
+from .simulator import Simulator as Simulator
+from .steps import EpisodeOutcome as EpisodeOutcome
+from .steps import LoopEvent as LoopEvent
+from .steps import NavigationStep as NavigationStep

@@ -1,0 +1,16 @@
+from .capture import images_taken as images_taken
+from .capture import split as split
+from .capture_config import CaptureConfig as CaptureConfig
+from .capture_poses import capture_poses as capture_poses
+from .contact import contact_check as contact_check
+from .contact import judge as judge
+from .paint import Image as Image
+from .paint import Paint as Paint
+from .raycast import MeshRenderer as MeshRenderer
+from .raycast import RayCaster as RayCaster
+from .scene import Scene as Scene
+from .scene import Vantage as Vantage
+from .solid import Solid as Solid
+from .solid import winding_number as winding_number
+from .task import Task as Task
+from .vantage import guess_vantage as guess_vantage
