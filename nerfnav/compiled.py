@@ -2,7 +2,7 @@
 
 numba caches compiled functions by the time stamp of the file they stand in, and misses changes in files they call
 into: stale machine code then gives silently wrong results. The cache folder is therefore named after the content
-of all kernel sources.
+of all kernel sources, and shared by all installations that have the same.
 
 numba itself is imported when a kernel is first called: it takes a fifth of a second, and somebody waits for the page.
 """
@@ -20,6 +20,8 @@ import torch
 from platformdirs import user_cache_path
 
 _PACKAGE = Path(__file__).parent
+_LOCATORS = "nerfnav.kernel_cache.KernelLocator,UserProvidedCacheLocator"
+"""Where numba looks for a kernel's machine code, the first that feels responsible; before version 0.62, elsewhere."""
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
 
 prange = range
@@ -31,7 +33,7 @@ def _sources_digest() -> str:
     import numba
 
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(_PACKAGE.rglob("kernels/*.py")):
+    for path in (Path(__file__), *sorted(_PACKAGE.rglob("kernels/*.py"))):  # this file: how they are compiled
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -47,12 +49,15 @@ def cache_folder() -> Path:
 def _cache_in(folder: Path) -> Iterator[None]:
     from numba import config
 
-    before = config.CACHE_DIR  # type: ignore[attr-defined]
-    config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    wanted = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": _LOCATORS}
+    before = {name: getattr(config, name, "") for name in wanted}
     try:
+        for name, value in wanted.items():
+            setattr(config, name, value)
         yield
     finally:
-        config.CACHE_DIR = before  # type: ignore[attr-defined]
+        for name, value in before.items():
+            setattr(config, name, value)
 
 
 class Kernel:

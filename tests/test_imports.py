@@ -1,6 +1,7 @@
 """The architecture as the import graph shows it."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LEVELS = (
     ("errors",),
-    ("structs", "compiled", "files", "extras"),
+    ("structs", "compiled", "kernel_cache", "files", "extras"),
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
@@ -59,6 +60,7 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Every module that a file names in an import, anywhere in it, as deep as it can be resolved."""
     modules: set[str] = set()

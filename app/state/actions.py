@@ -10,7 +10,7 @@ from app.registry import Choice
 from app.state.experiments import ExperimentAction
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange
-from app.state.session import Session, Vector
+from app.state.session import MapWish, Session, Vector
 from app.state.view_settings import Eye
 
 
@@ -127,6 +127,13 @@ class StartFlight:
 
 
 @dataclass(frozen=True)
+class TakeMap:
+    """Make a map of the place and send it to the tab that asks."""
+
+    wish: MapWish
+
+
+@dataclass(frozen=True)
 class Cancel:
     """Stop the running job and keep what it has shown."""
 
@@ -176,6 +183,7 @@ Command = (
     | FindRobot
     | StartPlan
     | StartFlight
+    | TakeMap
     | Cancel
     | Pause
     | Resume

@@ -38,6 +38,29 @@ class JobKind(Enum):
     COMPARE = "compare"
     EXPERIMENT = "do the experiment"
     FIND = "find the robot"
+    MAP = "make the map"
+
+
+@dataclass(frozen=True)
+class MapWish:
+    """A map of the place that somebody wants to take away."""
+
+    ending: str
+    """Of the file, which says what kind of map: a key of `nerfnav.export.occupancy_map.ENDINGS`."""
+    client: int
+    """The tab that asks."""
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file for one tab."""
+
+    id: int
+    """That of the job which made it: it is sent once."""
+    client: int
+    """The tab that asked."""
+    name: str
+    content: bytes = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -68,6 +91,8 @@ class Job:
     """How many times its robot was to be carried away."""
     searches: int = 0
     """How many times it was asked to look for the robot everywhere."""
+    map: MapWish | None = None
+    """Which map is to be made."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +173,8 @@ class Session:
     """Stored flights, and the timeline."""
     experiments: ExperimentState = field(default_factory=ExperimentState)
     """Experiments and their results."""
+    download: Download | None = None
+    """The file that was made last."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
     before: "Session | None" = None

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from app.jobs import compare_planners, fly, localize, open_place, plan
+from app.jobs import map as map_job
 from app.jobs.events import JobEvents
 from app.jobs.fly_request import FlyRequest
 from app.jobs.plan_request import PlanRequest
@@ -52,6 +53,10 @@ class NavigationBackend:
             return compare_planners.run(requests, session.place)
         if job.kind is JobKind.EXPERIMENT:
             return self._experiment(session)
+        if job.kind is JobKind.MAP:
+            assert job.map is not None, "a map is made for who says which"
+            name = Path(f"{session.place.name}-map{job.map.ending}")
+            return map_job.download(session.place.field, map_job.MapRequest(name))
         if job.kind is JobKind.FIND:
             picture = session.last_picture
             assert picture is not None, "nothing is looked for without a picture"
