@@ -2,7 +2,7 @@
 
 numba caches compiled functions by the time stamp of the file they stand in, and misses changes in files they call
 into: stale machine code then gives silently wrong results. The cache folder is therefore named after the content
-of all kernel sources.
+of all kernel sources, and shared by all installations that have the same.
 """
 
 import hashlib
@@ -15,6 +15,8 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 _PACKAGE = Path(__file__).parent
+_LOCATORS = "nerfnav.kernel_locator.KernelLocator,UserProvidedCacheLocator"
+"""Where numba looks for a kernel's machine code, the first that feels responsible; before version 0.62, elsewhere."""
 
 
 @cache
@@ -22,7 +24,8 @@ def _sources_digest() -> str:
     import numba
 
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(_PACKAGE.rglob("kernels/*.py")):
+    compilation = _PACKAGE / "compiled.py"  # how they are compiled
+    for path in (compilation, *sorted(_PACKAGE.rglob("kernels/*.py"))):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -39,9 +42,12 @@ def caching() -> Iterator[None]:
     """Let numba keep there what it compiles inside the block; the folder is set for the whole process."""
     from numba import config
 
-    before = config.CACHE_DIR  # type: ignore[attr-defined]
-    config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
+    wanted = {"CACHE_DIR": str(cache_folder()), "CACHE_LOCATOR_CLASSES": _LOCATORS}
+    before = {name: getattr(config, name, "") for name in wanted}
     try:
+        for name, value in wanted.items():
+            setattr(config, name, value)
         yield
     finally:
-        config.CACHE_DIR = before  # type: ignore[attr-defined]
+        for name, value in before.items():
+            setattr(config, name, value)

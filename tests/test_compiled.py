@@ -3,11 +3,13 @@
 import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numba
 import pytest
 
 from nerfnav.compiled import Kernel, default_threads
+from nerfnav.field.kernels import carving
 from nerfnav.kernel_cache import cache_folder
 
 
@@ -32,3 +34,11 @@ def test_kernels_that_are_made_in_several_threads_at_once_are_all_kept_in_their_
         sys.setswitchinterval(interval)
     assert before == numba.config.CACHE_DIR, "what others compile is kept where it was"  # type: ignore[attr-defined]
     assert all(str(cache_folder()) in one._cache._cache_path for one in made)
+
+
+def test_machine_code_is_shared_by_all_installations_of_the_same_kernels() -> None:
+    located = carving.look_through._dispatcher._cache
+    assert Path(located._cache_path) == cache_folder() / "field_kernels"
+    elsewhere = Kernel(lambda x: x, {"cache": True})._dispatcher._cache
+    assert Path(elsewhere._cache_path).parent == cache_folder()
+    assert Path(__file__).parent.name in Path(elsewhere._cache_path).name, "of others, numba keeps apart the folders"

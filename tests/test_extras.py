@@ -3,6 +3,7 @@
 import sys
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from nerfnav.export.recording import Recording
 from nerfnav.export.ros.mcap import mcap
 from nerfnav.export.ros.rosbag2 import rosbag2
 from nerfnav.extras import from_extra
+from nerfnav.importers.captures.depth_files import stored_depth
+from nerfnav.importers.captures.views import DepthFile
 from nerfnav.importers.meshes.files import read_mesh
 from nerfnav.planner.rrt import require_ompl
 from nerfnav.robots.quadrotor import Quadrotor
@@ -42,6 +45,12 @@ def draco(folder: Path) -> None:
     read_mesh(folder / "house.gltf")
 
 
+def depth(name: str, folder: Path) -> None:
+    (folder / name).write_bytes(b"packed")
+    stored_depth(DepthFile(folder / name, size=(1, 1)))
+
+
+_DEPTH = r"the depth of this capture \(--depth off learns from its pictures alone\)"
 USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
     "ompl": ("baselines", "the planner rrt", lambda _: require_ompl()),
     "matplotlib": ("experiments", "drawing a figure", lambda _: panels(("one",))),
@@ -50,6 +59,8 @@ USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
         "more than one trial at the same time",
         lambda _: list(run_trials(Study(lambda: None, jobs=2), "adding", max, [1])),  # type: ignore[arg-type]
     ),
+    "lzfse": ("depth", _DEPTH, partial(depth, "0.depth")),
+    "OpenEXR": ("depth", _DEPTH, partial(depth, "0.exr")),
     "mcap": ("ros", "MCAP", lambda _: mcap(recording())),
     "rosbags": ("ros", "rosbag2", lambda _: rosbag2(recording())),
     "collada": ("meshes", r"a Collada mesh \(.dae\)", collada),

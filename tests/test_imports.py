@@ -1,13 +1,14 @@
 """The architecture as the import graph shows it."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 LEVELS = (
-    ("errors", "kernel_cache"),
+    ("errors", "kernel_cache", "kernel_locator"),
     ("structs", "compiled", "files", "extras", "glb"),
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
@@ -59,6 +60,7 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Every module that a file names in an import, anywhere in it, as deep as it can be resolved."""
     modules: set[str] = set()

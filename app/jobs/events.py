@@ -71,6 +71,15 @@ class SurfaceShaped:
 
 
 @dataclass(frozen=True)
+class FileMade:
+    """There is a file to take away."""
+
+    name: str
+    """What to call it."""
+    content: bytes = field(repr=False)
+
+
+@dataclass(frozen=True)
 class PlannerResult:
     """What one planner has found, to be held against the others."""
 
@@ -91,7 +100,7 @@ class PlannerCompared:
     result: PlannerResult
 
 
-JobEvent = LoopEvent | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared
+JobEvent = LoopEvent | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade
 
 JobReport = JobEvent | JobFinished | JobFailed
 """What is told of a job that runs: what it yields, then how it ended."""

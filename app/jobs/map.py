@@ -1,9 +1,12 @@
 """Map: what planners believe of a field, free, solid or unproven, written for other programs."""
 
+import io
+import zipfile
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.events import FileMade, JobEvents, JobResult, Progress
 from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.export import map_files
@@ -35,12 +38,37 @@ def run(field: StoredField, request: MapRequest) -> JobEvents:
     Raises NerfnavError where the field has no voxels or the files cannot be written.
     """
     out = prepare_file(request.out)
+    grid, contents = yield from _made(field, request)
+    files = tuple(write_bytes(out.with_name(name), content) for name, content in contents.items())
+    return JobResult(_numbers(grid) | {"files": [str(path) for path in files]}, files)
+
+
+def download(field: StoredField, request: MapRequest) -> JobEvents:
+    """Make the map as one file that is told, not written: a zip where it consists of several. Raises as `run` does."""
+    grid, contents = yield from _made(field, request)
+    (name, content), *others = contents.items()
+    if others:
+        name, content = f"{request.out.stem}.zip", _zipped(contents)
+    yield FileMade(name, content)
+    return JobResult(_numbers(grid))
+
+
+def _made(
+    field: StoredField, request: MapRequest
+) -> Generator[Progress, bool | None, tuple[StateGrid, dict[str, bytes]]]:
+    """The voxels of a map, and its files by their names."""
     yield Progress("looking at all voxels", 0.1)
     grid = voxel_states(field, OccupancyConfig.threshold, request.voxel)
     yield Progress("writing the map", 0.7)
-    contents = map_files(grid, out.suffix, out.stem, request.height)
-    files = tuple(write_bytes(out.with_name(name), content) for name, content in contents.items())
-    return JobResult(_numbers(grid) | {"files": [str(path) for path in files]}, files)
+    return grid, map_files(grid, request.out.suffix, request.out.stem, request.height)
+
+
+def _zipped(contents: dict[str, bytes]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, content in contents.items():
+            packed.writestr(name, content)
+    return stream.getvalue()
 
 
 def _numbers(grid: StateGrid) -> dict[str, object]:

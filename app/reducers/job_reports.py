@@ -6,6 +6,7 @@ from app.jobs import events as e
 from app.places.sources import without_folder
 from app.reducers.common import noticed, settled
 from app.reducers.jobs import given_up
+from app.state.downloads import Download
 from app.state.job import Job, JobKind
 from app.state.records import PlanRecord, SearchRecord
 from app.state.session import Session
@@ -26,6 +27,10 @@ def reported(session: Session, event: e.JobReport) -> Session:
             return replace(session, surface=glb)
         case e.PlannerCompared(result):
             return replace(session, comparison=(*session.comparison, result))
+        case e.FileMade(name, content):
+            wish = job.map
+            made = None if wish is None else Download(job.id, wish.client, name, content)
+            return replace(session, download=made)
         case e.Progress(label, fraction):
             return replace(session, job=replace(job, label=label, fraction=fraction))
         case PlanStep() | FilterStep() | NavigationStep():

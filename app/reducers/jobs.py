@@ -5,12 +5,15 @@ from dataclasses import replace
 from app.places.ends import opening_ends
 from app.reducers.common import noticed
 from app.state import actions as m
+from app.state.downloads import MapWish
 from app.state.experiments import StartExperiment
 from app.state.job import Job, JobKind
 from app.state.records import FlightRecord, PlanRecord
 from app.state.session import Session
 
-JobCommand = m.StartComparison | m.StartPlan | m.StartFlight | m.FindRobot | m.Cancel | m.Reset | StartExperiment
+JobCommand = (
+    m.StartComparison | m.StartPlan | m.StartFlight | m.FindRobot | m.TakeMap | m.Cancel | m.Reset | StartExperiment
+)
 
 
 def job_commanded(session: Session, command: JobCommand) -> Session:
@@ -27,6 +30,8 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return _begun(asked, JobKind.EXPERIMENT)
         case m.FindRobot():
             return _sought(session)
+        case m.TakeMap(wish):
+            return _begun(session, JobKind.MAP, wish)
         case m.Cancel():
             return cancelled(session)
         case m.Reset():
@@ -36,16 +41,16 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return replace(stopped, task=session.home, ends=ends, problems={})
 
 
-def _begun(session: Session, kind: JobKind) -> Session:
+def _begun(session: Session, kind: JobKind, map: MapWish | None = None) -> Session:
     """The session that wants a job of this kind, on a fresh record; a notice where another one runs."""
     if not session.may_begin:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
-    job = replace(job, pace=session.flight_settings.pace)
+    job = replace(job, pace=session.flight_settings.pace, map=map)
     begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
     if kind is JobKind.COMPARE:
         return replace(begun, comparison=())
-    if kind in (JobKind.EXPERIMENT, JobKind.FIND):
+    if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP):
         return begun
     begun = replace(begun, flight=None, comparison=(), search=None)
     if kind is JobKind.PLAN:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from app.jobs.events import JobReport
 from app.places.ends import End, Which
 from app.state.choice import Choice
+from app.state.downloads import MapWish
 from app.state.experiments import ExperimentAction
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange
@@ -127,6 +128,13 @@ class StartFlight:
 
 
 @dataclass(frozen=True)
+class TakeMap:
+    """Make a map of the place and send it to the tab that asks."""
+
+    wish: MapWish
+
+
+@dataclass(frozen=True)
 class Cancel:
     """Stop the running job and keep what it has shown."""
 
@@ -176,6 +184,7 @@ Command = (
     | FindRobot
     | StartPlan
     | StartFlight
+    | TakeMap
     | Cancel
     | Pause
     | Resume

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from app.places.ends import Ends
+from app.state.downloads import MapWish
 from app.state.records import PlanRecord
 
 
@@ -16,6 +17,7 @@ class JobKind(Enum):
     COMPARE = "compare"
     EXPERIMENT = "do the experiment"
     FIND = "find the robot"
+    MAP = "make the map"
 
 
 @dataclass(frozen=True)
@@ -46,3 +48,5 @@ class Job:
     """How many times its robot was to be carried away."""
     searches: int = 0
     """How many times it was asked to look for the robot everywhere."""
+    map: MapWish | None = None
+    """Which map is to be made."""

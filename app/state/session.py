@@ -15,6 +15,7 @@ from app.jobs.events import PlannerResult
 from app.places.ends import End, Ends, Which
 from app.places.place import Place
 from app.state.choice import Choice
+from app.state.downloads import Download
 from app.state.experiments import ExperimentState
 from app.state.flight_settings import FlightSettings
 from app.state.job import Job, JobKind
@@ -105,6 +106,8 @@ class Session:
     """Stored flights, and the timeline."""
     experiments: ExperimentState = field(default_factory=ExperimentState)
     """Experiments and their results."""
+    download: Download | None = None
+    """The file that was made last."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
     before: "Session | None" = None

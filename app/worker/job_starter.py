@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from app.jobs import compare_planners, find_robot, fly, open_place, plan
+from app.jobs import map as map_job
 from app.jobs.events import JobEvents
 from app.jobs.fly_request import FlyRequest
 from app.queries.wanted_plan import plan_request
@@ -45,6 +47,10 @@ class JobStarter:
             picture = session.last_picture
             assert picture is not None, "nothing is looked for without a picture"
             return find_robot.find(place, picture)
+        if job.kind is JobKind.MAP:
+            assert job.map is not None, "a map is made for who says which"
+            name = Path(f"{place.name}-map{job.map.ending}")
+            return map_job.download(place.field, map_job.MapRequest(name))
         if job.kind is JobKind.PLAN:
             name = session.choice.planner
             return plan.run(plan_request(settings, job.ends, name, self.plans.get(name)), place)

@@ -48,7 +48,7 @@ _TAB_OF_BUTTON = {
     **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop", "Gust"), "Fly"),
     **dict.fromkeys(("Find the robot", "Carry it away"), "Estimate"),
     **dict.fromkeys(("Open", "Compare", "End comparison", "Rename", "Delete"), "Runs"),
-    **dict.fromkeys(("Download", "Screenshot", "Reset"), "Export"),
+    **dict.fromkeys(("Download", "Download map", "Screenshot", "Reset"), "Export"),
 }
 
 

@@ -1,5 +1,6 @@
 """What visitors bring through the browser ends as an opened place, or as one sentence."""
 
+import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,8 +8,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 
+from app.jobs import make_field
 from app.jobs import open_place as scene
 from app.places.opening import open_place
 from app.places.place import Place
@@ -16,7 +19,10 @@ from app.server import App
 from app.worker.backend import NavigationBackend
 from nerfnav.field.checkpoint import save_field
 from tests.app.doubles import balls_place
+from tests.app.jobs.training_data.test_meshes import pillars
 from tests.browser.tab import Tab
+from tests.importers.captures.test_depths import write_depths
+from tests.importers.splat_files import ball_of_splats, write_spz
 
 
 def opening_work() -> NavigationBackend:
@@ -48,3 +54,43 @@ def test_an_uploaded_field_is_opened_and_a_broken_one_leaves_the_place(
     assert opened is not None and opened.name == "mine"
     np.testing.assert_allclose(opened.field.background, [0.1, 0.2, 0.3], atol=1e-6)
     tab.until(lambda: tab.has_node("/field") and tab.says("mine"), "the page does not show the field")
+
+
+def _spz(folder: Path) -> Path:
+    write_spz(folder / "moon.spz", ball_of_splats(400))
+    return folder / "moon.spz"
+
+
+def _capture(folder: Path) -> Path:
+    return Path(shutil.make_archive(str(folder / "room"), "zip", write_depths(folder / "room")))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "write", [_spz, _capture, partial(pillars, at=(0.0,))], ids=["splats", "capture", "mesh"]
+)
+def test_what_is_uploaded_becomes_a_place_in_which_one_plans(
+    write: Callable[[Path], Path],
+    serve: Callable[..., App],
+    open_tab: Callable[[App], Tab],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(make_field, "BUDGET_S", 5.0)
+    app = serve(opening_work())
+    tab = open_tab(app)
+    tab.turn_to("Scene")
+    first = app.session.place
+    tab.upload("Open a file", write(tmp_path))
+    tab.until(lambda: app.session.place is not first and app.session.place is not None, "it was not opened", 180)
+    tab.until(lambda: app.session.job is None, "its surface was not shaped", 60)
+    place = app.session.place
+    assert place is not None and place.field.box.size.max() < 20
+    tab.press("Plan")
+    tab.until(lambda: app.session.job is None and app.session.plan is not None, "the plan did not end", 120)
+    plan = app.session.plan
+    assert plan is not None and plan.latest is not None and plan.outcome is not None, app.session.trouble
+    planned = plan.latest.motion.states.position.numpy()
+    assert np.isfinite(planned).all()
+    tab.until(lambda: np.allclose(tab.line("/plan/line"), planned, atol=1e-5), "the page shows another plan")
+    np.testing.assert_allclose(planned[-1], app.session.ends.goal.position, atol=1e-3)

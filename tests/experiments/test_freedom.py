@@ -59,6 +59,7 @@ def test_space_that_nothing_proves_is_not_taken_for_free(proven: VoxelField, tak
     assert (found.surface_taken_for_free, found.free_taken_for_free, found.unproven_share) == (0, 0, 1)
 
 
+@pytest.mark.slow
 def test_held_out_depth_tells_the_same_as_the_mesh(proven: VoxelField, taken: PosedImages):
     others, held_out = taken.subset(slice(0, 80)), taken.subset(slice(80, 90))
     found = freedom_on_depth(proven, rooms.VOXEL, held_out, others, CONFIG)

@@ -1,6 +1,8 @@
 """Small fields that several tests look at."""
 
+import copy
 from dataclasses import replace
+from functools import cache
 
 import torch
 
@@ -45,7 +47,12 @@ def ball() -> BallsField:
 
 
 def photographs_of_ball(count: int, size: int = 48, turn: float = 0.0) -> PosedImages:
-    """Pictures of the ball from a ring around it; `turn` [rad] moves the whole ring."""
+    """Pictures of the ball from a ring around it, to do with as one likes; `turn` [rad] moves the whole ring."""
+    return copy.deepcopy(_photographs_of_ball(count, size, turn))
+
+
+@cache
+def _photographs_of_ball(count: int, size: int, turn: float) -> PosedImages:
     camera = Camera.from_fov(size, size, 60)
     angles = torch.arange(count) * 2.399963 + turn  # the golden angle spreads them
     heights = torch.linspace(-0.4, 0.5, count)

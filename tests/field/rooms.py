@@ -1,5 +1,7 @@
 """A small room whose walls are patterned but for one, which is plain: what pictures prove there, and what not."""
 
+import math
+
 import numpy as np
 import torch
 import trimesh
@@ -21,12 +23,15 @@ VOXEL = 0.06
 SHAPE = (41, 41, 41)
 
 
-def room() -> Scene:
-    """Walls of tiles in all colours, and at x = HALF a plain one; a plain table stands in the middle."""
+def room(tile: float = 0.5, seed: int = 0) -> Scene:
+    """Walls of tiles in all colours, and at x = HALF a plain one; a plain table stands in the middle.
+
+    Tiles are triangles whose two equal edges are at most `tile` long [m].
+    """
     mesh = trimesh.creation.box((2 * HALF,) * 3)
-    for _ in range(2):  # tiles much larger than voxels: finer patterns blur to one colour, and prove less
+    for _ in range(math.ceil(math.log2(2 * HALF / tile))):
         mesh = mesh.subdivide()
-    colors = np.random.default_rng(0).integers(20, 235, (len(mesh.faces), 4), np.uint8)
+    colors = np.random.default_rng(seed).integers(20, 235, (len(mesh.faces), 4), np.uint8)
     colors[mesh.triangles_center[:, 0] > HALF - 1e-6] = 200
     table = trimesh.creation.box((0.5, 0.5, 0.12))
     mesh.visual.face_colors, table.visual.face_colors = colors, [150, 60, 60, 255]
@@ -34,13 +39,14 @@ def room() -> Scene:
     return Scene("room", "Room", both, (table,), BOX, (0.7, 0.8, 0.9), ())
 
 
-def photographs(count: int = 90, size: int = 64) -> PosedImages:
-    """Pictures of the room with their depth, from all over it."""
-    generator = torch.Generator().manual_seed(0)
+def photographs(count: int = 90, size: int = 64, tile: float = 0.5, seed: int = 0) -> PosedImages:
+    """Pictures of the room with their depth, from all over it: `count` of `size` by `size` pixels."""
+    generator = torch.Generator().manual_seed(seed)
     eyes = (2 * torch.rand(count, 3, generator=generator) - 1) * 0.85 * HALF
     eyes[:, 2] += torch.where(eyes[:, 2] > 0, 0.1, -0.1)  # not in the table
     aims = (2 * torch.rand(count, 3, generator=generator) - 1) * HALF
-    return photograph(MeshRenderer(room(), supersample=2), Camera.from_fov(size, size, 90), look_at(eyes, aims))
+    renderer = MeshRenderer(room(tile, seed), supersample=2)
+    return photograph(renderer, Camera.from_fov(size, size, 90), look_at(eyes, aims))
 
 
 def distances() -> torch.Tensor:

@@ -9,9 +9,14 @@ from nerfnav.field.carving import carved, noise_of
 from nerfnav.field.evidence import State, states_of
 from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.geometry.grid import node_positions
+from nerfnav.geometry.images import PosedImages
 from tests.field import rooms
 
 NODES, AWAY = node_positions(rooms.BOX, rooms.SHAPE), rooms.distances()
+
+
+PLAIN_WALL = ((NODES[..., 0] - rooms.HALF).abs() < 0.9 * rooms.VOXEL) & (NODES[..., 1:].abs().amax(-1) < 0.9)
+SURFACE, AIR = AWAY.abs() < 0.9 * rooms.VOXEL, AWAY > 3 * rooms.VOXEL
 
 
 @pytest.fixture(scope="module")
@@ -19,16 +24,43 @@ def free() -> torch.Tensor:
     return carved(rooms.field_without_the_plain_wall(), rooms.photographs().without_depth())
 
 
-def test_no_surface_is_proven_free_though_the_field_shows_nothing_of_it(free: torch.Tensor):
-    plain_wall = ((NODES[..., 0] - rooms.HALF).abs() < 0.9 * rooms.VOXEL) & (NODES[..., 1:].abs().amax(-1) < 0.9)
-    assert plain_wall.sum() > 1000
-    assert free[plain_wall].float().mean() < 0.01
-    assert free[AWAY.abs() < 0.9 * rooms.VOXEL].float().mean() < 0.01
+def share(of: torch.Tensor, where: torch.Tensor) -> float:
+    return of[where].float().mean().item()
 
 
-def test_air_is_proven_free(free: torch.Tensor):
-    assert free[AWAY > 3 * rooms.VOXEL].float().mean() > 0.8
-    assert free[(AWAY > 3 * rooms.VOXEL) & (NODES[..., 0] < 0.3)].float().mean() > 0.9
+def noisy(taken: PosedImages, deviation: float) -> PosedImages:
+    noise = deviation * torch.randn(taken.images.shape, generator=torch.Generator().manual_seed(0))
+    return replace(taken, images=(taken.images.float() + noise).clamp(0, 255).round().to(torch.uint8))
+
+
+@pytest.mark.parametrize("noise", [0.0, 5.0])
+@pytest.mark.parametrize(
+    ("count", "size", "tile"), [(20, 96, 0.5), (40, 64, 1.0), (60, 48, 0.25), (60, 64, 0.0625), (100, 64, 0.125)]
+)
+def test_no_surface_is_proven_free_whatever_the_pictures_show(count: int, size: int, tile: float, noise: float):
+    taken = noisy(rooms.photographs(count, size, tile, seed=count).without_depth(), noise)
+    proven = carved(rooms.field_without_the_plain_wall(), taken)
+    assert proven.any()
+    assert PLAIN_WALL.sum() > 1000
+    assert share(proven, PLAIN_WALL) < 0.001
+    assert share(proven, SURFACE) < 0.001
+
+
+@pytest.mark.parametrize(("tile", "seed"), [(1.0, 1), (0.5, 2), (0.5, 3)])
+def test_air_before_large_patterns_is_proven_free_by_many_pictures(tile: float, seed: int):
+    proven = carved(rooms.field_without_the_plain_wall(), rooms.photographs(tile=tile, seed=seed).without_depth())
+    assert share(proven, AIR) > 0.9
+    assert share(proven, AIR & (NODES[..., 0] < 0.3)) > 0.9
+    assert share(proven, SURFACE) < 0.001
+
+
+def test_fewer_pictures_and_finer_patterns_prove_less():
+    field, taken = rooms.field_without_the_plain_wall(), rooms.photographs(tile=0.25).without_depth()
+    many, few = carved(field, taken), carved(field, taken.subset(slice(30)))
+    assert share(few, AIR) < 0.5 * share(many, AIR)
+    assert not (few & ~many).any(), "what some of the pictures prove, all of them do"
+    fine = carved(field, rooms.photographs(tile=0.0625).without_depth())
+    assert share(fine, AIR) < share(many, AIR), "patterns finer than a voxel blur to one colour"
 
 
 def test_what_no_camera_looks_at_is_unproven(free: torch.Tensor):
@@ -50,7 +82,7 @@ def test_rays_that_show_nothing_but_the_sky_prove_their_way():
     empty = replace(field, values=torch.where(torch.tensor([True, False, False, False]), -20.0, field.values))
     taken = rooms.photographs(12).without_depth()
     sky = torch.tensor([178, 204, 230], dtype=torch.uint8).expand_as(taken.images).contiguous()
-    assert carved(empty, replace(taken, images=sky))[AWAY > 2 * rooms.VOXEL].float().mean() > 0.9
+    assert share(carved(empty, replace(taken, images=sky)), AWAY > 2 * rooms.VOXEL) > 0.9
     grey = torch.full_like(sky, 128)
     assert not carved(empty, replace(taken, images=grey)).any()
 
@@ -58,6 +90,4 @@ def test_rays_that_show_nothing_but_the_sky_prove_their_way():
 def test_the_pictures_own_noise_is_found_whatever_they_show():
     taken = rooms.photographs(6, size=96).without_depth()
     assert noise_of(taken) < 0.5
-    noise = 5 * torch.randn(taken.images.shape, generator=torch.Generator().manual_seed(0))
-    noisy = (taken.images.float() + noise).clamp(0, 255).round().to(torch.uint8)
-    assert noise_of(replace(taken, images=noisy)) == pytest.approx(5, rel=0.3)
+    assert noise_of(noisy(taken, 5.0)) == pytest.approx(5, rel=0.3)

@@ -142,6 +142,7 @@ def test_samples_are_drawn_where_the_weights_are() -> None:
     assert (drawn.diff() >= 0).all() and drawn.max() <= 4
 
 
+@pytest.mark.slow
 def test_a_tiny_network_learns_a_ball() -> None:
     generator = torch.Generator().manual_seed(0)
     network = MlpConfig(depth=3, width=40, skips=(), position=Encoding(5), direction=None, view_widths=())

@@ -1,5 +1,7 @@
 """Training: a picture goes in, the same picture comes out, always in the same way."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -47,8 +49,9 @@ def test_progress_counts_up_to_the_end(trained: list[TrainStep]):
     assert all(step.rays_per_s > 0 for step in steps)
 
 
-def test_the_same_seed_gives_the_same_field_bit_for_bit(trained: list[TrainStep]):
-    first, second, other = trained[-1].field, run()[-1].field, run(seed=1)[-1].field
+def test_the_same_seed_gives_the_same_field_bit_for_bit():
+    brief = replace(CONFIG, iterations=80, rays=512)
+    first, second, other = (run(brief, seed)[-1].field for seed in (0, 0, 1))
     assert first is not None and second is not None and other is not None
     assert torch.equal(first.values, second.values), f"with {default_threads()} threads"
     assert not torch.equal(first.values, other.values)
@@ -65,10 +68,10 @@ def test_asking_to_stop_gives_the_field_so_far():
 
 
 def test_a_budget_ends_training_in_time():
-    last = run(TrainConfig(voxel=0.04, budget=2.0, rays=512))[-1]
+    last = run(TrainConfig(voxel=0.04, budget=1.0, rays=512))[-1]
     assert last.field is not None
     assert last.fraction == 1
-    assert 1.7 <= last.field.info.train_s < 8.0, "finishing has its share of the budget"
+    assert 0.8 <= last.field.info.train_s < 7.0, "finishing has its share of the budget"
 
 
 def test_nodes_that_more_cameras_see_learn_faster():

@@ -9,8 +9,10 @@ import torch
 
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
+from nerfnav.planner.fast import plan_fast
 from nerfnav.planner.minsnap import arrival_times, minimum_snap, plan_minimum_snap, turning_points
 from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.safety import SafetyConfig, clearance_of
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, Wall, across, ball
@@ -108,12 +110,32 @@ def test_resting_where_the_goal_is_gives_a_motion_that_hovers() -> None:
     assert (step.motion.states.position - here.position).norm(dim=-1).max() < 1e-3
 
 
-def test_an_elongated_ground_robot_turns_to_pass_a_door_that_it_fits_only_lengthwise() -> None:
-    couch = robots.load("couch")
+def couch_through(wall: Wall) -> PlanProblem:
+    """A couch that stands across the way on one side of a wall, and shall on the other."""
     start, goal = RigidState.at_rest((-0.6, 0.5, 0.4), 1.57), RigidState.at_rest((0.6, 0.5, 0.4), 1.57)
-    (step,) = plan_minimum_snap(PlanProblem(Wall(door=0.24), couch, start, goal, 40))
-    assert step.outcome is not PlanOutcome.NO_PATH  # a smooth curve knows nothing of walls, and may graze the frame
+    return PlanProblem(wall, robots.load("couch"), start, goal, 40)
+
+
+def test_an_elongated_ground_robot_turns_to_pass_a_door_that_it_fits_only_lengthwise() -> None:
+    problem = couch_through(Wall(door=0.36, thickness=0.1))  # 0.3 m of couch and the map's margins do not fit across
+    (step,) = plan_minimum_snap(problem)
+    assert step.outcome is PlanOutcome.CONVERGED
     states = step.motion.states
     in_door = states.position[:, 0].abs().argmin()
-    assert abs(states.rotation[in_door, 0, 0]) > 0.8, "its long side points through the door"
+    assert abs(states.rotation[in_door, 0, 0]) > 0.95, "its long side points through the door"
+    clearance = clearance_of(problem.field, step.motion, problem.robot.body, SafetyConfig())
+    assert clearance is not None and clearance > 0.05
     assert (states.position[:, 2] - 0.4).abs().max() < 1e-5
+
+
+def test_a_curve_whose_heading_swings_into_the_frame_of_a_narrow_door_is_in_collision() -> None:
+    problem = couch_through(Wall(door=0.24))
+    (step,) = plan_minimum_snap(problem)
+    states = step.motion.states
+    in_door = states.position[:, 0].abs() < 0.1
+    assert (states.rotation[in_door, 0, 0].abs() > 0.8).all(), "it turns, as the path does, but swings on: 0.45 rad"
+    assert clearance_of(problem.field, step.motion, problem.robot.body, SafetyConfig()) == 0
+    assert step.outcome is PlanOutcome.IN_COLLISION
+    *_, optimised = plan_fast(problem)
+    clearance = clearance_of(problem.field, optimised.motion, problem.robot.body, SafetyConfig())
+    assert clearance is not None and clearance > 0.02, "there is a way, which minimum snap does not keep to"

@@ -26,7 +26,7 @@ from tests.robots.motions import SMALL
 START, GOAL = RigidState.at_rest((-0.7, 0.02, 0.4), 0.2), RigidState.at_rest((0.7, 0.0, 0.4), 0.3)
 EMPTY = Fog(rho=0.0)
 CONTEXT = TermContext(ball(), ROBOT, CostWeights())
-SETTINGS = {"fast": None, "paper": PlanConfig(iterations=300), "minsnap": None}
+SETTINGS = {"fast": None, "paper": PlanConfig(iterations=200), "minsnap": None}
 
 
 def height(_: TermContext, motion: Motion) -> Tensor:
@@ -61,7 +61,7 @@ def planned(name: str) -> PlanStep:
     return last_step(planner.plan(Route(START, GOAL)))
 
 
-@pytest.mark.parametrize("name", ["fast", "paper"])
+@pytest.mark.parametrize("name", ["fast", pytest.param("paper", marks=pytest.mark.slow)])
 def test_a_registered_term_changes_what_is_chosen_the_more_it_weighs(
     name: str, known: Callable[[CostTerm], None]
 ) -> None:

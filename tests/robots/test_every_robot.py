@@ -44,7 +44,11 @@ def test_derivatives_agree_with_finite_differences(robot: Robot, case: str):
         motion = robot.motion(numbers, *between, STEPS, DT)
         return (*(getattr(motion.states, part) for part in PARTS), motion.actions, robot.limits(motion))
 
-    assert torch.autograd.gradcheck(everything, (free,), atol=1e-5)
+    first = next(other for other in EVERY.values() if type(other) is type(robot))
+    # in all directions for the first of each class, in a random one for those that only have other numbers; but where
+    # they stand still, too little is left of a step along one direction to tell
+    random = robot is not first and case != "standing still"
+    assert torch.autograd.gradcheck(everything, (free,), atol=1e-5, fast_mode=random)
 
 
 @each_robot

@@ -1,4 +1,6 @@
 import math
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,10 +12,10 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.astar import SearchConfig, find_paths
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.state import RigidState
-from nerfnav.world.contact import judge
+from nerfnav.world.contact import ContactConfig, contact_check
 from nerfnav.world.ground import ground
 from nerfnav.world.raycast import RayCaster
-from nerfnav.world.scene import Scene
+from nerfnav.world.scene import Scene, Task
 from tests.scenes.rasters import raster_field
 
 _ACROSS = math.pi / 2
@@ -36,36 +38,51 @@ def truth(apartment: Scene) -> VoxelField:
     return raster_field(apartment, 0.04)
 
 
-def _seen(scene: Scene, eye: tuple[float, float, float], ray: tuple[float, float, float]) -> float:
+@pytest.fixture(scope="module")
+def sight(apartment: Scene) -> RayCaster:
+    return RayCaster(apartment.mesh)
+
+
+MapOf = Callable[[str, float | None], OccupancyMap]
+
+
+@pytest.fixture(scope="module")
+def map_of(truth: VoxelField) -> MapOf:
+    """Where a robot fits, with 1 cm around its body, at one height if it stays on the ground; made once for each."""
+    config = OccupancyConfig(headings=16)
+    return cache(lambda robot, height: OccupancyMap.of(truth, robots.load(robot).body_with_room(0.01), config, height))
+
+
+def _seen(sight: RayCaster, eye: tuple[float, float, float], ray: tuple[float, float, float]) -> float:
     """How far one sees [m]."""
     origins, rays = np.array([eye], np.float32), np.array([ray], np.float32)
-    return float(RayCaster(scene.mesh).first_hits(origins, rays).distance[0])
+    return float(sight.first_hits(origins, rays).distance[0])
 
 
-def test_it_is_as_large_as_an_apartment(apartment: Scene):
+def test_it_is_as_large_as_an_apartment(apartment: Scene, sight: RayCaster):
     """Between opposite walls, and from the floor to the ceiling, measured where nothing stands in the way."""
-    assert _seen(apartment, (0, -0.2, 2.45), (-1, 0, 0)) == pytest.approx(4.5, abs=0.02)
-    assert _seen(apartment, (3, 0.9, 2.45), (1, 0, 0)) == pytest.approx(1.5, abs=0.02)
-    assert _seen(apartment, (-2.0, -0.2, 1.0), (0, 0, 1)) == pytest.approx(1.6, abs=0.01)
+    assert _seen(sight, (0, -0.2, 2.45), (-1, 0, 0)) == pytest.approx(4.5, abs=0.02)
+    assert _seen(sight, (3, 0.9, 2.45), (1, 0, 0)) == pytest.approx(1.5, abs=0.02)
+    assert _seen(sight, (-2.0, -0.2, 1.0), (0, 0, 1)) == pytest.approx(1.6, abs=0.01)
     assert apartment.box.size.tolist() == pytest.approx([9.4, 7.4, 2.84], abs=0.01)
 
 
 @pytest.mark.parametrize("name", _DOORS)
-def test_doors_are_80_to_90_cm_wide_and_open(apartment: Scene, name: str):
+def test_doors_are_80_to_90_cm_wide_and_open(sight: RayCaster, name: str):
     (x, y), heading = _DOORS[name]
     side = (-math.sin(heading), math.cos(heading), 0.0)
     back = (-side[0], -side[1], 0.0)
     for height in (0.3, 1.0, 1.9):
-        assert 0.79 <= _seen(apartment, (x, y, height), side) + _seen(apartment, (x, y, height), back) <= 0.9
+        assert 0.79 <= _seen(sight, (x, y, height), side) + _seen(sight, (x, y, height), back) <= 0.9
         for way in (0.0, math.pi):
             ahead = (math.cos(heading + way), math.sin(heading + way), 0.0)
-            assert _seen(apartment, (x, y, height), ahead) > 0.5
+            assert _seen(sight, (x, y, height), ahead) > 0.5
 
 
 def _pushed(scene: Scene, robot: str, start: tuple[float, ...], goal: tuple[float, ...], yaw: float) -> bool:
     """Whether a robot touches anything on a straight way without turning."""
-    ends = [RigidState.at_rest(point, yaw) for point in (start, goal)]
-    return judge(scene, robots.load(robot).body, RigidState.stack(ends)).first_touched_step is not None
+    touches = contact_check(scene, robots.load(robot).body, ContactConfig(spacing=0.02))
+    return touches(RigidState.at_rest(start, yaw), RigidState.at_rest(goal, yaw))
 
 
 def test_a_sofa_fits_through_a_door_only_lengthwise(apartment: Scene):
@@ -77,24 +94,23 @@ def test_a_sofa_fits_through_a_door_only_lengthwise(apartment: Scene):
 def test_the_first_move_of_a_sofa_begins_and_ends_across_the_door(apartment: Scene):
     task = next(task for task in apartment.tasks if task.robot == "sofa")
     assert task.start_yaw == task.goal_yaw == 0.0
-    straight = RigidState.stack([task.start_state, task.goal_state])
-    assert judge(apartment, robots.load("sofa").body, straight).first_touched_step == 0
+    assert contact_check(apartment, robots.load("sofa").body)(task.start_state, task.goal_state)
 
 
-def test_a_quadrotor_of_25_cm_fits_through_the_hatch_and_the_windows_have_no_glass(apartment: Scene):
+def test_a_quadrotor_of_25_cm_fits_through_the_hatch_and_the_windows_have_no_glass(apartment: Scene, sight: RayCaster):
     assert not _pushed(apartment, "quadrotor25", (-1.85, -0.6, 1.4), (-1.85, 1.3, 1.4), 0.0)
-    assert math.isinf(_seen(apartment, (-2.5, -1.0, 1.5), (0, -1, 0)))
-    assert math.isinf(_seen(apartment, (1.0, 2.0, 1.9), (0, 1, 0)))
+    assert math.isinf(_seen(sight, (-2.5, -1.0, 1.5), (0, -1, 0)))
+    assert math.isinf(_seen(sight, (1.0, 2.0, 1.9), (0, 1, 0)))
 
 
-def test_walls_are_plain(apartment: Scene):
+def test_walls_are_plain(apartment: Scene, sight: RayCaster):
     """Within 20 cm, colours of paint change by less than what a camera's noise hides; those of a rug do not."""
-    caster, colors = RayCaster(apartment.mesh), apartment.mesh.visual.vertex_colors[:, :3].astype(float)
+    colors = apartment.mesh.visual.vertex_colors[:, :3].astype(float)
 
     def patch(eye: tuple[float, float, float], ray: tuple[float, float, float], across: np.ndarray) -> np.ndarray:
         spread = np.random.default_rng(0).uniform(-0.1, 0.1, (200, 2)) @ across
         origins = (np.array(eye) + spread).astype(np.float32)
-        face = caster.first_hits(origins, np.tile(np.array(ray, np.float32), (200, 1))).face
+        face = sight.first_hits(origins, np.tile(np.array(ray, np.float32), (200, 1))).face
         return colors[apartment.mesh.faces[face]].mean(1)
 
     upright = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -125,21 +141,22 @@ def test_robots_on_the_ground_stand_10_cm_above_the_floor(apartment: Scene):
 
 
 def test_walls_stand_in_the_way_of_most_flights(apartment: Scene):
-    body = robots.load("quadrotor25").body
-    straight = [
-        RigidState.stack([task.start_state, task.goal_state])
-        for task in apartment.tasks
-        if task.robot == "quadrotor25"
-    ]
-    assert sum(judge(apartment, body, states).first_touched_step is not None for states in straight) >= 5
+    touches = contact_check(apartment, robots.load("quadrotor25").body)
+    flights = [task for task in apartment.tasks if task.robot == "quadrotor25"]
+    assert sum(touches(task.start_state, task.goal_state) for task in flights) >= 5
 
 
-@pytest.mark.parametrize("task", scenes.tasks_of("apartment"), ids=lambda task: f"{task.robot}: {task.name}")
-def test_a_clear_way_joins_the_ends_of_each_task_in_the_true_mesh(apartment: Scene, truth: VoxelField, task):
+@pytest.mark.parametrize(
+    "task",
+    [
+        pytest.param(task, id=f"{task.robot}: {task.name}", marks=[pytest.mark.slow] * (task.robot == "quadrotor25"))
+        for task in scenes.tasks_of("apartment")  # the map of one height is made in a moment, that of the air is not
+    ],
+)
+def test_a_clear_way_joins_the_ends_of_each_task_in_the_true_mesh(apartment: Scene, map_of: MapOf, task: Task):
     """A* over the rasterised solids for the robot's body with 1 cm around it, judged on the mesh itself."""
     robot = robots.load(task.robot)
-    height = task.start[2] if robot.planar else None
-    occupancy = OccupancyMap.of(truth, robot.body_with_room(0.01), OccupancyConfig(headings=16), height)
+    occupancy = map_of(task.robot, task.start[2] if robot.planar else None)
     paths = find_paths(occupancy, task.start_state, task.goal_state, SearchConfig.single())
     assert paths, "no way"
     rows = paths[0].tolist()

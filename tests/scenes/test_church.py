@@ -6,7 +6,7 @@ import pytest
 import scenes
 from nerfnav import robots
 from nerfnav.robots.state import RigidState
-from nerfnav.world.contact import judge
+from nerfnav.world.contact import contact_check
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Scene
 
@@ -21,8 +21,7 @@ def church() -> Scene:
 
 def _pushed(scene: Scene, start: tuple[float, float], goal: tuple[float, float], yaw: float) -> bool:
     """Whether a couch touches anything on a straight way without turning."""
-    ends = [RigidState.at_rest((*point, 0.07), yaw) for point in (start, goal)]
-    return judge(scene, _COUCH, RigidState.stack(ends)).first_touched_step is not None
+    return contact_check(scene, _COUCH)(*(RigidState.at_rest((*point, 0.07), yaw) for point in (start, goal)))
 
 
 def test_a_couch_fits_through_the_rood_screen_only_lengthwise(church: Scene):
@@ -62,5 +61,4 @@ def test_there_are_tasks_for_every_robot_of_the_paper(church: Scene):
 def test_couches_must_turn_at_the_screen(church: Scene):
     for task in church.tasks:
         if task.robot == "couch":
-            states = RigidState.stack([task.start_state, task.goal_state])
-            assert judge(church, _COUCH, states).first_touched_step == 0
+            assert contact_check(church, _COUCH)(task.start_state, task.goal_state)

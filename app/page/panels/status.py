@@ -84,5 +84,6 @@ def activity(session: Session) -> str:
         JobKind.COMPARE: "Comparing",
         JobKind.EXPERIMENT: "Doing the experiment",
         JobKind.FIND: "Looking for the robot",
+        JobKind.MAP: "Making the map",
     }[job.kind]
     return capital(job.label or default) + percent

@@ -12,6 +12,7 @@ from app.page.panels.estimate import EstimatePanel
 from app.page.panels.experiments import ExperimentsPanel
 from app.page.panels.export import ExportPanel
 from app.page.panels.flight import FlightPanel
+from app.page.panels.map import MapPanel
 from app.page.panels.panel import Page, Panel, PanelEntry
 from app.page.panels.place import PlacePanel
 from app.page.panels.plan import PlanPanel
@@ -37,6 +38,7 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
     PanelEntry("runs", lambda page: RunsPanel(page.server, page.post), "Runs", _ICON.HISTORY),
     PanelEntry("experiments", lambda page: ExperimentsPanel(page.server, page.post), "Experiments", _ICON.FLASK),
     PanelEntry("export", lambda page: ExportPanel(page.server, page.post), "Export", _ICON.DOWNLOAD),
+    PanelEntry("map", lambda page: MapPanel(page.server, page.post), "Export"),
 ))  # fmt: skip
 """Name to panel, in the order of the page; a tab is where its first panel is."""
 

@@ -1,10 +1,9 @@
 """Depth maps beside photographs: read, checked, and brought to what `PosedImages` holds.
 
 Files hold the distance along the camera's optical axis, in units of `depth_unit_scale_factor` (nerfstudio: 0.001, so
-millimetres), 0 where nothing was measured. What is kept is the distance along each pixel's ray, in metres.
+millimetres) or those of the app that wrote them, 0 where nothing was measured. What is kept is the distance along each
+pixel's ray, in metres; what a sensor is unsure of counts as not measured.
 """
-
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,8 +12,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.geometry import Camera
+from nerfnav.importers.captures.depth_files import stored_confidence, stored_depth
 from nerfnav.importers.captures.pictures import undistortion
-from nerfnav.importers.captures.views import CaptureError, View
+from nerfnav.importers.captures.views import CaptureError, DepthFile, View
 
 NOISE = 0.01
 """Share by which the depths of sensors may be wrong: 2 to 3 cm at 3 m."""
@@ -27,17 +27,31 @@ _NEAREST, _FARTHEST = 0.02, 500.0
 def read_depth(view: View) -> Float[np.ndarray, "h w"]:
     """Depths along the optical axis, in the capture's units. Raises CaptureError for what is no depth map."""
     assert view.depth is not None
-    path = view.depth
-    stored = _stored(path)
+    file, path = view.depth, view.depth.path
+    stored = stored_depth(file)
     if stored is None or stored.ndim != 2 or stored.dtype == np.uint8:
         raise CaptureError(
             f"{path} is no readable depth map: one channel of 16-bit or floating-point numbers is needed, as .png, "
-            ".tiff or .npy"
+            ".tiff, .npy or .exr"
         )
-    depth = stored.astype(np.float32) * np.float32(view.depth_unit)
+    depth = stored.astype(np.float32) * np.float32(file.unit)
     if not np.isfinite(depth).all() or (depth < 0).any():
         raise CaptureError(f"{path} has depths that are NaN, infinite or below 0: write 0 where nothing was measured")
-    return depth
+    return np.where(_sure(file, depth.shape) & (depth <= file.farthest), depth, np.float32(0))
+
+
+def _sure(file: DepthFile, shape: tuple[int, ...]) -> np.ndarray:
+    """Where depths are to be trusted. Raises CaptureError for a confidence map that does not fit its depth map."""
+    if file.confidence is None:
+        return np.ones(shape, bool)
+    levels = stored_confidence(file)
+    if levels is None or levels.shape != shape:
+        told = "cannot be read" if levels is None else f"has {levels.shape[1]} x {levels.shape[0]} pixels"
+        raise CaptureError(
+            f"the confidence map {file.confidence} {told}: one channel of {shape[1]} x {shape[0]} is needed, as its "
+            "depth map has"
+        )
+    return levels > 0
 
 
 def along_rays(
@@ -49,9 +63,10 @@ def along_rays(
     """
     height, width = depth.shape
     own, distortion = seen
+    path = None if view.depth is None else view.depth.path
     if abs(width / height * own.height / own.width - 1) > _ASPECT + 1 / min(width, height):
         raise CaptureError(
-            f"the depth map {view.depth} of {width} x {height} pixels has another shape than its picture {view.name}: "
+            f"the depth map {path} of {width} x {height} pixels has another shape than its picture {view.name}: "
             "depth must be registered to the colours"
         )
     fine = depth_camera(camera, own, (width, height))
@@ -109,13 +124,3 @@ def stacked(maps: list[Float[np.ndarray, "h w"] | None]) -> Float[Tensor, "n h w
         raise CaptureError(f"the depth maps differ in size ({told} pixels): make them all alike")
     (size,) = sizes
     return torch.from_numpy(np.stack([np.zeros(size, np.float32) if depth is None else depth for depth in maps]))
-
-
-def _stored(path: Path) -> np.ndarray | None:
-    """The numbers in a file; None where it is no whole file of a known kind."""
-    try:
-        if path.suffix.lower() == ".npy":
-            return np.load(path, allow_pickle=False)
-        return cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
-    except (OSError, ValueError, EOFError, cv2.error):
-        return None

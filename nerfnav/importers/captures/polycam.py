@@ -1,14 +1,16 @@
 """Polycam's raw export ("keyframes"): a JSON file for each camera, by the stems of its photographs.
 
 keyframes/cameras/STEM.json has fx, fy, cx, cy, width, height [pixels] and t_00 to t_23, the upper rows of
-T_world_camera in ARKit's world (metres, y up) with OpenGL axes; keyframes/images/STEM.jpg is the photograph and
-keyframes/depth/STEM.png its depth in mm. Where the app has refined the poses, corrected_cameras and corrected_images
-stand beside these and are used.
+T_world_camera in ARKit's world (metres, y up) with OpenGL axes; keyframes/images/STEM.jpg is the photograph,
+keyframes/depth/STEM.png its depth [mm], keyframes/confidence/STEM.png how sure that is: 0, 127 or 255. Where the app
+has refined the poses, corrected_cameras and corrected_images stand beside these and are used; there are no corrected
+depths, but those of the bent lens lie within a pixel of theirs, which are large.
 """
 
 from pathlib import Path
 
 from nerfnav.importers.captures.json_files import read_json
+from nerfnav.importers.captures.lidar import lidar_depth
 from nerfnav.importers.captures.transforms import image_path
 from nerfnav.importers.captures.views import CaptureError, Lens, View, Views, rigid_pose
 
@@ -50,4 +52,6 @@ def _view(file: Path, images: Path) -> View:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise CaptureError(f"{file} is not a camera of Polycam: it lacks or garbles {error}") from error
-    return View(file.stem, image_path(images, file.stem), lens, rigid_pose(rows, file.name))
+    depth, sure = (images.parent / part / f"{file.stem}.png" for part in ("depth", "confidence"))
+    pose = rigid_pose(rows, file.name)
+    return View(file.stem, image_path(images, file.stem), lens, pose, depth=lidar_depth(depth, sure))

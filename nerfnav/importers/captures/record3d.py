@@ -3,9 +3,11 @@
 `metadata` (a JSON file) has w and h [pixels], K, the 3 x 3 intrinsics column by column, or for each frame
 perFrameIntrinsicCoeffs (fx, fy, cx, cy), and poses: qx, qy, qz, qw, tx, ty, tz of T_world_camera in ARKit's world
 (metres, y up) with OpenGL axes. Photograph i is rgbd/i.jpg in a .r3d, rgb/i.jpg or .png in an export; its depth is
-rgbd/i.depth (LZFSE) or depth/i.exr [m].
+rgbd/i.depth, float32 [m], dw x dh of them, row by row, with rgbd/i.conf, which tells how sure they are (bytes 0, 1 or
+2), both compressed by LZFSE; or depth/i.exr [m].
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,8 @@ import torch
 
 from nerfnav.geometry import so3
 from nerfnav.importers.captures.json_files import read_json
-from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, View, Views, rigid_pose
+from nerfnav.importers.captures.lidar import lidar_depth
+from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, rigid_pose
 
 _METADATA = ("metadata", "metadata.json")
 _PICTURES = ("rgbd", "rgb")
@@ -62,7 +65,18 @@ def _view(index: int, pose: Any, said: dict[str, Any], metadata: Path, pictures:
     rotation = so3.matrix_from_quaternion(torch.tensor([w, x, y, z], dtype=torch.float64)).numpy()
     names = [pictures / f"{index}{end}" for end in (".jpg", ".png", ".jpeg")]
     path = next((name for name in names if name.is_file()), names[0])
-    return View(path.name, path, _lens(index, said, where), rigid_pose(np.c_[rotation, numbers[4:]], where))
+    pose, depth = rigid_pose(np.c_[rotation, numbers[4:]], where), _depth(index, said, pictures)
+    return View(path.name, path, _lens(index, said, where), pose, depth=depth)
+
+
+def _depth(index: int, said: dict[str, Any], pictures: Path) -> DepthFile | None:
+    """The depth map of a frame, if it has one."""
+    packed = lidar_depth(pictures / f"{index}.depth", pictures / f"{index}.conf", 1.0)
+    if packed is None:
+        return lidar_depth(pictures.parent / "depth" / f"{index}.exr", None, 1.0)
+    width, height = said.get("dw"), said.get("dh")
+    told = type(width) is int and type(height) is int and min(width, height) > 0
+    return replace(packed, size=(width, height)) if told else packed
 
 
 def _lens(index: int, said: dict[str, Any], where: str) -> Lens:

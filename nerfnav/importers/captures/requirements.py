@@ -32,7 +32,7 @@ def require_enough(found: Views, views: list[View]) -> None:
 
 
 def require_inside(found: Views, folder: Path) -> None:
-    files = (path for view in found.views for path in (view.path, view.depth) if path is not None)
+    files = (path for view in found.views for path in (view.path, *(() if view.depth is None else view.depth.files)))
     outside = next((path for path in files if not path.resolve().is_relative_to(folder.resolve())), None)
     if outside is not None:
         told = Path(os.path.relpath(outside, folder)).as_posix()

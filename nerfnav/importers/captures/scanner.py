@@ -1,8 +1,9 @@
 """3D Scanner App's export of all data: frame_00000.json beside frame_00000.jpg.
 
 The JSON has cameraPoseARFrame, T_world_camera row by row (16 numbers) in ARKit's world (metres, y up) with OpenGL axes,
-and intrinsics, a 3 x 3 matrix row by row, in pixels of the photograph as it is stored. Most frames have depth alone
-(depth_00000.png, mm) and no photograph: those are passed over.
+and intrinsics, a 3 x 3 matrix row by row, in pixels of the photograph as it is stored. Its depth is depth_00000.png
+[mm] or frame_00000.exr [m]; conf_00000.png tells how sure that is: 0, 1 or 2. Most frames have depth alone and no
+photograph: those are passed over.
 """
 
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 from nerfnav.importers.captures.json_files import read_json
+from nerfnav.importers.captures.lidar import lidar_depth
 from nerfnav.importers.captures.views import CaptureError, Lens, View, Views, rigid_pose
 
 _FRAMES = "frame_*.json"
@@ -39,7 +41,11 @@ def _view(file: Path, photograph: Path) -> View:
     except (TypeError, ValueError) as error:
         raise CaptureError(f"{file} has intrinsics that are no numbers") from error
     lens = Lens.measured(_size(photograph, (2 * cx, 2 * cy)), (fx, fy), (cx, cy))
-    return View(photograph.name, photograph, lens, rigid_pose([pose[row : row + 4] for row in (0, 4, 8)], file.name))
+    number = file.stem.removeprefix("frame_")
+    sure = file.with_name(f"conf_{number}.png")
+    depth = lidar_depth(file.with_name(f"depth_{number}.png"), sure) or lidar_depth(file.with_suffix(".exr"), sure, 1.0)
+    rows = [pose[row : row + 4] for row in (0, 4, 8)]
+    return View(photograph.name, photograph, lens, rigid_pose(rows, file.name), depth=depth)
 
 
 def _size(photograph: Path, otherwise: tuple[float, float]) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from nerfnav.importers.captures.json_files import read_json
-from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, View, Views, rigid_pose
+from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, rigid_pose
 
 SPLITS = ("train", "val", "test")
 """Blender's files are called transforms_{split}.json."""
@@ -58,8 +58,8 @@ def _views(path: Path, test: bool = False) -> tuple[View, ...]:
             raise CaptureError(f"frame {index} of {path} has no file_path")
         pose = rigid_pose(frame.get("transform_matrix"), f"{name} in {path}")
         entries, where = {**head, **frame}, f"{name} in {path}"
-        depth, unit = _depth(entries, path.parent, where)
-        view = View(name, image_path(path.parent, name), _lens(entries, where), pose, test, depth, unit)
+        depth = _depth(entries, path.parent, where)
+        view = View(name, image_path(path.parent, name), _lens(entries, where), pose, test, depth)
         views.append(view if undo is None else view.moved(undo))
     return tuple(views)
 
@@ -71,14 +71,14 @@ def image_path(folder: Path, name: str) -> Path:
     return Path(next(found, named))
 
 
-def _depth(entries: dict[str, Any], folder: Path, where: str) -> tuple[Path | None, float]:
-    """Where a frame's depth map lies, if it has one, and what its unit is."""
+def _depth(entries: dict[str, Any], folder: Path, where: str) -> DepthFile | None:
+    """A frame's depth map, if it has one."""
     name, unit = entries.get("depth_file_path"), _number(entries, "depth_unit_scale_factor", where)
     if name is not None and (not isinstance(name, str) or not name):
         raise CaptureError(f"{where} has a depth_file_path that is no name of a file")
     if unit is not None and unit <= 0:
         raise CaptureError(f"{where} has a depth_unit_scale_factor of {unit:g}: it must be above 0")
-    return None if name is None else folder / name, 0.001 if unit is None else unit
+    return None if name is None else DepthFile(folder / name, 0.001 if unit is None else unit)
 
 
 def _lens(entries: dict[str, Any], where: str) -> Lens:

@@ -1,5 +1,6 @@
 """What the files of a capture say: which photograph was taken from where, through which lens."""
 
+import math
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -65,6 +66,27 @@ class Lens:
         return Camera(width, height, fx, fy, self.center[0] * width, self.center[1] * height)
 
 
+@dataclass(frozen=True)
+class DepthFile:
+    """The depth map of one photograph, not read yet: distances along the optical axis, 0 where nothing was measured."""
+
+    path: Path
+    """Where it lies."""
+    unit: float = 0.001
+    """What a stored depth of 1 is, in the capture's units."""
+    confidence: Path | None = None
+    """A map of as many pixels that is 0 where the depth is unsure and to be left out; None: all are to be trusted."""
+    farthest: float = math.inf
+    """Depth beyond which the sensor only guesses, in the capture's units."""
+    size: tuple[int, int] | None = None
+    """Width and height [pixels], for files that do not tell them."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All that is read."""
+        return (self.path,) if self.confidence is None else (self.path, self.confidence)
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """One photograph, not read yet."""
@@ -79,10 +101,8 @@ class View:
     """T_world_camera (4, 4), OpenGL axes, in the capture's own world and units."""
     test: bool = False
     """Whether the capture keeps it for judging."""
-    depth: Path | None = None
-    """Where its depth map lies; None where it has none."""
-    depth_unit: float = 0.001
-    """What a stored depth of 1 is, in the capture's units."""
+    depth: DepthFile | None = None
+    """Its depth map; None where it has none."""
 
     @property
     def exists(self) -> bool:

@@ -19,7 +19,7 @@ def arena() -> Arena:
 
 def test_pictures_are_rendered_alike_and_both_ways_are_timed(arena: Arena):
     before = torch.get_num_threads()
-    found = render.measure(arena, pictures=1, size=40, fast_per_round=3)
+    found = render.measure(arena, pictures=1, size=24, fast_per_round=3)
     assert found.name == "render" and found.threads >= 1
     assert found.ratio == found.paper_ms / found.fast_ms > 0
     assert found.detail["max_color_difference"] < 1e-4
@@ -27,7 +27,7 @@ def test_pictures_are_rendered_alike_and_both_ways_are_timed(arena: Arena):
 
 
 def test_a_training_step_has_the_same_gradient_and_both_ways_are_timed(arena: Arena):
-    found = train_step.measure(arena, rays=256, rounds=1, fast_per_round=3)
+    found = train_step.measure(arena, rays=128, rounds=1, fast_per_round=3)
     assert found.ratio == found.paper_ms / found.fast_ms > 0
     assert found.detail["max_gradient_difference"] < 1e-3
     assert found.detail["error_difference"] < 1e-4

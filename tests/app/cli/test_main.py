@@ -30,7 +30,7 @@ from tests.app.doubles import balls_place
 Capture = pytest.CaptureFixture[str]
 FROM, TO = ["--start", "-0.6", "0", "0.5"], ["--goal", "0.6", "0.1", "0.5", "1.57"]
 QUICK = ["--planner", "paper", "--config.iterations", "5"]
-QUICK_FLIGHT = ["--planner", "paper", "--config.plan.iterations", "20", "--config.replan.iterations", "5"]
+QUICK_FLIGHT = ["--planner", "paper", "--config.plan.iterations", "10", "--config.replan.iterations", "3"]
 QUICK_FLIGHT += ["--config.filter.descent.iterations", "3"]
 
 
@@ -335,7 +335,7 @@ def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, c
         (["train", "blocks"], "Missing from nerfnav train: --out"),
         (["train", "blocks", "--out", "x.npz", "--budget", "0"], "budget must be a number above 0, not 0"),
         (["train", "blocks", "--out", "x.npz", "--images", "3"], "images must be at least 10"),
-        (["train", "blocks", "--out", "x.npz", "--voxel", "1e-4"], "choose a larger --voxel"),
+        (["train", "blocks", "--out", "x.npz", "--images", "10", "--voxel", "1e-4"], "choose a larger --voxel"),
         (["export", "missing", "--format", "csv", "--out", "x.csv"], "missing is not the folder of a run"),
         (["serve", "--port", "70000"], "a port is a number from 1 to 65535, not 70000"),
         (["serve", "--host", "203.0.113.7"], "no network interface of this machine is called '203.0.113.7'"),

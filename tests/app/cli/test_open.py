@@ -107,7 +107,9 @@ def test_folders_have_their_fields_beside_them_under_their_own_names(tmp_path: P
         assert field_path(source) == tmp_path / "playbot.npz"
 
 
-@pytest.mark.parametrize("name", ["moon.spz", "moon.sog", "moon.ksplat", "moon"])
+@pytest.mark.parametrize(
+    "name", ["moon.spz", *(pytest.param(name, marks=pytest.mark.slow) for name in ("moon.sog", "moon.ksplat", "moon"))]
+)
 def test_splats_of_every_layout_are_opened_by_their_path(name: str, tmp_path: Path) -> None:
     writers = {"moon.spz": write_spz, "moon.sog": bundle_sog, "moon.ksplat": write_ksplat, "moon": write_sog}
     writers[name](tmp_path / name, ball_of_splats(400))
@@ -124,7 +126,7 @@ def test_splats_of_every_layout_are_opened_by_their_path(name: str, tmp_path: Pa
 
 def test_opening_again_makes_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_spz(tmp_path / "moon.spz", ball_of_splats(200))
-    result_of(run_import(ImportRequest(tmp_path / "moon.spz", tmp_path / "moon.npz")))
+    result_of(run_import(ImportRequest(tmp_path / "moon.spz", tmp_path / "moon.npz", voxel=0.1)))
     monkeypatch.setattr(make_field, "run", lambda *_: pytest.fail("the field is there"))
     assert any(isinstance(event, PlaceOpened) for event in _until_opened(str(tmp_path / "moon.spz")))
 

@@ -63,12 +63,12 @@ def test_splats_have_their_y_axis_down_where_nobody_says_otherwise(tmp_path: Pat
 
 def test_a_place_of_absurd_size_is_told_to_be_measured(tmp_path: Path) -> None:
     write_inria(tmp_path / "moon.ply", ball_of_splats(500, 600.0))
-    last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz")))
+    last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz", voxel=30.0)))
     told = [guess for guess in last.summary["source"]["guesses"] if "measure something" in guess]
     assert len(told) == 1 and "would be 1.2 km long" in told[0]
     picked = ((0.0, 0.0, 0.0), (0.0, 0.0, 600.0), 2.0)
     placement = Placement(picked=picked)
-    last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "small.npz", placement=placement)))
+    last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "small.npz", voxel=0.1, placement=placement)))
     assert not any("measure something" in guess for guess in last.summary["source"]["guesses"])
 
 
@@ -96,7 +96,7 @@ def test_the_command_line_imports_bakes_and_tells(tmp_path: Path, capsys: pytest
     assert cli.main(["info", str(net), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["layers"], told["layer_width"]) == (4, 16)
-    assert cli.main(["bake", str(net), "--out", str(baked), "--voxel", "0.06", "--json"]) == 0
+    assert cli.main(["bake", str(net), "--out", str(baked), "--voxel", "0.1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["baked_psnr_db"] > 20
     assert isinstance(load_field(baked), VoxelField)
 

@@ -1,6 +1,8 @@
-"""Maps as the command line writes them."""
+"""Maps as the command line writes them, and as the page offers them."""
 
+import io
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +10,16 @@ import pytest
 import torch
 
 from app.cli.main import BAD_INPUT, main
+from app.jobs.events import FileMade
+from app.jobs.map import MapRequest, download, run
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.states import VoxelState
 from nerfnav.planner.occupancy import OccupancyConfig
+from tests.app.doubles import balls_place
+from tests.app.following import result_of
 from tests.field.test_neural import random_field
+
+FIELD = balls_place().field
 
 
 def mapped(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
@@ -82,3 +90,26 @@ def test_networks_are_to_be_baked_first(
     save_field(random_field(), tmp_path / "nerf.npz")
     assert main(["map", str(tmp_path / "nerf.npz"), "--out", str(tmp_path / "map.npz")]) == BAD_INPUT
     assert "bake this one first, with nerfnav bake" in capsys.readouterr().err
+
+
+def taken(ending: str, stem: str = "column-map") -> FileMade:
+    (made,) = (event for event in download(FIELD, MapRequest(Path(stem + ending))) if isinstance(event, FileMade))
+    return made
+
+
+def test_a_map_to_take_away_is_the_file_that_the_command_line_writes(tmp_path: Path) -> None:
+    result = result_of(run(FIELD, MapRequest(tmp_path / "column-map.npz")))
+    made = taken(".npz")
+    assert made.name == "column-map.npz"
+    with np.load(io.BytesIO(made.content)) as told, np.load(result.files[0]) as written:
+        assert told.files == written.files == ["state", "lower", "voxel"]
+        assert all((told[name] == written[name]).all() for name in told.files)
+
+
+def test_a_map_of_two_files_is_taken_away_as_one_archive() -> None:
+    made = taken(".pgm")
+    assert made.name == "column-map.zip"
+    with zipfile.ZipFile(io.BytesIO(made.content)) as packed:
+        assert packed.namelist() == ["column-map.pgm", "column-map.yaml"]
+        assert packed.read("column-map.pgm").startswith(b"P5")
+        assert b'image: "column-map.pgm"' in packed.read("column-map.yaml")

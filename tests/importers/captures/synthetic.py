@@ -132,3 +132,16 @@ def write_colmap(
     listed = " ".join(map(repr, numbers))
     (sparse / "cameras.txt").write_text(f"# Camera list\n7 {name} {size[0]} {size[1]} {listed}\n")
     return folder
+
+
+RADIUS = 3.0
+"""The cameras of `ring` stand within a sphere of this radius around the origin: that is what their depths show."""
+
+
+def depth_ahead(camera: Camera, pose: np.ndarray) -> np.ndarray:
+    """Distance of the sphere along the optical axis (height, width)."""
+    ways = camera.directions(camera.pixels()).double().numpy() @ pose[:3, :3].T
+    eye = pose[:3, 3]
+    inward = ways @ eye
+    away = -inward + np.sqrt(inward**2 + RADIUS**2 - eye @ eye)
+    return (away * -(ways @ pose[:3, :3])[:, 2]).reshape(camera.height, camera.width)

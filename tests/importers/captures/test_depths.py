@@ -8,24 +8,19 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.geometry.camera import Camera
 from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.imported import ImportConfig, ImportedCapture
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.placement import Placement
-from tests.importers.captures.synthetic import CAMERA, changed, matrices, ring, write_transforms
-
-RADIUS = 3.0
-"""The cameras of `ring` stand within a sphere of this radius around the origin: that is what their depths show."""
-
-
-def depth_ahead(camera: Camera, pose: np.ndarray) -> np.ndarray:
-    """Distance of the sphere along the optical axis (height, width)."""
-    ways = camera.directions(camera.pixels()).double().numpy() @ pose[:3, :3].T
-    eye = pose[:3, 3]
-    inward = ways @ eye
-    away = -inward + np.sqrt(inward**2 + RADIUS**2 - eye @ eye)
-    return (away * -(ways @ pose[:3, :3])[:, 2]).reshape(camera.height, camera.width)
+from tests.importers.captures.synthetic import (
+    CAMERA,
+    RADIUS,
+    changed,
+    depth_ahead,
+    matrices,
+    ring,
+    write_transforms,
+)
 
 
 def write_depths(folder: Path, size: tuple[int, int] = (24, 18), unit: float = 0.001) -> Path:

@@ -149,6 +149,7 @@ def test_numbers_that_no_training_can_have_are_refused(entries: dict[str, int], 
         Photographs(**entries)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("NERFNAV_TEST_DATA" not in os.environ, reason="photographs of others are not part of the project")
 def test_real_photographs_become_a_field_and_what_is_around_it(tmp_path: Path) -> None:
     source = Path(os.environ["NERFNAV_TEST_DATA"]) / "fox"

@@ -31,11 +31,12 @@ DATA = Path(os.environ.get("NERFNAV_TEST_DATA", "."))
 WITH_DATA = pytest.mark.skipif("NERFNAV_TEST_DATA" not in os.environ, reason="NERFNAV_TEST_DATA is not set")
 
 
-def _pillars(folder: Path) -> Path:
+def pillars(folder: Path, at: tuple[float, ...] = (-0.6, 0.0, 0.6)) -> Path:
+    """A mesh of up to three pillars on a floor of 2 m, at these x [m]."""
     floor = trimesh.creation.box((2, 2, 0.1)).apply_translation([0, 0, -0.05])
-    pillars = [trimesh.creation.box((0.3, 0.3, 0.6)).apply_translation([x, 0, 0.3]) for x in (-0.6, 0.0, 0.6)]
+    pillars = [trimesh.creation.box((0.3, 0.3, 0.6)).apply_translation([x, 0, 0.3]) for x in at]
     colors = ([90, 120, 60], [200, 60, 50], [50, 90, 200], [210, 190, 60])
-    for mesh, color in zip([floor, *pillars], colors, strict=True):
+    for mesh, color in zip([floor, *pillars], colors[: 1 + len(at)], strict=True):
         mesh.visual.face_colors = [*color, 255]
     return write(trimesh.util.concatenate([floor, *pillars]), folder / "pillars.ply")
 
@@ -54,7 +55,7 @@ def _request(source: Path, out: Path, **changes: object) -> TrainRequest:
 
 def test_a_mesh_becomes_a_field_with_its_ground_truth_beside_it(tmp_path: Path) -> None:
     out = tmp_path / "pillars.npz"
-    events, finished = followed(run(_request(_pillars(tmp_path), out)))
+    events, finished = followed(run(_request(pillars(tmp_path), out)))
     labels = {event.label for event in events if isinstance(event, Progress)}
     assert {"reading the mesh", "finding what is solid", "photographing", "training"} <= labels
     assert finished.files == (out, tmp_path / "pillars.truth.npz")
@@ -74,7 +75,7 @@ def test_a_mesh_becomes_a_field_with_its_ground_truth_beside_it(tmp_path: Path) 
 
 def test_a_field_without_its_ground_truth_opens_and_one_with_another_does_not(tmp_path: Path) -> None:
     out = tmp_path / "pillars.npz"
-    list(run(_request(_pillars(tmp_path), out)))
+    list(run(_request(pillars(tmp_path), out)))
     truth = tmp_path / "pillars.truth.npz"
     data = truth.read_bytes()
     truth.write_bytes(data + b"0")
@@ -87,7 +88,7 @@ def test_a_field_without_its_ground_truth_opens_and_one_with_another_does_not(tm
 def test_info_judges_a_field_by_the_mesh_it_was_made_from_wherever_that_was_put(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, source = tmp_path / "pillars.npz", _pillars(tmp_path)
+    out, source = tmp_path / "pillars.npz", pillars(tmp_path)
     list(run(_request(source, out, voxel=0.2, placement=Placement(up=(0, 0, 1), scale=4.0))))
     assert main(["info", str(out), "--mesh", str(source), "--json"]) in (0, None)
     geometry = json.loads(capsys.readouterr().out)["geometry"]
@@ -97,7 +98,7 @@ def test_info_judges_a_field_by_the_mesh_it_was_made_from_wherever_that_was_put(
 
 
 def test_stopping_while_the_mesh_is_read_says_that_nothing_was_kept(tmp_path: Path) -> None:
-    job = run(_request(_pillars(tmp_path), tmp_path / "out.npz"))
+    job = run(_request(pillars(tmp_path), tmp_path / "out.npz"))
     next(job)
     next(job)
     with pytest.raises(StoppedError, match="nothing was learned yet"):
@@ -105,7 +106,7 @@ def test_stopping_while_the_mesh_is_read_says_that_nothing_was_kept(tmp_path: Pa
 
 
 def test_the_size_of_a_place_does_not_change_how_it_is_photographed_and_learned(tmp_path: Path) -> None:
-    source, out = _pillars(tmp_path), tmp_path / "out.npz"
+    source, out = pillars(tmp_path), tmp_path / "out.npz"
     small, large = (
         _material(_request(source, out, voxel=None, placement=Placement(up=(0, 0, 1), scale=scale)))
         for scale in (1.0, 10.0)
@@ -118,7 +119,7 @@ def test_the_size_of_a_place_does_not_change_how_it_is_photographed_and_learned(
 
 
 def test_the_command_prints_what_it_guessed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["train", str(_pillars(tmp_path)), "--out", str(tmp_path / "f.npz"), "--iterations", "30"]
+    words = ["train", str(pillars(tmp_path)), "--out", str(tmp_path / "f.npz"), "--iterations", "30"]
     assert main([*words, "--voxel", "0.02", "--images", "20", "--up", "z", "--units", "ft", "--seen-from", "outside",
                  "--json"]) in (0, None)  # fmt: skip
     source = json.loads(capsys.readouterr().out.splitlines()[-1])["source"]
@@ -138,6 +139,7 @@ def test_the_command_refuses_what_is_no_mesh_in_one_sentence(
     assert not (tmp_path / "f.npz").exists()
 
 
+@pytest.mark.slow
 @WITH_DATA
 @pytest.mark.parametrize(
     ("name", "up", "longest", "seen_from"),
@@ -203,7 +205,7 @@ def test_a_mesh_and_its_textures_may_come_in_one_archive(tmp_path: Path) -> None
 
 def test_an_archive_of_two_meshes_or_a_damaged_one_is_refused_by_its_own_name(tmp_path: Path) -> None:
     for name in ("a.ply", "b.ply"):
-        (tmp_path / name).write_bytes(_pillars(tmp_path).read_bytes())
+        (tmp_path / name).write_bytes(pillars(tmp_path).read_bytes())
     with pytest.raises(InvalidInputError, match=r"place\.zip holds 2 meshes"):
         list(run(_request(_zipped(tmp_path, "a.ply", "b.ply"), tmp_path / "f.npz")))
     (tmp_path / "a.ply").write_text("no mesh")
@@ -214,13 +216,13 @@ def test_an_archive_of_two_meshes_or_a_damaged_one_is_refused_by_its_own_name(tm
 def test_an_archive_that_leads_out_of_its_folder_is_refused(tmp_path: Path) -> None:
     archive = tmp_path / "evil.zip"
     with zipfile.ZipFile(archive, "w") as content:
-        content.writestr("../evil.ply", _pillars(tmp_path).read_bytes())
+        content.writestr("../evil.ply", pillars(tmp_path).read_bytes())
     with pytest.raises(NerfnavError, match="outside of its own folder"):
         list(run(_request(archive, tmp_path / "f.npz")))
 
 
 def test_a_short_budget_makes_a_coarse_field(tmp_path: Path) -> None:
-    source, voxels = _pillars(tmp_path), []
+    source, voxels = pillars(tmp_path), []
     for budget in (None, 60.0, 0.5):
         request = _request(source, tmp_path / "f.npz", iterations=None, budget=budget, voxel=None)
         voxels.append(_material(request).voxel)

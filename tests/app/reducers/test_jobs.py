@@ -1,0 +1,48 @@
+"""Jobs that a person begins: a map of the place, whose file is for the tab that asked."""
+
+from pathlib import Path
+
+import pytest
+
+from app.jobs.events import FileMade, JobFailed, JobFinished, Progress
+from app.jobs.map import MapRequest, download
+from app.state import actions as m
+from app.state.downloads import Download, MapWish
+from app.state.job import JobKind
+from app.state.session import Session
+from nerfnav.errors import InvalidInputError
+from tests.app.sessions import after, planned, reports
+from tests.field.test_neural import random_field
+
+VOXELS = m.TakeMap(MapWish(".npz", client=3))
+
+
+def test_the_file_that_a_job_made_is_for_the_tab_that_asked(opened: Session) -> None:
+    begun = after(opened, VOXELS)
+    assert begun.job is not None and (begun.job.kind, begun.job.map) == (JobKind.MAP, VOXELS.wish)
+    made = reports(begun, Progress("looking at all voxels", 0.1), FileMade("balls-map.npz", b"voxels"))
+    assert made.download == Download(begun.job.id, 3, "balls-map.npz", b"voxels")
+    assert reports(made, JobFinished("map")).job is None
+
+
+def test_each_map_has_a_number_of_its_own(opened: Session) -> None:
+    first = reports(after(opened, VOXELS), FileMade("a", b""), JobFinished("map"))
+    second = reports(after(first, VOXELS), FileMade("a", b""), JobFinished("map"))
+    assert first.download is not None and second.download is not None
+    assert first.download.id != second.download.id
+
+
+def test_a_map_takes_nothing_away_from_the_plan_and_waits_for_what_runs(opened: Session) -> None:
+    before = planned(opened)
+    assert after(before, VOXELS).plan is before.plan
+    flying = after(before, m.StartFlight())
+    refused = after(flying, VOXELS)
+    assert refused.job == flying.job and refused.trouble is not None and refused.trouble.title == "Still busy"
+
+
+def test_a_field_without_voxels_is_refused_in_one_sentence(opened: Session) -> None:
+    with pytest.raises(InvalidInputError, match="bake this one first") as said:
+        list(download(random_field(), MapRequest(Path("balls-map.npz"))))
+    told = reports(after(opened, VOXELS), JobFailed("map", str(said.value)))
+    assert told.job is None and told.download is None
+    assert told.trouble is not None and told.trouble.title == "Could not make the map"
