@@ -19,6 +19,7 @@ from app.page.layers.field_surface import FieldSurfaceLayer
 from app.page.layers.flight import FlightLayer
 from app.page.layers.notices import NoticesLayer
 from app.page.layers.overlays import OverlaysLayer
+from app.page.layers.placing import PlacingLayer
 from app.page.layers.plan import PlanLayer
 from app.page.layers.search import SearchLayer
 from app.page.layers.splats import SplatsLayer
@@ -101,6 +102,7 @@ class App:
             FlightLayer(server),
             ComparisonLayer(server),
             SearchLayer(server),
+            PlacingLayer(server),
             NoticesLayer(server),
         )
         with icons_at_hand():

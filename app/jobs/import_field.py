@@ -1,7 +1,7 @@
 """Import: make a field of a NeRF's checkpoint that others have trained or Gaussian splats."""
 
 from collections.abc import Generator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,12 @@ from nerfnav.experiments.freedom import freedom_alone, in_words
 from nerfnav.field.bake import BakeConfig, BakeStep, bake
 from nerfnav.field.checkpoint import StoredField, save_field
 from nerfnav.field.field import Field
+from nerfnav.field.neural import NeuralField
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.importers.kind import SourceKind, source_kind, wrong_kind
 from nerfnav.importers.nerf_pytorch import NerfPytorchConfig, load_nerf_pytorch
-from nerfnav.importers.placement import Placement, Vector, rotation_to_z
+from nerfnav.importers.placement import ONE_UNIT, Placement, Vector, length_in_words, rotation_to_z, size_doubt
 from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.splats import save_splats, splats_beside
 from nerfnav.importers.splats.upright import upright
@@ -86,12 +87,26 @@ def _import_nerf(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the networks", 0.0)
     found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
     shape, told = found.fine.config, {"kind": "nerf-pytorch", **_placed(request.placement, (0.0, 0.0, 1.0))}
+    guesses = _guesses_of(found, request.placement)
+    told |= {"guesses": list(guesses)}
     told |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
     made: StoredField = found
     if not request.keep_network:
         made = yield from baking(found, request.voxel)
+    made = replace(made, info=replace(made.info, guesses=guesses))  # type: ignore[type-var]
     summary = {**_numbers(made), "file_bytes": save_field(made, out), "source": told}
     return JobResult(summary, (out,))
+
+
+def _guesses_of(found: NeuralField, placement: Placement) -> tuple[str, ...]:
+    """What nobody said of networks, and what the files do not tell."""
+    guesses = [] if placement.up is not None else ["up is z (the habit of its format)"]
+    if placement.meters_per_unit is None:
+        longest = float(found.box.size.max())
+        guesses.append(f"{ONE_UNIT}, and the place is {length_in_words(longest)} long")
+        if (doubt := size_doubt(longest)) is not None:
+            guesses.append(doubt)
+    return tuple(guesses)
 
 
 def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
@@ -102,6 +117,7 @@ def _import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)
     made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)
+    made = replace(made, info=replace(made.info, guesses=stands.guesses))
     yield Progress("storing the field", 0.8)
     bytes_, beside = save_field(made, out), save_splats(splats, splats_beside(out))
     told = {

@@ -8,6 +8,7 @@ from app.jobs.events import JobReport
 from app.places.ends import End, Which
 from app.registry import Choice
 from app.state.experiments import ExperimentAction
+from app.state.placing import PlacingAction
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange
 from app.state.session import Session, Vector
@@ -182,6 +183,7 @@ Command = (
     | StepOnce
     | Reset
     | RunAction
+    | PlacingAction
     | ExperimentAction
     | Tell
 )

@@ -18,6 +18,7 @@ from app.places.place import Place
 from app.registry import Choice
 from app.state.experiments import ExperimentState
 from app.state.flight_settings import FlightSettings
+from app.state.placing import Placing
 from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord, SearchRecord
 from app.state.runs import Runs
@@ -38,6 +39,7 @@ class JobKind(Enum):
     COMPARE = "compare"
     EXPERIMENT = "do the experiment"
     FIND = "find the robot"
+    PLACE = "put the place right"
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,8 @@ class Session:
     """Which end the next click into the scene puts down."""
     clicked: Click | None = None
     """A click whose landing is being looked for."""
+    placing: Placing = field(default_factory=Placing)
+    """What up, scale and box are to be put right by."""
     view_settings: ViewSettings = field(default_factory=ViewSettings)
     """What the page draws of the place."""
     eyes: Mapping[int, Eye] = field(default_factory=dict)

@@ -1,5 +1,6 @@
 """What the worker can do for this app: the jobs that the command line runs too, and answers to the page."""
 
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -41,6 +42,7 @@ class NavigationBackend:
     runs: RunStore | None = field(default_factory=RunStore)
     """Where flights are kept; None keeps none."""
     _flight_orders: FlightOrders | None = None
+    _placed: tempfile.TemporaryDirectory[str] | None = None
 
     def begin(self, session: Session, job: Job) -> JobEvents:
         """The events of a job."""
@@ -50,6 +52,8 @@ class NavigationBackend:
         if job.kind is JobKind.COMPARE:
             requests = [self._request(session, job.ends, name) for name in planners.names()]
             return compare_planners.run(requests, session.place)
+        if job.kind is JobKind.PLACE:
+            return self._put_right(session, job)
         if job.kind is JobKind.EXPERIMENT:
             return self._experiment(session)
         if job.kind is JobKind.FIND:
@@ -97,6 +101,15 @@ class NavigationBackend:
         except NerfnavError as error:
             return RunChanged(change, sentence(self.runs.without_folder(str(error))))
         return RunChanged(change)
+
+    def _put_right(self, session: Session, job: Job) -> JobEvents:
+        from app.jobs import place_field  # slow to import, and seldom needed
+
+        if self._placed is None:
+            self._placed = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
+        # its own folder: the place keeps its name, and one can go back to all that were before
+        out = Path(self._placed.name) / str(job.id) / f"{Path(session.what).stem}.npz"
+        return place_field.run(place_field.PlaceRequest(session.what, session.placing.correction(), out))
 
     def _experiment(self, session: Session) -> JobEvents:
         asked = session.experiments.asked

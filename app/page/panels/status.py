@@ -83,5 +83,6 @@ def activity(session: Session) -> str:
         JobKind.COMPARE: "Comparing",
         JobKind.EXPERIMENT: "Doing the experiment",
         JobKind.FIND: "Looking for the robot",
+        JobKind.PLACE: "Putting the place right",
     }[job.kind]
     return capital(job.label or default) + percent
