@@ -8,6 +8,7 @@ COMMANDS = {
     "train": "train a field of a scene, a mesh, or somebody's photographs",
     "import": "make a field of a trained NeRF or of Gaussian splats",
     "bake": "turn a field into a voxel field",
+    "place": "say how long a metre is and where the floor is in a field, and crop it",
     "info": "tell what a field file holds",
     "plan": "plan a trajectory through a field",
     "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",

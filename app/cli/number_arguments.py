@@ -8,9 +8,12 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 
 def numbers(words: list[str], what: str) -> tuple[float, ...]:
-    """The numbers that words stand for. Raises ValueError, which names `what` they are, for all but finite numbers."""
+    """The numbers that words stand for, with spaces or commas between them.
+
+    Raises ValueError, which names `what` they are, for all but finite numbers.
+    """
     try:
-        read = tuple(float(word) for word in words)
+        read = tuple(float(part) for word in words for part in word.split(","))
     except ValueError:
         raise ValueError(f"{what} is made of numbers, not of {' '.join(words)!r}") from None
     if not all(math.isfinite(number) for number in read):

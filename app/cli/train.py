@@ -16,7 +16,8 @@ from nerfnav.importers import MeshOptions, Placement
 from nerfnav.importers.placement import AXES
 
 
-def _numbers(what: str, count: int, words: list[str]) -> tuple[float, ...]:
+def counted(what: str, count: int, words: list[str]) -> tuple[float, ...]:
+    """So many numbers. Raises ValueError, which names `what` they are, for more or less of them."""
     read = numbers(words, what)
     if len(read) != count:
         raise ValueError(f"{what} takes {count} numbers, not {len(read)}")
@@ -25,12 +26,12 @@ def _numbers(what: str, count: int, words: list[str]) -> tuple[float, ...]:
 
 def _up(words: list[str]) -> tuple[float, ...]:
     """A direction of three numbers, or an axis by its name."""
-    return AXES[words[0]] if len(words) == 1 and words[0] in AXES else _numbers("up", 3, words)
+    return AXES[words[0]] if len(words) == 1 and words[0] in AXES else counted("up", 3, words)
 
 
 Up = Annotated[tuple[float, ...] | None, in_words("X Y Z|AXIS", _up)]
-Picked = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(_numbers, "picked", 7))]
-Corners = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z", partial(_numbers, "box", 6))]
+Picked = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(counted, "picked", 7))]
+Corners = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z", partial(counted, "box", 6))]
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,12 @@ class PlacementArguments:
 
     def placement(self) -> Placement:
         """The same as jobs take it."""
-        up, picked, box = (None if self.up is None else _vector(self.up)), self.picked, self.box
+        up, picked, box = (None if self.up is None else vector(self.up)), self.picked, self.box
         return Placement(
             up,
             self.scale,
-            None if picked is None else (_vector(picked[:3]), _vector(picked[3:6]), picked[6]),
-            None if box is None else (_vector(box[:3]), _vector(box[3:])),
+            None if picked is None else (vector(picked[:3]), vector(picked[3:6]), picked[6]),
+            None if box is None else (vector(box[:3]), vector(box[3:])),
         )
 
 
@@ -124,6 +125,7 @@ def run(arguments: Arguments) -> None:
     show(f"field {arguments.out}", follow(run_job(request), can_stop_early=True).summary, arguments.json)
 
 
-def _vector(numbers: tuple[float, ...]) -> tuple[float, float, float]:
+def vector(numbers: tuple[float, ...]) -> tuple[float, float, float]:
+    """Three numbers."""
     x, y, z = numbers
     return x, y, z

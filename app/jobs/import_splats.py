@@ -1,5 +1,6 @@
 """Import of Gaussian splats."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ def import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)
     made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)
+    made = replace(made, info=replace(made.info, guesses=stands.guesses))
     yield Progress("storing the field", 0.8)
     bytes_, beside = save_field(made, out), save_splats(splats, splats_beside(out))
     told = {

@@ -35,7 +35,8 @@ def run(request: TrainRequest) -> JobEvents:
         trained = yield from learn_networks(material, request, request.neural, generator)
     # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
     name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
-    trained = replace(trained, info=replace(trained.info, source=name, seed=request.seed))
+    told = replace(trained.info, source=name, seed=request.seed, guesses=material.guesses)
+    trained = replace(trained, info=told)
     yield Progress("judging", 1.0)
     freedom = freedom_of(trained, material)
     trained = replace(trained, info=freedom_noted(trained.info, freedom))

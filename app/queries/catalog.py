@@ -14,6 +14,7 @@ from app.queries.robot_view import RobotViewQuery
 from app.queries.run_list import RunListQuery
 from app.queries.space import SpaceQuery
 from app.queries.stored_run import StoredRunQuery
+from app.queries.surface_point import SurfacePointQuery
 from app.state.session import Session
 from nerfnav.errors import UnknownNameError
 
@@ -21,6 +22,7 @@ _KINDS: list[type[Query[Any]]] = [
     StoredRunQuery,
     RunListQuery,
     ClickLandingQuery,
+    SurfacePointQuery,
     EndFitQuery,
     FollowingPlanQuery,
     DensitySliceQuery,

@@ -9,13 +9,23 @@ from app.places.ends import End
 from app.queries.query import Query, Resources
 from app.reducers.common import moved, noticed
 from app.state.session import Click, Session
-from nerfnav.field import render_rays
+from nerfnav.field import Field, render_rays
 
 LEAST_OPACITY = 0.5
 """Of a ray that has met something."""
 _ROOM_M = 0.05  # kept below the body
 
 Vector = tuple[float, float, float]
+
+
+def met_by(field: Field, origin: Vector, direction: Vector) -> Vector | None:
+    """The point [m] where a ray, its direction of any length, meets something; None where it meets nothing."""
+    start, along = torch.tensor(origin), torch.nn.functional.normalize(torch.tensor(direction), dim=0)
+    rendering = render_rays(field, start[None], along[None])
+    if rendering.opacity.item() < LEAST_OPACITY:
+        return None
+    x, y, z = (start + rendering.depth.item() * along).tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True)
@@ -33,15 +43,11 @@ class ClickLandingQuery(Query[Vector | None]):
     def answer(self, resources: Resources) -> Vector | None:
         """Where the robot would stand or hover if it were put on what the ray of the click meets."""
         place = resources.place
-        origin = torch.tensor(self.click.origin)
-        direction = torch.nn.functional.normalize(torch.tensor(self.click.direction), dim=0)
-        rendering = render_rays(place.field, origin[None], direction[None])
-        if rendering.opacity.item() < LEAST_OPACITY:
+        met = met_by(place.field, self.click.origin, self.click.direction)
+        if met is None:
             return None
-        met = origin + rendering.depth.item() * direction
         # as high above it as the body and what it keeps clear of
-        x, y, z = (met + torch.tensor([0.0, 0.0, 0.5 * place.robot.body.extents[2] + _ROOM_M])).tolist()
-        return x, y, z
+        return met[0], met[1], met[2] + 0.5 * place.robot.body.extents[2] + _ROOM_M
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """The session with the end there, unless another click came."""

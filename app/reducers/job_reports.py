@@ -3,15 +3,18 @@
 from dataclasses import replace
 
 from app.jobs import events as e
+from app.places.place import Place
 from app.places.sources import without_folder
 from app.reducers.common import noticed, settled
 from app.reducers.jobs import given_up
+from app.reducers.placing import placed
 from app.state.downloads import Download
 from app.state.job import Job, JobKind
 from app.state.records import PlanRecord, SearchRecord
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
+from nerfnav.importers.placement import ONE_UNIT, size_doubt
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
 from nerfnav.planner import PlanOutcome, PlanStep
 
@@ -22,7 +25,7 @@ def reported(session: Session, event: e.JobReport) -> Session:
     assert job is not None, "only what the wanted job tells comes here"
     match event:
         case e.PlaceOpened(place):
-            return settled(session, place)
+            return _doubted(settled(session, place), place)
         case e.SurfaceShaped(glb):
             return replace(session, surface=glb)
         case e.PlannerCompared(result):
@@ -47,6 +50,13 @@ def reported(session: Session, event: e.JobReport) -> Session:
             return noticed(given_up(session), f"Could not {job.kind.value}", told, bad=True)
         case _:
             return session  # what else jobs say is not shown
+
+
+def _doubted(session: Session, place: Place) -> Session:
+    """The session with a notice where nobody knows how long the place is, and the guess is absurd."""
+    known = not any(guess.startswith(ONE_UNIT) for guess in place.field.info.guesses)
+    doubt = None if known else size_doubt(float(place.field.box.size.max()))
+    return session if doubt is None else noticed(session, "How long is a metre?", sentence(doubt), bad=True)
 
 
 def _step(session: Session, job: Job, event: PlanStep | FilterStep | NavigationStep) -> Session:
@@ -76,6 +86,8 @@ def _finished(session: Session, job: Job, result: e.JobResult) -> Session:
             return noticed(session, "No plan", sentence(outcome.value), bad=True)
         if outcome in (PlanOutcome.LIKELY_COLLISION, PlanOutcome.TOUCHES_MESH):
             return noticed(session, "Not safe to fly", sentence(outcome.value), bad=True)
+    if job.kind is JobKind.PLACE:
+        return placed(session, result)
     if job.kind is JobKind.FIND:
         found = result.summary["outcome"] == RelocaliseOutcome.FOUND.name.lower()
         return noticed(session, "Found" if found else "Not found", sentence(result.summary["advice"]), bad=not found)

@@ -20,18 +20,18 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
     """The session after such a command, in an open place."""
     match command:
         case m.StartComparison():
-            return _begun(session, JobKind.COMPARE)
+            return begun(session, JobKind.COMPARE)
         case m.StartPlan():
-            return _begun(session, JobKind.PLAN)
+            return begun(session, JobKind.PLAN)
         case m.StartFlight():
-            return _begun(session, JobKind.FLY)
+            return begun(session, JobKind.FLY)
         case StartExperiment():
             asked = replace(session, experiments=session.experiments.commanded(command))
-            return _begun(asked, JobKind.EXPERIMENT)
+            return begun(asked, JobKind.EXPERIMENT)
         case m.FindRobot():
             return _sought(session)
         case m.TakeMap(wish):
-            return _begun(session, JobKind.MAP, wish)
+            return begun(session, JobKind.MAP, wish)
         case m.Cancel():
             return cancelled(session)
         case m.Reset():
@@ -41,28 +41,28 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return replace(stopped, task=session.home, ends=ends, problems={})
 
 
-def _begun(session: Session, kind: JobKind, map: MapWish | None = None) -> Session:
+def begun(session: Session, kind: JobKind, map: MapWish | None = None) -> Session:
     """The session that wants a job of this kind, on a fresh record; a notice where another one runs."""
     if not session.may_begin:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
     job = replace(job, pace=session.flight_settings.pace, map=map)
-    begun = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
+    fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
     if kind is JobKind.COMPARE:
-        return replace(begun, comparison=())
-    if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP):
-        return begun
-    begun = replace(begun, flight=None, comparison=(), search=None)
+        return replace(fresh, comparison=())
+    if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.PLACE):
+        return fresh
+    fresh = replace(fresh, flight=None, comparison=(), search=None)
     if kind is JobKind.PLAN:
-        return replace(begun, plan=PlanRecord(session.ends))
-    return replace(begun, plan=session.fresh_plan, flight=FlightRecord(session.ends))
+        return replace(fresh, plan=PlanRecord(session.ends))
+    return replace(fresh, plan=session.fresh_plan, flight=FlightRecord(session.ends))
 
 
 def _sought(session: Session) -> Session:
     """The session that looks for the robot in the last picture of its flight."""
     if session.last_picture is None:
         return noticed(session, "No picture", "The robot has not looked around yet: let it fly first.", bad=True)
-    return _begun(session, JobKind.FIND)
+    return begun(session, JobKind.FIND)
 
 
 def cancelled(session: Session) -> Session:

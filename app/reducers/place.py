@@ -10,6 +10,7 @@ from app.reducers.jobs import cancelled
 from app.state import actions as m
 from app.state.choice import Choice
 from app.state.job import Job, JobKind
+from app.state.placing import Ray
 from app.state.session import Click, Session, Vector
 from nerfnav.errors import UnknownNameError
 
@@ -29,7 +30,7 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
         case m.Choose(choice):
             return _choose(session, place, choice)
         case m.Aim(which):
-            return replace(session, aiming=which)
+            return replace(session, aiming=which, placing=replace(session.placing, pointing=None))
         case m.Point(origin, direction):
             return _pointed(session, origin, direction)
         case m.Looked(client, eye):
@@ -65,5 +66,8 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
 def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
     """The session that looks where a click lands, if an end is to be put there."""
     if session.aiming is None:
-        return session
+        placing = session.placing
+        if placing.pointing is None:
+            return session
+        return replace(session, placing=replace(placing, clicked=Ray(origin, direction)))
     return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)

@@ -7,10 +7,12 @@ from app.reducers.flight import Steering, steered
 from app.reducers.job_reports import reported
 from app.reducers.jobs import JobCommand, cancelled, job_commanded
 from app.reducers.place import PlaceCommand, opening, place_commanded
+from app.reducers.placing import placing_commanded
 from app.reducers.runs import changed, commanded, rolled, source_elsewhere
 from app.reducers.settings import adjusted
 from app.state import actions as m
 from app.state.experiments import ListExperiments, ShowResult
+from app.state.placing import PlacingAction
 from app.state.run_actions import OpenRun, RunAction
 from app.state.session import Session
 
@@ -53,6 +55,8 @@ def _command(session: Session, command: m.Command) -> Session:
     if isinstance(command, RunAction):
         elsewhere = source_elsewhere(session, command.name) if isinstance(command, OpenRun) else None
         return commanded(session if elsewhere is None else opening(session, elsewhere), command)
+    if isinstance(command, PlacingAction):
+        return placing_commanded(session, command)
     if isinstance(command, PlaceCommand):
         return place_commanded(session, place, command)
     if isinstance(command, Steering) and (session.in_flight or not isinstance(command, m.FindRobot)):

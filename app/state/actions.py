@@ -9,6 +9,7 @@ from app.places.ends import End, Which
 from app.state.choice import Choice
 from app.state.downloads import MapWish
 from app.state.experiments import ExperimentAction
+from app.state.placing import PlacingAction
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange
 from app.state.session import Session, Vector
@@ -191,6 +192,7 @@ Command = (
     | StepOnce
     | Reset
     | RunAction
+    | PlacingAction
     | ExperimentAction
     | Tell
 )

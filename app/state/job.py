@@ -18,6 +18,7 @@ class JobKind(Enum):
     EXPERIMENT = "do the experiment"
     FIND = "find the robot"
     MAP = "make the map"
+    PLACE = "put the place right"
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from app.state.downloads import Download
 from app.state.experiments import ExperimentState
 from app.state.flight_settings import FlightSettings
 from app.state.job import Job, JobKind
+from app.state.placing import Placing
 from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord, SearchRecord
 from app.state.runs import Runs
@@ -84,6 +85,8 @@ class Session:
     """Which end the next click into the scene puts down."""
     clicked: Click | None = None
     """A click whose landing is being looked for."""
+    placing: Placing = field(default_factory=Placing)
+    """What up, scale and box are to be put right by."""
     view_settings: ViewSettings = field(default_factory=ViewSettings)
     """What the page draws of the place."""
     eyes: Mapping[int, Eye] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from app.state.session import Session
 from app.storage.run_store import RunStore
 from app.worker.experiment_job import begin_experiment
 from app.worker.flight_orders import FlightOrders
+from app.worker.placing_job import PlacedFiles
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig, planners
 
@@ -31,6 +32,7 @@ class JobStarter:
     runs: RunStore | None = field(default_factory=RunStore)
     """Where flights are kept; None keeps none."""
     _flight_orders: FlightOrders | None = None
+    _placed: PlacedFiles = field(default_factory=PlacedFiles)
 
     def begin(self, session: Session, job: Job) -> JobEvents:
         """The events of a job."""
@@ -47,6 +49,8 @@ class JobStarter:
             picture = session.last_picture
             assert picture is not None, "nothing is looked for without a picture"
             return find_robot.find(place, picture)
+        if job.kind is JobKind.PLACE:
+            return self._placed.begin(session, job)
         if job.kind is JobKind.MAP:
             assert job.map is not None, "a map is made for who says which"
             name = Path(f"{place.name}-map{job.map.ending}")

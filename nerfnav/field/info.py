@@ -45,8 +45,12 @@ class FieldInfo:
     baked_psnr_db: float | None = None
     """PSNR between this field and the one that it was baked from, on sample views [dB]; None if it was not baked."""
 
+    guesses: tuple[str, ...] = ()
+    """What was guessed of up, lengths and box when it was made, sentences; what was put right since is left out."""
+
     @classmethod
     def of(cls, stored: dict[str, Any]) -> "FieldInfo":
         """From names and values in a file; names that this version does not know are left out."""
         known = {field.name for field in fields(cls)}
-        return cls(**{name: value for name, value in stored.items() if name in known})
+        told = {name: value for name, value in stored.items() if name in known}
+        return cls(**{**told, "guesses": tuple(told.get("guesses", ()))})  # files have lists

@@ -21,7 +21,8 @@ from torch import Tensor
 from nerfnav.field.kernels import shells
 from nerfnav.geometry import Box, trilinear
 
-_RAW_TO_DEPTH = float(shells.RAW_TO_DEPTH)
+RAW_TO_DEPTH = float(shells.RAW_TO_DEPTH)
+"""Optical depth of a shell for a softplus of 1."""
 SPAN = Box.of((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
 """Contracted space."""
 Rays = Float[Tensor, "n 3"]
@@ -60,7 +61,7 @@ class Surroundings:
         """
         distance, contracted = self.crossings(box, origins, directions, jitter)
         mixed = trilinear(self.values, SPAN.to(self.values.device), contracted)
-        through = torch.exp(-_RAW_TO_DEPTH * torch.nn.functional.softplus(mixed[..., 0]))
+        through = torch.exp(-RAW_TO_DEPTH * torch.nn.functional.softplus(mixed[..., 0]))
         through = torch.cat([through[:, :-1], torch.zeros_like(through[:, :1])], 1)
         through = torch.where(distance >= 0, through, torch.ones_like(through))
         light = torch.cumprod(through, 1)

@@ -39,6 +39,12 @@ class TrainingData:
     bounded: bool = True
     """Whether all that the photographs show, but for the background's colour, lies in the box."""
 
+    @property
+    def guesses(self) -> tuple[str, ...]:
+        """What was guessed, sentences."""
+        told = self.report.get("guesses", ())
+        return tuple(map(str, told)) if isinstance(told, list | tuple) else ()
+
 
 Gathering = Generator[JobEvent, bool | None, TrainingData]
 """Training data in the making: yields progress, and returns it. Send True to stop early."""

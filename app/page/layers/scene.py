@@ -9,6 +9,7 @@ from app.page.layers.field_backdrop import FieldBackdropLayer
 from app.page.layers.flight import FlightLayer
 from app.page.layers.notices import NoticesLayer
 from app.page.layers.overlays import OverlaysLayer
+from app.page.layers.placing import PlacingLayer
 from app.page.layers.plan import PlanLayer
 from app.page.layers.search import SearchLayer
 from app.page.layers.splats import SplatsLayer
@@ -27,5 +28,6 @@ def layers(page: Page) -> tuple[Panel, ...]:
         FlightLayer(server),
         ComparisonLayer(server),
         SearchLayer(server),
+        PlacingLayer(server),
         NoticesLayer(server),
     )

@@ -85,5 +85,6 @@ def activity(session: Session) -> str:
         JobKind.EXPERIMENT: "Doing the experiment",
         JobKind.FIND: "Looking for the robot",
         JobKind.MAP: "Making the map",
+        JobKind.PLACE: "Putting the place right",
     }[job.kind]
     return capital(job.label or default) + percent

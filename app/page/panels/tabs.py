@@ -15,6 +15,7 @@ from app.page.panels.flight import FlightPanel
 from app.page.panels.map import MapPanel
 from app.page.panels.panel import Page, Panel, PanelEntry
 from app.page.panels.place import PlacePanel
+from app.page.panels.placing import PlacingPanel
 from app.page.panels.plan import PlanPanel
 from app.page.panels.runs import RunsPanel
 from app.page.panels.status import StatusPanel
@@ -31,6 +32,7 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
     PanelEntry("command palette", lambda page: CommandPalette(page.server, page.post)),
     PanelEntry("place", lambda page: PlacePanel(page.server, page.post, page.uploads), "Scene", _ICON.MAP_2),
     PanelEntry("ends", lambda page: EndsPanel(page.server, page.post), "Scene"),
+    PanelEntry("placing", lambda page: PlacingPanel(page.server, page.post), "Scene"),
     PanelEntry("view settings", lambda page: ViewSettingsPanel(page.server, page.post), "Scene"),
     PanelEntry("plan", lambda page: PlanPanel(page.server, page.post), "Plan", _ICON.ROUTE),
     PanelEntry("flight", lambda page: FlightPanel(page.server, page.post), "Fly", _ICON.DRONE),

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from nerfnav.importers.placement import LOWER, Placement, Vector, is_flatter, length_in_words, size_doubt
+from nerfnav.importers.placement import LOWER, ONE_UNIT, Placement, Vector, is_flatter, length_in_words, size_doubt
 from nerfnav.importers.splats.splats import Splats, extent
 
 _HABITS: dict[str, Vector] = {".spz": (0.0, 1.0, 0.0)}
@@ -44,9 +44,7 @@ def upright(splats: Splats, placement: Placement, path: Path) -> Upright:
         up, why = guessed_up(splats, _HABITS.get(path.suffix.lower(), _HABIT))
         guesses.append(f"up is {_name(up)} {why}")
     if scale is None:
-        guesses.append(
-            f"lengths: splats have no unit, so one is taken for 1 m, and the place is {length_in_words(longest)} long"
-        )
+        guesses.append(f"{ONE_UNIT}, and the place is {length_in_words(longest)} long")
         if (doubt := size_doubt(longest)) is not None:
             guesses.append(doubt)
     return Upright(up, scale or 1.0, longest, tuple(guesses))

@@ -63,7 +63,7 @@ def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
     assert (told.up, told.scale, told.guesses) == ((1, 0, 0), 0.5, ())
     guessed = upright(splats, Placement(), tmp_path / "a.ply")
     assert guessed.scale == 1 and len(guessed.guesses) == 2
-    assert "up is z" in guessed.guesses[0] and "splats have no unit" in guessed.guesses[1]
+    assert "up is z" in guessed.guesses[0] and "nothing says how long a unit is" in guessed.guesses[1]
 
 
 @pytest.mark.parametrize(

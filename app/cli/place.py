@@ -1,0 +1,62 @@
+"""nerfnav place: put a field right by hand, without training again."""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional
+
+from app.cli.number_arguments import in_words
+from app.cli.progress import follow
+from app.cli.terminal import show
+from app.cli.train import Corners, Up, counted, vector
+from app.jobs.place_field import PlaceRequest
+from app.jobs.place_field import run as run_job
+from nerfnav.importers.correction import Correction
+
+Measured = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(counted, "measure", 7))]
+Floor = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z X Y Z", partial(counted, "floor", 9))]
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Say how long a metre is, where the floor is and what is wanted of a field; it is not trained again.
+
+    Points are in the field's own coordinates, as it is; numbers may be separated by commas. The floor comes to z = 0.
+    What was guessed, and what has changed, is printed.
+    """
+
+    field: Positional[str]
+    """Path of a field file, or name of a bundled scene."""
+    out: Path
+    """File for the field; splats and ground truth are kept beside it. Not the field itself."""
+    measure: Measured = None
+    """Two points, and how far they are apart in truth [m]."""
+    scale: float | None = None
+    """How many metres a metre of before is, in place of a measured distance."""
+    floor: Floor = None
+    """Three points on the floor."""
+    find_floor: bool = False
+    """Look for the floor: the plane that most lies on, with next to nothing below."""
+    up: Up = None
+    """A direction that is up, X Y Z or the name of an axis; with a floor, it says on which side of that."""
+    box: Corners = None
+    """Lowest and highest corner of what is kept [m], after scale and floor."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Put the field right, store it, and print what has changed."""
+    measured, floor, box = arguments.measure, arguments.floor, arguments.box
+    correction = Correction(
+        measured=None if measured is None else (vector(measured[:3]), vector(measured[3:6]), measured[6]),
+        scale=arguments.scale,
+        floor=None if floor is None else (vector(floor[:3]), vector(floor[3:6]), vector(floor[6:])),
+        find_floor=arguments.find_floor,
+        up=None if arguments.up is None else vector(arguments.up),
+        box=None if box is None else (vector(box[:3]), vector(box[3:])),
+    )
+    request = PlaceRequest(arguments.field, correction, arguments.out)
+    show(f"field {arguments.out}", follow(run_job(request)).summary, arguments.json)

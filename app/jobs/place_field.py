@@ -1,0 +1,173 @@
+"""Place: put a field right by hand, its scale, its floor and its box, without training again."""
+
+from collections.abc import Generator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+import scenes
+from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from app.places.opening import field_file, ground_truth
+from app.storage.output_files import OutputError, prepare_file
+from nerfnav.errors import InvalidInputError
+from nerfnav.experiments.freedom import freedom_alone, in_words
+from nerfnav.field.checkpoint import load_field, save_field
+from nerfnav.field.codec import StoredField
+from nerfnav.field.cropping import cropped, overlap
+from nerfnav.field.info import FieldInfo
+from nerfnav.field.moving import MoveStep, moved
+from nerfnav.field.surface_points import surface_points
+from nerfnav.field.voxel import VoxelField
+from nerfnav.importers.correction import Corrected, Correction, corrected
+from nerfnav.importers.meshes.truth import truth_beside, truth_path
+from nerfnav.importers.placement import still_guessed
+from nerfnav.importers.splats.layouts import load_splats
+from nerfnav.importers.splats.splats import Splats, save_splats, splats_beside
+from nerfnav.importers.splats.voxels import VoxelizeConfig, voxelize
+from nerfnav.world.moving import moved_scene
+from nerfnav.world.scene import Scene
+
+_ALONG = 160
+"""Points along the longest edge at which surfaces are looked for."""
+_UP = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PlaceRequest:
+    """What to put right."""
+
+    what: str
+    """Path of a field file, or name of a bundled scene."""
+    correction: Correction
+    """What was measured and pointed at."""
+    out: Path
+    """The file for the field, another one than that which it is made of."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """What is stored."""
+
+    field: StoredField
+    splats: Splats | None
+    truth: Scene | None
+    told: tuple[str, ...]
+
+
+def run(request: PlaceRequest) -> JobEvents:
+    """Yield progress, and return what has changed and what was guessed.
+
+    Splats that lie beside the field are put right and made into voxels again; ground truth beside it goes along.
+    Raises NerfnavError where nothing is asked for, or it cannot be done.
+    """
+    correction = request.correction
+    if correction.is_empty:
+        raise InvalidInputError("nothing is to be changed: give --measure, --scale, --floor, --up or --box")
+    path = field_file(request.what)
+    out = prepare_file(request.out)
+    if out.exists() and out.samefile(path):
+        raise OutputError(f"{out} is the field itself: choose another file, so that you can go back to this one")
+    field = load_field(path)
+    yield Progress("looking for surfaces", 0.05)
+    points = surface_points(field, float(field.box.size.max()) / _ALONG, correction.up or _UP)
+    change = corrected(correction, field.box, points, torch.Generator().manual_seed(0))
+    beside = splats_beside(path)
+    splats = _placed(load_splats(beside), change) if beside.is_file() else None
+    changed = (yield from _moved(field, change)) if splats is None else _voxels_of(splats, field, change)
+    truth, told = _truth_of(field, path, change, changed)
+    told = (*change.told, *_cut(change, changed), *told)
+    changed = replace(changed, info=_info(changed, field.info, correction))  # type: ignore[type-var]
+    yield Progress("storing the field", 0.95)
+    return _stored(_Made(changed, splats, truth, told), out)
+
+
+def _moved(field: StoredField, change: Corrected) -> Generator[JobEvent, bool | None, StoredField]:
+    step: MoveStep | None = None
+    for step in moved(field, change.similarity):
+        yield Progress(step.label, 0.1 + 0.8 * step.fraction)
+    assert step is not None and step.field is not None, "moving ends with its field"
+    return step.field if change.box is None else cropped(step.field, change.box)
+
+
+def _placed(splats: Splats, change: Corrected) -> Splats:
+    """Splats where they belong: nothing of them is lost."""
+    similarity = change.similarity
+    placed = splats.placed(similarity.rotation.numpy(), similarity.scale)
+    return replace(placed, centers=(placed.centers + similarity.translation.numpy()).astype("float32"))
+
+
+def _voxels_of(splats: Splats, field: StoredField, change: Corrected) -> VoxelField:
+    """Voxels of splats, as fine as before."""
+    box = change.similarity.box(field.box)
+    if change.box is not None:
+        box = overlap(change.box, box)
+    voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, VoxelField) else field.step)
+    return voxelize(splats, VoxelizeConfig(voxel=voxel, box=box), field.info.source)
+
+
+def _truth_of(
+    field: StoredField, path: Path, change: Corrected, changed: StoredField
+) -> tuple[Scene | None, tuple[str, ...]]:
+    """The ground truth where it belongs, and what to say of it."""
+    truth = ground_truth(field, path)
+    if truth is None:
+        return None, ()
+    if field.info.source in scenes.names():
+        return None, (f"the ground truth and the tasks of {field.info.source} stay behind: plans are not judged there",)
+    return moved_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
+
+
+def _cut(change: Corrected, changed: StoredField) -> tuple[str, ...]:
+    """What became of the box."""
+    return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
+
+
+def _info(changed: StoredField, before: FieldInfo, correction: Correction) -> FieldInfo:
+    """What is known of the field now: figures about its surfaces hold as upper bounds, those of free space no more."""
+    known = ["box"]  # as what was guessed of it is in the coordinates of before
+    if correction.up is not None or correction.floor is not None or correction.find_floor:
+        known.append("up")
+    if correction.factor is not None:
+        known.append("scale")
+    # such a name would find ground truth that is not there
+    bundled = before.source in scenes.names()
+    return replace(
+        changed.info,
+        source=f"{before.source} (placed)" if bundled else before.source,
+        truth="",
+        truth_sha256="",
+        free_taken_for_free=None,
+        surface_taken_for_free=before.surface_taken_for_free,
+        unproven_share=freedom_alone(changed, 0.0).unproven_share,
+        guesses=still_guessed(before.guesses, known),
+    )
+
+
+def _stored(made: _Made, out: Path) -> JobResult:
+    files: tuple[Path, ...] = (out,)
+    if made.truth is None:
+        size = save_field(made.field, out)
+    else:
+        with truth_beside(made.truth, out) as link:
+            info = replace(made.field.info, truth=link.name, truth_sha256=link.sha256)
+            size = save_field(replace(made.field, info=info), out)  # type: ignore[type-var]
+        files = (*files, truth_path(out))
+    if made.splats is not None:
+        files = (*files, save_splats(made.splats, splats_beside(out)))
+    return JobResult({**_numbers(made), "file_bytes": size}, files)
+
+
+def _numbers(made: _Made) -> dict[str, Any]:
+    field = made.field
+    voxel = float(field.spacing.max()) if isinstance(field, VoxelField) else field.step
+    freedom = freedom_alone(field, voxel)
+    return {
+        "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
+        "voxel_m": voxel,
+        "changed": list(made.told),
+        "guesses": list(field.info.guesses),
+        "geometry": asdict(freedom),
+        "in_words": in_words(freedom),
+    }

@@ -1,0 +1,81 @@
+"""What the session makes of a person who puts the place right."""
+
+from pathlib import Path
+
+import pytest
+
+from app.jobs.events import JobFinished, JobResult, PlaceOpened
+from app.queries.surface_point import SurfacePointQuery
+from app.reducers.root import reduce
+from app.state import actions as m
+from app.state import placing as p
+from app.state.session import JobKind, Session
+from nerfnav.importers.correction import Correction
+from tests.app.doubles import balls_place
+from tests.app.sessions import after, reports
+
+
+@pytest.fixture
+def opened() -> Session:
+    """A place without ground truth, open."""
+    return reports(Session.opening("balls"), PlaceOpened(balls_place()), JobFinished("open"))
+
+
+def clicked(session: Session, *points: p.Vector) -> Session:
+    """The session after clicks that met these points from two metres above."""
+    for x, y, z in points:
+        session = after(session, m.Point((x, y, z + 2.0), (0.0, 0.0, -1.0)))
+        (query,) = SurfacePointQuery.pending(session)
+        session = reduce(session, m.QueryAnswered(query, (x, y, z)))
+    return session
+
+
+def test_two_clicks_and_a_distance_ask_for_a_scale(opened: Session) -> None:
+    session = clicked(after(opened, p.PointAt(p.Pointing.DISTANCE)), (0.0, 0.0, 0.0), (0.3, 0.4, 0.0))
+    assert session.placing.pointing is None and session.placing.length == pytest.approx(0.5)
+    refused = after(session, p.ApplyPlacing())
+    assert refused.job is None and refused.notices[-1].bad
+    session = after(session, p.Measure(2.0))
+    assert session.placing.correction().factor == pytest.approx(4.0)
+    begun = after(session, p.ApplyPlacing())
+    assert begun.job is not None and begun.job.kind is JobKind.PLACE
+
+
+def test_three_clicks_are_a_floor_seen_from_above(opened: Session) -> None:
+    asked = after(opened, p.PointAt(p.Pointing.FLOOR))
+    session = clicked(asked, (0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (0.0, 1.0, 0.1))
+    correction = session.placing.correction()
+    assert correction.floor is not None and correction.up is not None and correction.up[2] == pytest.approx(2.0)
+
+
+def test_three_clicks_on_a_line_are_told_when_they_are_applied(opened: Session) -> None:
+    asked = after(opened, p.PointAt(p.Pointing.FLOOR))
+    session = after(clicked(asked, (0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (2.0, 0.0, 0.1)), p.ApplyPlacing())
+    assert session.job is None and "on one line" in session.notices[-1].body
+
+
+def test_a_click_that_meets_nothing_is_asked_again(opened: Session) -> None:
+    session = after(opened, p.PointAt(p.Pointing.FLOOR), m.Point((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
+    (query,) = SurfacePointQuery.pending(session)
+    session = reduce(session, m.QueryAnswered(query, None))
+    assert session.placing.pointing is p.Pointing.FLOOR and not session.placing.floor and session.notices[-1].bad
+
+
+def test_nothing_asked_for_changes_nothing(opened: Session) -> None:
+    session = after(opened, p.ApplyPlacing())
+    assert session.job is None and session.notices[-1].title == "Nothing to change"
+    assert after(opened, p.UndoPlacing()).job is None
+
+
+def test_what_was_put_right_is_opened_and_can_be_undone(opened: Session) -> None:
+    begun = after(opened, p.Keep(((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))), p.ApplyPlacing())
+    assert begun.placing.correction() == Correction(kept=((0.0, 0.0, 0.0), (0.5, 0.5, 0.5)))
+    result = JobResult({"changed": ["what is kept: less"]}, (Path("folder") / "balls.npz",))
+    session = reports(begun, JobFinished("place", result))
+    assert session.what == str(Path("folder") / "balls.npz") and session.placing.undo == ("balls",)
+    assert session.job is not None and session.job.kind is JobKind.OPEN and "less" in session.notices[-1].body
+    session = reports(session, PlaceOpened(balls_place()), JobFinished("open"))
+    undone = after(session, p.UndoPlacing())
+    assert undone.what == "balls" and undone.placing == p.Placing()
+    other = after(session, m.OpenPlace("stonehenge"))
+    assert other.placing == p.Placing()  # of another place nothing is known
