@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LEVELS = (
     ("errors",),
-    ("structs", "compiled", "files", "extras"),
+    ("structs", "compiled", "files", "extras", "memory"),
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),

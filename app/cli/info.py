@@ -15,9 +15,9 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.freedom import Freedom, freedom_alone, freedom_on_mesh, in_words
 from nerfnav.experiments.geometry import GeometryReport, measure_geometry
 from nerfnav.field.checkpoint import StoredField, load_field
+from nerfnav.field.grid_field import GridField
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.render import render_image
-from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.images import picture_file
 from nerfnav.importers.meshes.importer import SceneConfig, import_mesh
@@ -70,7 +70,7 @@ def run(arguments: Arguments) -> None:
 
 def _grain(field: StoredField) -> dict[str, Any]:
     """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
-    if isinstance(field, VoxelField):
+    if isinstance(field, GridField):
         return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
     if isinstance(field, NeuralField):
         shape = field.fine.config

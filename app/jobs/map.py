@@ -9,7 +9,7 @@ from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.export.occupancy_map import check_ending, map_files
 from nerfnav.field.checkpoint import StoredField
 from nerfnav.field.states import StateGrid, VoxelState, voxel_states
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.planner.scales import threshold_of
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def run(field: StoredField, request: MapRequest) -> JobEvents:
     """
     out = prepare_file(request.out)
     yield Progress("looking at all voxels", 0.1)
-    grid = voxel_states(field, OccupancyConfig.threshold, request.voxel)
+    grid = voxel_states(field, threshold_of(field), request.voxel)
     yield Progress("writing the map", 0.7)
     contents = map_files(grid, out.suffix, out.stem, request.height)
     files = tuple(write_bytes(out.with_name(name), content) for name, content in contents.items())

@@ -7,7 +7,7 @@ from nerfnav.planner import planners
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.planner import PlannerConfig
 
-_SHORTEST_S, _LONGEST_S = 0.5, 20.0
+_SHORTEST_S, _LONGEST_S = 0.5, 600.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
 
 

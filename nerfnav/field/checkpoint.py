@@ -1,33 +1,26 @@
 """Fields in files: npz without pickle, versioned; no failure loses an older file.
 
-A kind of field has a FieldCodec; `register` adds one from outside. Of voxel fields, whose codec is here, raw densities
-are stored in steps of 1/8 and colours in steps of 1/255, which zip well: empty nodes are all alike.
+A kind of field has a FieldCodec; `register` adds one from outside.
 """
 
 import json
 import zipfile
-from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
 
 from nerfnav.errors import FieldFileError, InvalidInputError
-from nerfnav.field.codec import Encoded, FieldCodec, StoredField
-from nerfnav.field.evidence import EMPTY_RAW, State, states_of_unseen
-from nerfnav.field.info import FieldInfo
+from nerfnav.field.brick_checkpoint import BRICKS
+from nerfnav.field.codec import FieldCodec, StoredField
 from nerfnav.field.neural_checkpoint import NEURAL
-from nerfnav.field.surroundings import Surroundings
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.voxel_checkpoint import MOST_DENSE_NODES, VOXELS
 from nerfnav.files import write_npz
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import with_neighbours
+from nerfnav.memory import require_memory
 from nerfnav.registry import Registry
 
-_VERSION = 3  # 2: surroundings and unseen nodes, both optional; 3: evidence in place of unseen nodes
-_RAW_STEP = 1 / 8  # [raw]: less than 13 % of a density, far below what images can tell
+_GROWTH, _GROWTH_IN_BRICKS = 5, 2.5
+"""What is in memory while a file is read, in sizes of its arrays: a float in place of each byte, and the bytes; less
+where most of it is empty."""
 
 
 def save_field(field: StoredField, path: Path) -> int:
@@ -45,7 +38,10 @@ def save_field(field: StoredField, path: Path) -> int:
 
 
 def load_field(path: Path) -> StoredField:
-    """Read a field. Raises FieldFileError, in one sentence, for anything that is not a whole nerfnav field."""
+    """Read a field. Raises FieldFileError, in one sentence, for anything that is not a whole nerfnav field.
+
+    Raises InvalidInputError where the memory cannot hold it, before it is read.
+    """
     if not path.is_file():
         raise FieldFileError(f"there is no field file {path}; make one with nerfnav train")
     try:
@@ -56,6 +52,7 @@ def load_field(path: Path) -> StoredField:
                 raise FieldFileError(f"{path} is not a nerfnav field; make one with nerfnav train")
             if header["version"] > codec.version:
                 raise FieldFileError(f"{path} was written by a newer nerfnav; update nerfnav to read it")
+            _require_room(path, file)
             return codec.decode(header, file)
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError, TypeError, RuntimeError) as error:
         raise FieldFileError(
@@ -64,6 +61,13 @@ def load_field(path: Path) -> StoredField:
         ) from error
     except OSError as error:
         raise FieldFileError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _require_room(path: Path, file: np.lib.npyio.NpzFile) -> None:
+    assert file.zip is not None, "a file that is open"
+    size = sum(part.file_size for part in file.zip.infolist())
+    growth = _GROWTH if size < 5 * MOST_DENSE_NODES else _GROWTH_IN_BRICKS
+    require_memory(growth * size, f"the field {path.name}", "make one with larger voxels (--voxel)")
 
 
 def _codec_of(field: StoredField) -> FieldCodec:
@@ -79,78 +83,7 @@ def _codec_of(field: StoredField) -> FieldCodec:
     return found
 
 
-def _encode(field: VoxelField) -> Encoded:
-    """See FieldCodec."""
-    raw, color = _quantised(field.values)
-    color[~with_neighbours(torch.from_numpy(raw > 0)).numpy()] = 0  # colours that nothing can show
-    arrays = {
-        "raw": raw,
-        "color": color,
-        "box": torch.stack([field.box.lower, field.box.upper]).cpu().numpy(),
-        "background": field.background.cpu().numpy(),
-    }
-    if field.outside is not None:
-        arrays["outside_raw"], arrays["outside_color"] = _quantised(field.outside.values)
-    if field.evidence is not None:
-        arrays["evidence"] = field.evidence.cpu().numpy()
-    return {"info": asdict(field.info)}, arrays
-
-
-def _decode(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> VoxelField:
-    """See FieldCodec."""
-    values, box = _values_of(file["raw"], file["color"]), file["box"]
-    if box.shape != (2, 3):
-        raise ValueError("arrays of wrong shape")
-    if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
-        raise ValueError("an empty box")
-    outside = _values_of(file["outside_raw"], file["outside_color"]) if "outside_raw" in file else None
-    return VoxelField(
-        Box(torch.from_numpy(box[0]), torch.from_numpy(box[1])),
-        values,
-        torch.from_numpy(file["background"]),
-        FieldInfo.of(header["info"]),
-        None if outside is None else Surroundings(outside),
-        _evidence_of(file, values),
-    )
-
-
-def _quantised(values: torch.Tensor) -> tuple[np.ndarray, np.ndarray]:
-    """Raw densities (nx, ny, nz) and colours (nx, ny, nz, 3) as bytes."""
-    raw = values[..., 0].detach().cpu().numpy()
-    color = values[..., 1:].detach().cpu().numpy().clip(0, 1)
-    return (
-        np.clip(np.rint((raw - EMPTY_RAW) / _RAW_STEP), 0, 255).astype(np.uint8),
-        np.rint(color * 255).astype(np.uint8),
-    )
-
-
-def _values_of(raw: np.ndarray, color: np.ndarray) -> torch.Tensor:
-    """Node values (nx, ny, nz, 4) from their bytes."""
-    if raw.dtype != np.uint8 or raw.ndim != 3 or color.shape != (*raw.shape, 3):
-        raise ValueError("arrays of wrong shape")
-    values = np.empty((*raw.shape, 4), np.float32)
-    values[..., 0] = raw * np.float32(_RAW_STEP) + np.float32(EMPTY_RAW)
-    values[..., 1:] = color * np.float32(1 / 255)
-    return torch.from_numpy(values)
-
-
-def _evidence_of(file: Mapping[str, np.ndarray], values: torch.Tensor) -> torch.Tensor | None:
-    """The state of each node; of older files, which only tell what no camera saw, as far as they go."""
-    shape = values.shape[:3]
-    if "evidence" in file:
-        states = file["evidence"]
-        if states.dtype != np.uint8 or states.shape != tuple(shape) or states.max() > max(State):
-            raise ValueError("evidence of another kind or shape")
-        return torch.from_numpy(states)
-    if "unknown" not in file:
-        return None
-    flags = np.unpackbits(file["unknown"], count=shape.numel()).astype(bool)
-    return states_of_unseen(torch.from_numpy(flags.reshape(shape)), values[..., 0])
-
-
-CODECS: Registry[FieldCodec] = Registry(
-    "format of fields", (FieldCodec("nerfnav-voxel-field", _VERSION, VoxelField, _encode, _decode), NEURAL)
-)
+CODECS: Registry[FieldCodec] = Registry("format of fields", (VOXELS, BRICKS, NEURAL))
 """Name of a format to its codec."""
 
 

@@ -20,7 +20,7 @@ from torch import Tensor
 from nerfnav.compiled import default_threads, threads
 from nerfnav.field.calibration import calibrated
 from nerfnav.field.carving import carved
-from nerfnav.field.evidence import states_of
+from nerfnav.field.evidence import VOXELS_IN_UNIT, states_of
 from nerfnav.field.exposure import gains
 from nerfnav.field.fusion import Fused, fused
 from nerfnav.field.info import FieldInfo
@@ -37,8 +37,6 @@ _FINISHING = 0.06
 """Share of a budget that goes into the unknown and the held-out views."""
 _FORGET = 0.98
 """Share of the running error that a training step keeps."""
-VOXELS_IN_UNIT = 77
-"""Voxels in the length that densities are weighed in: a metre for the voxels of the paper's Stonehenge."""
 
 
 @dataclass(frozen=True)
