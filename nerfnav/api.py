@@ -4,37 +4,56 @@ Whoever wants every iteration takes the generators that these run to their end: 
 `nerfnav.navigation.replan.navigate`.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Literal
 
 import torch
 
-from nerfnav.estimator import FastFilter
-from nerfnav.field import Unknown, VoxelField, planning_field, render_image
-from nerfnav.geometry import Camera
-from nerfnav.navigation import (
-    CameraFunction,
-    Episode,
-    Mission,
-    NavigateConfig,
-    NavigationStep,
-    Pilot,
-    Simulator,
-    navigate,
-)
-from nerfnav.planner import FastPlanConfig, FastPlanner, PlanProblem, PlanStep, last_step, plan_fast, with_room
-from nerfnav.world import MeshRenderer, Scene, contact_check
+from nerfnav.estimator.fast import FastFilter
+from nerfnav.field.grid_field import GridField
+from nerfnav.field.render import render_image
+from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.geometry.camera import Camera
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.simulator import CameraFunction, Simulator
+from nerfnav.navigation.steps import NavigationStep
+from nerfnav.planner.duration import shortest_plan, timing_of
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.planner import with_room
+from nerfnav.planner.planners.fast import FastPlanner
+from nerfnav.planner.problem import PlanProblem, map_for, way_length
+from nerfnav.planner.steps import PlanStep, last_step
+from nerfnav.world.contact import contact_check
+from nerfnav.world.raycast import MeshRenderer
+from nerfnav.world.scene import Scene
 
 CAMERA = Camera.from_fov(200, 200, 90)
 """What a robot sees with unless another camera is given."""
 
 
-def plan(problem: PlanProblem, config: FastPlanConfig | None = None) -> PlanStep:
+def plan(
+    problem: PlanProblem, config: FastPlanConfig | None = None, duration: Literal["auto"] | None = None
+) -> PlanStep:
     """The trajectory that minimises paper Eq. 2, by the fast planner: its last step, which has the outcome.
 
-    Space that no camera saw counts as solid. Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that
-    cannot be planned between; look at `outcome` before flying what comes back.
+    The problem says how long the robot takes, which is the paper's 2 s unless it says otherwise; with the duration
+    "auto", the shortest plan is found that keeps the robot's limits (see planner/duration.py), as places of other sizes
+    need it. Space that no camera saw counts as solid. Raises InvalidInputError, OutsideBoxError or OccupiedError for
+    ends that cannot be planned between; look at `outcome` before flying what comes back.
     """
-    return last_step(plan_fast(_careful(problem), config))
+    problem = _careful(problem)
+    if duration is None:
+        return last_step(plan_fast(problem, config))
+    config = FastPlanConfig() if config is None else config
+    occupancy = map_for(problem, config.occupancy).remembering()
+    timing = timing_of(problem.robot, way_length(problem, occupancy, config.search), problem.dt)
+
+    def lasting(steps: int) -> Iterator[PlanStep]:
+        return plan_fast(replace(problem, steps=steps, dt=timing.dt), config, occupancy)
+
+    return last_step(shortest_plan(lasting, problem.robot, timing.config))
 
 
 def fly(
@@ -51,7 +70,7 @@ def fly(
     `plan` does.
     """
     config, generator = config or NavigateConfig(), torch.Generator().manual_seed(seed)
-    if isinstance(problem.field, VoxelField):
+    if isinstance(problem.field, GridField):
         config = replace(config, filter=config.filter.for_field(problem.field.info.noise_std))
     seen, robot = _careful(problem), problem.robot
     again = with_room(FastPlanConfig())

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LEVELS = (
     ("errors", "kernel_cache", "kernel_locator"),
-    ("structs", "compiled", "files", "extras", "glb"),
+    ("structs", "compiled", "files", "extras", "glb", "memory"),
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),

@@ -7,7 +7,7 @@ from app.benchmarks.comparison import Comparison, interleaved
 from app.benchmarks.rays import THREADS, field_threads, views_in
 from nerfnav.experiments import Arena
 from nerfnav.field import GridLearner, LearningRates, RayBatch, TorchLearner, TrainConfig
-from nerfnav.field.train_config import VOXELS_IN_UNIT
+from nerfnav.field.evidence import VOXELS_IN_UNIT
 
 _VIEWS, _SIZE = 8, 64
 

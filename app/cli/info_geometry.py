@@ -9,7 +9,8 @@ import scenes
 from app.places.opening import ground_truth
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments import Freedom, GeometryReport, freedom_alone, freedom_on_mesh, measure_geometry
-from nerfnav.field import NeuralField, StoredField, VoxelField
+from nerfnav.field import NeuralField, StoredField
+from nerfnav.field.grid_field import GridField
 from nerfnav.geometry import Camera, Pose
 from nerfnav.importers import Placement, SceneConfig, import_mesh
 from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken
@@ -17,7 +18,7 @@ from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken
 
 def grain(field: StoredField) -> dict[str, Any]:
     """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
-    if isinstance(field, VoxelField):
+    if isinstance(field, GridField):
         return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
     if isinstance(field, NeuralField):
         shape = field.fine.config

@@ -26,7 +26,8 @@ class Arguments(Route):
     """Plan a trajectory through a field, and judge it on the ground truth where there is one."""
 
     duration: float | Literal["auto"] | None = None
-    """How long the robot takes [s], in place of --steps; auto: the shortest time that keeps its limits."""
+    """How long the robot takes [s], in place of --steps; auto: the shortest time that keeps its limits (of long ways,
+    within a half). By default 2 s for the tasks of a scene, elsewhere auto."""
     max_collision: float | None = None
     """Refine the plan until the bound on its probability of a collision is at most this."""
     out: Path | None = None
@@ -46,9 +47,10 @@ def run(arguments: Any) -> None:
     """Plan, and print the numbers of the plan."""
     place = arguments.open()
     settings: PlannerConfig = arguments.config
+    asked = arguments.request(place, settings)
     request = replace(
-        arguments.request(place, settings),
-        shortest=arguments.duration == "auto",
+        asked,
+        shortest=arguments.duration == "auto" or (arguments.duration is None and asked.shortest),
         max_collision=arguments.max_collision,
         out=arguments.out,
     )

@@ -32,10 +32,10 @@ class Route:
     """What moves; by default what the task is for."""
     planner: str = PLANNER
     """Which planner."""
-    steps: int = 20
-    """Number of time steps."""
-    dt: float = 0.1
-    """Length of a step [s]."""
+    steps: int | None = None
+    """Number of time steps; by default 20 for the tasks of a scene, elsewhere as many as the way takes."""
+    dt: float | None = None
+    """Length of a step [s]; by default 0.1, and longer where a large robot's way would have more than 80 of them."""
     unknown: Literal["occupied", "free"] = "occupied"
     """What planners take space for that no camera ever saw into, such as the insides of walls."""
     json: bool = False
@@ -54,10 +54,13 @@ class Route:
 
     def request(self, place: Place, config: PlannerConfig) -> PlanRequest:
         """What is asked of the planner."""
+        steps = PlanRequest.steps if self.steps is None else self.steps
         return PlanRequest(
             self._ends(place),
-            steps=self.steps,
-            dt=self.dt,
+            steps=steps,
+            dt=PlanRequest.dt if self.dt is None else self.dt,
+            keep_dt=self.dt is not None,
+            shortest=self.steps is None and self.task_name(place) is None,
             planner=self.planner,
             unknown=Unknown(self.unknown),
             config=config,

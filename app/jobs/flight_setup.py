@@ -6,6 +6,7 @@ from dataclasses import replace
 import torch
 
 from app.jobs.fly_request import FlyRequest
+from app.jobs.plan import timing_for
 from app.jobs.robot_camera import CAMERA
 from app.jobs.simulated_world import camera_function, contact_function
 from app.places.derived import occupancy_of, planning_place, searcher_of
@@ -19,7 +20,7 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     """Yield the steps of a flight in a simulator of the place. Raises NerfnavError for unknown names."""
     route, seen_as = request.route, planning_place(place, request.route.unknown)
     estimator = estimators.load(request.estimator)
-    occupancy = occupancy_of(seen_as, route.settings.occupancy)
+    occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
     planner = planners.load(route.planner).planner(
         seen_as.field, place.robot, route.settings, route.again, occupancy
     )
@@ -37,6 +38,19 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     )
     mission = Mission(route.ends.goal.state(), route.steps, route.dt, request.plan, request.orders)
     return navigate(mission, simulator, pilot, config, generator)
+
+
+def timed(request: FlyRequest, place: Place) -> FlyRequest:
+    """The same with the number of steps that its plan has, or, where a duration is to be found, its way should take."""
+    route, plan = request.route, request.plan
+    if plan is not None:
+        return replace(request, route=replace(route, steps=plan.actions.shape[-2], dt=plan.dt))
+    if not route.shortest:
+        return request
+    seen_as = planning_place(place, route.unknown)
+    occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
+    timing = timing_for(route, seen_as, occupancy, keep_dt=True)  # the loop looks around at each step
+    return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
 
 
 def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:

@@ -1,7 +1,7 @@
 """Fly: Algorithm 1 in a simulated world, from a plan to an episode."""
 
 from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.flight_setup import begin
+from app.jobs.flight_setup import begin, timed
 from app.jobs.fly_report import metadata_of, save, summary_of
 from app.jobs.fly_request import FlyRequest
 from app.places.place import Place
@@ -20,6 +20,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     """
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
+    request = timed(request, place)
     flown: list[NavigationStep] = []
     with logged(out, metadata_of(request, place), lambda episode: summary_of(episode, place)) as log:
         for event in begin(request, place):

@@ -12,7 +12,7 @@ from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.export import map_files
 from nerfnav.export.occupancy_map import check_ending
 from nerfnav.field import StateGrid, StoredField, VoxelState, voxel_states
-from nerfnav.planner import OccupancyConfig
+from nerfnav.planner.scales import threshold_of
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def _made(
 ) -> Generator[Progress, bool | None, tuple[StateGrid, dict[str, bytes]]]:
     """The voxels of a map, and its files by their names."""
     yield Progress("looking at all voxels", 0.1)
-    grid = voxel_states(field, OccupancyConfig.threshold, request.voxel)
+    grid = voxel_states(field, threshold_of(field), request.voxel)
     yield Progress("writing the map", 0.7)
     return grid, map_files(grid, request.out.suffix, request.out.stem, request.height)
 

@@ -10,19 +10,16 @@ from app.jobs.stopwatch import Stopwatch
 from app.places.derived import occupancy_of, planning_place
 from app.places.place import Place
 from app.storage.output_files import prepare_folder
-from nerfnav.planner import (
-    GOOD,
-    FastPlanConfig,
-    OccupancyMap,
-    Planner,
-    PlanOutcome,
-    PlanProblem,
-    PlanStep,
-    Route,
-    planners,
-)
+from nerfnav.planner import planners
+from nerfnav.planner.astar import SearchConfig
 from nerfnav.planner.chance import within_chance
-from nerfnav.planner.duration import shortest_plan
+from nerfnav.planner.duration import Timing, shortest_plan, timing_of
+from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.planner import Planner
+from nerfnav.planner.problem import PlanProblem, map_for, way_length
+from nerfnav.planner.route import Route
+from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep
 
 
 def run(request: PlanRequest, place: Place) -> JobEvents:
@@ -35,7 +32,8 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     yield Progress("finding a way", 0.0)
     clock, last = Stopwatch(), None
     with clock.running():
-        occupancy = occupancy_of(place, request.settings.occupancy)
+        occupancy = occupancy_of(place, request.settings.occupancy, request.ends.start.position[2])
+        occupancy = occupancy.remembering() if request.shortest else occupancy
     finder = entry.planner(place.field, place.robot, request.settings, occupancy=occupancy)
     for step in clock.time(_steps(request, place, finder, occupancy)):
         last = step
@@ -51,13 +49,24 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     return JobResult(summary, () if out is None else save(out, last.motion, place, summary))
 
 
+def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep_dt: bool = False) -> Timing:
+    """How long the way that is asked for should take, before it is planned; in steps as long as asked with `keep_dt`.
+    """
+    problem = PlanProblem(place.field, place.robot, request.ends.start.state(), request.ends.goal.state())
+    search = getattr(request.settings, "search", SearchConfig.single())
+    length = way_length(problem, map_for(problem, occupancy), search)
+    return timing_of(place.robot, length, request.dt, request.dt if keep_dt or request.keep_dt else None)
+
+
 def _steps(
     request: PlanRequest, place: Place, finder: Planner, occupancy: OccupancyMap
 ) -> Iterator[PlanStep]:
     """Plan as often as the request asks for: for the duration, then for the bound on collisions."""
     start, goal, dt, last = request.ends.start.state(), request.ends.goal.state(), request.dt, None
     if request.shortest:
-        steps = shortest_plan(lambda count: finder.plan(Route(start, goal, count, dt)), place.robot)
+        timing = timing_for(request, place, occupancy)
+        dt = timing.dt
+        steps = shortest_plan(lambda count: finder.plan(Route(start, goal, count, dt)), place.robot, timing.config)
     else:
         steps = finder.plan(Route(start, goal, request.steps, dt))
     for last in steps:

@@ -26,6 +26,8 @@ class PlanRequest:
     """Its settings; None: its own."""
     again: PlannerConfig | None = None
     """Its settings when the plan is redone at each step of a flight; None: the above with room for what pushes it."""
+    keep_dt: bool = False
+    """Whether steps have just this length where a duration is found, however many they are."""
     shortest: bool = False
     """Whether to find the shortest duration that keeps the robot's limits, in place of `steps`."""
     max_collision: float | None = None

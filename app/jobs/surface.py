@@ -2,7 +2,8 @@
 
 from app.places.place import Place
 from app.places.surface_glb import kept_surface, unlit_glb, without_specks
-from nerfnav.field import VoxelField, field_mesh
+from nerfnav.field.grid_field import GridField
+from nerfnav.field.meshing import field_mesh
 
 _CELLS = 140
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
@@ -26,7 +27,7 @@ def surface_of(place: Place) -> bytes:
         mesh = without_specks(field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
         return unlit_glb(mesh, (box.lower.tolist(), box.upper.tolist())) if len(mesh.faces) else b""
 
-    if place.file is None or not isinstance(place.field, VoxelField):
+    if place.file is None or not isinstance(place.field, GridField):
         return shape()
     return kept_surface(place.file, shape) or b""
 
@@ -34,4 +35,4 @@ def surface_of(place: Place) -> bytes:
 def _voxel(place: Place) -> float:
     """How fine the field is [m]."""
     field = place.field
-    return field.spacing.mean().item() if isinstance(field, VoxelField) else field.step
+    return field.spacing.mean().item() if isinstance(field, GridField) else field.step

@@ -9,8 +9,6 @@ from nerfnav.field import Unknown, planning_field, unproven_in_words
 from nerfnav.geometry import Camera
 from nerfnav.planner import OccupancyConfig, OccupancyMap
 
-_STEPS_IN_VOXEL = 2
-
 
 @lru_cache(maxsize=4)
 def planning_place(place: Place, unknown: Unknown) -> Place:
@@ -19,14 +17,15 @@ def planning_place(place: Place, unknown: Unknown) -> Place:
     return place if field is place.field else replace(place, field=field)
 
 
-@lru_cache(maxsize=4)
-def occupancy_of(place: Place, config: OccupancyConfig) -> OccupancyMap:
-    """The map that paths are searched on; made once, for it takes longer than most searches.
+def occupancy_of(place: Place, config: OccupancyConfig, height: float) -> OccupancyMap:
+    """The map that paths are searched on: of one height [m] for a robot that never leaves it, else of the place."""
+    return _map_of(place, config, height if place.robot.planar else None)
 
-    It is no finer than the field: in a large place that would take long and tell nothing more.
-    """
-    config = replace(config, voxel=max(config.voxel, _STEPS_IN_VOXEL * place.field.step))
-    return OccupancyMap.of(place.field, place.robot.body, config)
+
+@lru_cache(maxsize=4)
+def _map_of(place: Place, config: OccupancyConfig, height: float | None) -> OccupancyMap:
+    """Made once, for it takes longer than most searches."""
+    return OccupancyMap.of(place.field, place.robot.body, config, height)
 
 
 @lru_cache(maxsize=1)

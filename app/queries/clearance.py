@@ -50,12 +50,13 @@ class ClearanceQuery(Query[np.ndarray]):
         """Take the densities around the body at each step, as plans do."""
         place = planning_place(resources.place, Unknown.OCCUPIED)
         motion, body, config = self.step.motion, place.robot.body, SafetyConfig()
+        _, reach, _ = config.lengths(place.field, body)
         bound = collision_per_step(place.field, motion, body, config.samples_per_step)
         steps = [
             Motion(motion.states[k : k + 2], motion.actions[k : k + 1], motion.dt) for k in range(len(motion.actions))
         ]
         room = [clearance_of(place.field, step, body, config) for step in steps]
         # where nothing is within reach, that is how much room there is at least
-        clearance = np.array([config.reach if free is None else free for free in room])
+        clearance = np.array([reach if free is None else free for free in room])
         times = motion.dt * (1 + np.arange(len(room)))
         return np.stack([times, 100 * clearance, 100 * bound.numpy()])

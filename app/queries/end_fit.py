@@ -40,8 +40,8 @@ class EndFitQuery(Query[EndFit]):
         """Ask the density at all body points, as plans do."""
         place = planning_place(resources.place, Unknown.OCCUPIED)
         body, state, name = place.robot.body, self.end.state(), self.which.value
-        occupancy = occupancy_of(place, OccupancyConfig())
-        if fits(place.field, body, state, occupancy.config.threshold):
+        occupancy = occupancy_of(place, OccupancyConfig(), self.end.position[2])
+        if fits(place.field, body, state, occupancy.scales.threshold):
             return EndFit(None)
         nearest = nearest_free_pose(place.field, body, state, occupancy)
         if nearest is None:

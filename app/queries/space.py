@@ -37,6 +37,8 @@ class SpaceQuery(Query[SpaceVoxels]):
     """Where is such space?"""
 
     space: Space
+    height: float = 0.0
+    """At which a robot is that never leaves it [m]: of others all heights are shown, whatever this says."""
 
     @property
     def slot(self) -> Hashable:
@@ -47,15 +49,18 @@ class SpaceQuery(Query[SpaceVoxels]):
     def pending(cls, session: Session) -> Iterator["SpaceQuery"]:
         """Of what is to be drawn."""
         wanted = {Space.OCCUPIED: session.view_settings.occupied, Space.UNKNOWN: session.view_settings.unknown}
-        yield from (query for space in Space if wanted[space] and not (query := cls(space)).is_answered(session))
+        planar = session.place is not None and session.place.robot.planar
+        height = session.ends.start.position[2] if planar else 0.0
+        queries = (cls(space, height if space is Space.OCCUPIED else 0.0) for space in Space if wanted[space])
+        yield from (query for query in queries if not query.is_answered(session))
 
     def answer(self, resources: Resources) -> SpaceVoxels:
         """Find the voxels that have a neighbour which is not in there."""
-        return _unknown(resources.place) if self.space is Space.UNKNOWN else _occupied(resources.place)
+        return _unknown(resources.place) if self.space is Space.UNKNOWN else _occupied(resources.place, self.height)
 
 
-def _occupied(place: Place) -> SpaceVoxels:
-    occupancy = occupancy_of(planning_place(place, Unknown.OCCUPIED), OccupancyConfig())
+def _occupied(place: Place, height: float) -> SpaceVoxels:
+    occupancy = occupancy_of(planning_place(place, Unknown.OCCUPIED), OccupancyConfig(), height)
     indices = torch.from_numpy(np.argwhere(_shell(occupancy.by_heading.any(0).numpy())))
     return SpaceVoxels(occupancy.centers(indices).numpy(), occupancy.spacing.mean().item())
 

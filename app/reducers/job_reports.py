@@ -25,7 +25,11 @@ def reported(session: Session, event: e.JobReport) -> Session:
     assert job is not None, "only what the wanted job tells comes here"
     match event:
         case e.PlaceOpened(place):
-            return _doubted(settled(session, place), place)
+            opened = _doubted(settled(session, place), place)
+            if place.tasks:
+                return opened
+            # how long ways take there, nobody knows
+            return replace(opened, plan_settings=replace(opened.plan_settings, shortest=True))
         case e.SurfaceShaped(glb):
             return replace(session, surface=glb)
         case e.PlannerCompared(result):

@@ -24,6 +24,8 @@ def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Sessi
         case Settings.VIEW:
             return replace(session, view_settings=replace(session.view_settings, **change))
         case Settings.PLAN:
+            if "duration_s" in change:  # what somebody says takes the place of what is found
+                change = {"shortest": False, **change}
             return replace(session, plan_settings=_checked(replace(session.plan_settings, **change)))
         case Settings.WEIGHTS:
             weights = replace(session.plan_settings.weights, **change)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from nerfnav.errors import InvalidInputError
 from nerfnav.planner import CostWeights, PlannerConfig, planners
 
-_SHORTEST_S, _LONGEST_S = 0.5, 20.0
+_SHORTEST_S, _LONGEST_S = 0.5, 600.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
 
 

@@ -19,10 +19,14 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.experiments.geometry import is_free, views
-from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, Unknown, VoxelField, planning_field
-from nerfnav.field.evidence import State
-from nerfnav.geometry import Camera, Pose, PosedImages
-from nerfnav.world import Scene
+from nerfnav.field.evidence import SOLID_DENSITY, State
+from nerfnav.field.field import Field
+from nerfnav.field.grid_field import GridField
+from nerfnav.field.info import FieldInfo
+from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.geometry.images import PosedImages
+from nerfnav.world.scene import Scene
 
 _TOLD = 400_000
 """Points on surfaces that depth maps tell, at most."""
@@ -60,7 +64,7 @@ class Freedom:
 
 def freedom_alone(field: Field, voxel: float) -> Freedom:
     """What a field of `voxel` [m] says of itself."""
-    told = isinstance(field, VoxelField) and field.evidence is not None
+    told = isinstance(field, GridField) and field.evidence is not None
     share = _share(field.evidence == State.UNPROVEN) if told else None  # type: ignore[union-attr]
     return Freedom(None, None, share, voxel)
 

@@ -10,11 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from nerfnav.errors import FieldFileError, InvalidInputError
+from nerfnav.field.brick_checkpoint import BRICKS
 from nerfnav.field.codec import FieldCodec, StoredField
 from nerfnav.field.neural_checkpoint import NEURAL
-from nerfnav.field.voxel_checkpoint import VOXEL
+from nerfnav.field.voxel_checkpoint import MOST_DENSE_NODES, VOXELS
 from nerfnav.files import write_npz
+from nerfnav.memory import require_memory
 from nerfnav.registry import Registry
+
+_GROWTH, _GROWTH_IN_BRICKS = 5, 2.5
+"""What is in memory while a file is read, in sizes of its arrays: a float in place of each byte, and the bytes; less
+where most of it is empty."""
 
 
 def save_field(field: StoredField, path: Path) -> int:
@@ -32,7 +38,10 @@ def save_field(field: StoredField, path: Path) -> int:
 
 
 def load_field(path: Path) -> StoredField:
-    """Read a field. Raises FieldFileError, in one sentence, for anything that is not a whole nerfnav field."""
+    """Read a field. Raises FieldFileError, in one sentence, for anything that is not a whole nerfnav field.
+
+    Raises InvalidInputError where the memory cannot hold it, before it is read.
+    """
     if not path.is_file():
         raise FieldFileError(f"there is no field file {path}; make one with nerfnav train")
     try:
@@ -43,6 +52,7 @@ def load_field(path: Path) -> StoredField:
                 raise FieldFileError(f"{path} is not a nerfnav field; make one with nerfnav train")
             if header["version"] > codec.version:
                 raise FieldFileError(f"{path} was written by a newer nerfnav; update nerfnav to read it")
+            _require_room(path, file)
             return codec.decode(header, file)
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError, TypeError, RuntimeError) as error:
         raise FieldFileError(
@@ -51,6 +61,13 @@ def load_field(path: Path) -> StoredField:
         ) from error
     except OSError as error:
         raise FieldFileError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _require_room(path: Path, file: np.lib.npyio.NpzFile) -> None:
+    assert file.zip is not None, "a file that is open"
+    size = sum(part.file_size for part in file.zip.infolist())
+    growth = _GROWTH if size < 5 * MOST_DENSE_NODES else _GROWTH_IN_BRICKS
+    require_memory(growth * size, f"the field {path.name}", "make one with larger voxels (--voxel)")
 
 
 def _codec_of(field: StoredField) -> FieldCodec:
@@ -66,7 +83,7 @@ def _codec_of(field: StoredField) -> FieldCodec:
     return found
 
 
-CODECS: Registry[FieldCodec] = Registry("format of fields", (VOXEL, NEURAL))
+CODECS: Registry[FieldCodec] = Registry("format of fields", (VOXELS, BRICKS, NEURAL))
 """Name of a format to its codec."""
 
 

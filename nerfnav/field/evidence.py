@@ -22,6 +22,8 @@ counts as solid for an eighth of the way: maps do not grow much beyond what is u
 SOLID_DENSITY = 5.0
 """Density above which a place counts as solid [1/m]: a body of 10 cm in there would be hit with a chance of 40 %.
 Stones have 50 and more, fog less than 1."""
+VOXELS_IN_UNIT = 77
+"""Voxels in the length that densities are weighed in: a metre for the voxels of the paper's Stonehenge."""
 
 States = UInt8[Tensor, "nx ny nz"]
 
@@ -49,7 +51,9 @@ def states_of_unseen(unseen: Bool[Tensor, "nx ny nz"], raw: Float[Tensor, "nx ny
     return torch.where(unseen, int(State.UNPROVEN), as_it_says).to(torch.uint8)
 
 
-def planned_raw(raw: Float[Tensor, "nx ny nz"], states: States, unproven_is_free: bool) -> Float[Tensor, "nx ny nz"]:
+def planned_raw(
+    raw: Float[Tensor, "*nodes"], states: UInt8[Tensor, "*nodes"], unproven_is_free: bool
+) -> Float[Tensor, "*nodes"]:
     """Raw densities as planners take them: nothing where that is proven, and something solid where nothing is."""
     planned = torch.where(states == State.FREE, EMPTY_RAW, raw)
     if unproven_is_free:

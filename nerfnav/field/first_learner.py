@@ -4,11 +4,12 @@ from typing import NamedTuple
 
 import torch
 
+from nerfnav.field.evidence import VOXELS_IN_UNIT
 from nerfnav.field.fusion import Fused, fused
 from nerfnav.field.learned_place import Place
 from nerfnav.field.learner import GridLearner
 from nerfnav.field.torch_learner import TorchLearner
-from nerfnav.field.train_config import VOXELS_IN_UNIT, TrainConfig
+from nerfnav.field.train_config import TrainConfig
 from nerfnav.field.trainable import require_memory, require_trainable
 from nerfnav.geometry import Box, PosedImages
 

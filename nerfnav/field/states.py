@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float, UInt8
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.field import Field
+from nerfnav.field.grid_field import GridField
 from nerfnav.field.unknown import Unknown, planning_field
-from nerfnav.field.voxel import VoxelField
 
 MOST_VOXELS = 100_000_000
 """A finer grid than that of any field: a byte for each voxel, and some more while it is made."""
@@ -72,7 +72,7 @@ def voxel_states(field: Field, threshold: float, voxel: float | None = None) -> 
     large. One is solid where the density exceeds `threshold` [1/m] at its middle, or at the middle of an eighth of it.
     Raises InvalidInputError for a field that has no voxels, and for a grid that is too fine.
     """
-    if not isinstance(field, VoxelField):
+    if not isinstance(field, GridField):
         raise InvalidInputError("a map is made of a field of voxels: bake this one first, with nerfnav bake")
     edge = float(field.spacing.min()) if voxel is None else voxel
     lower, upper = (corner.double().cpu().numpy() for corner in (field.box.lower, field.box.upper))
@@ -85,14 +85,14 @@ def voxel_states(field: Field, threshold: float, voxel: float | None = None) -> 
     axes = [low + edge * np.arange(count) for low, count in zip(lower, counts, strict=True)]
     solid = _solid(field, threshold, axes, edge)
     believed = planning_field(field, Unknown.OCCUPIED)
-    assert isinstance(believed, VoxelField)  # as the field is
+    assert isinstance(believed, GridField)  # as the field is
     taken = solid if believed is field else _solid(believed, threshold, axes, edge)
     state = np.where(solid, VoxelState.SOLID, np.where(taken, VoxelState.UNPROVEN, VoxelState.FREE))
     return StateGrid(state.astype(np.uint8), lower - 0.5 * edge, edge)
 
 
 def _solid(
-    field: VoxelField, threshold: float, axes: list[np.ndarray], edge: float
+    field: GridField, threshold: float, axes: list[np.ndarray], edge: float
 ) -> Bool[np.ndarray, "nx ny nz"]:
     """Which voxels with their middles on the lattice of three axes [m] are dense, one plane after the other."""
     lower, upper = (corner.double().cpu().numpy() for corner in (field.box.lower, field.box.upper))

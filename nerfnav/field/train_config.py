@@ -11,8 +11,6 @@ from nerfnav.geometry import Box, shape_for
 
 _FINISHING = 0.06
 """Share of a budget that goes into the unknown and the held-out views."""
-VOXELS_IN_UNIT = 77
-"""Voxels in the length that densities are weighed in: a metre for the voxels of the paper's Stonehenge."""
 
 
 @dataclass(frozen=True)

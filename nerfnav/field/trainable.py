@@ -1,14 +1,12 @@
 """What training asks of its photographs and of the machine, checked before it begins."""
 
-import os
-
+from nerfnav import memory
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.trained_grid import training_bytes
 from nerfnav.geometry import Box, PosedImages
 
 _LEAST_IMAGES = 2
 _ORTHONORMAL = 1e-2  # how far a rotation times its transpose may be from the identity
-_SPARED = 0.9  # share of the free memory that training may take
 
 
 def require_trainable(photographs: PosedImages, box: Box) -> None:
@@ -34,27 +32,4 @@ def require_memory(shape: tuple[int, int, int], outside: int, workers: int) -> N
     """Raise InvalidInputError where the machine's free memory cannot hold the training of grids of these sizes."""
     nx, ny, nz = shape
     needed = training_bytes(nx * ny * nz, workers) + training_bytes(outside**3, workers)
-    free = free_memory()
-    if free is not None and needed > _SPARED * free:
-        raise InvalidInputError(
-            f"training {nx} x {ny} x {nz} nodes may take {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB of memory are "
-            "free: choose a larger voxel"
-        )
-
-
-def free_memory() -> int | None:
-    """Memory that programs can still have [bytes]; None where the system does not tell."""
-    try:
-        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") + _reclaimable()
-    except (ValueError, OSError, AttributeError):
-        return None
-
-
-def _reclaimable() -> int:
-    """Cached files [bytes], which the system gives up when asked; 0 where it does not tell."""
-    try:
-        with open("/proc/meminfo") as file:
-            numbers = dict(line.split(":", 1) for line in file)
-        return 1024 * int(numbers["Cached"].split()[0])
-    except (OSError, KeyError, ValueError):
-        return 0
+    memory.require_memory(needed, f"training {nx} x {ny} x {nz} nodes", "choose a larger voxel")

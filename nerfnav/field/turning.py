@@ -21,10 +21,10 @@ from torch import Tensor
 from nerfnav.compiled import default_threads, threads
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.bake import MOST_NODES, BakeConfig, fitted
-from nerfnav.field.likeness import sample_views
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, SOLID_DENSITY, State, States, raw_of, states_of
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.kernels.turning import measure_turned
+from nerfnav.field.likeness import sample_views
 from nerfnav.field.render import render_image
 from nerfnav.field.shells_around import shells_around
 from nerfnav.field.solidity import between_grids, with_solidity_of

@@ -5,7 +5,7 @@ from enum import Enum
 
 from nerfnav.field.composite import CompositeField
 from nerfnav.field.field import Field
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.grid_field import GridField
 
 
 class Unknown(Enum):
@@ -25,6 +25,6 @@ def planning_field(field: Field, unknown: Unknown) -> Field:
     """
     if isinstance(field, CompositeField):
         return CompositeField(tuple(replace(part, field=planning_field(part.field, unknown)) for part in field.parts))
-    if not isinstance(field, VoxelField) or field.evidence is None:
+    if not isinstance(field, GridField) or field.evidence is None:
         return field
     return field.planned if unknown is Unknown.OCCUPIED else field.planned_as_it_says

@@ -15,26 +15,22 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
-from nerfnav.compiled import default_threads, threads
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State, planned_raw
-from nerfnav.field.field import Points, RaySamples, uniform_samples
+from nerfnav.field.field import Points
+from nerfnav.field.grid_field import GridField, KernelGrid
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.jacobian import jacobian_by_autograd
-from nerfnav.field.kernels import jacobian, march
-from nerfnav.field.kernels import points as point_kernels
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
-from nerfnav.field.render import Rendering, render_rays
-from nerfnav.field.surroundings import Backdrop, Surroundings
-from nerfnav.geometry import Box, spacing_of, trilinear
+from nerfnav.field.surroundings import Surroundings
+from nerfnav.geometry.box import Box
+from nerfnav.geometry.grid import trilinear
+from nerfnav.memory import require_memory
 
-_LEAST_DENSITY = 0.01  # [1/m] of samples that are kept: 10 cm of what is left out change a colour by 0.1 %
-
-_WORTH_THREADS = 20_000  # points that take longer than waking the threads up
+__all__ = ["DENSITY_SCALE", "EMPTY_RAW", "VoxelField", "occupied_blocks"]
 
 
 @dataclass(frozen=True)
-class VoxelField:
-    """A radiance field on a regular grid of nodes."""
+class VoxelField(GridField):
+    """A radiance field on a regular grid whose nodes are all kept; of places mostly empty see BrickField."""
 
     box: Box
     """Where the field is defined; nodes stand on its borders."""
@@ -56,16 +52,6 @@ class VoxelField:
         return nx, ny, nz
 
     @cached_property
-    def spacing(self) -> Float[Tensor, "3"]:
-        """Distance of neighbouring nodes along x, y, z [m]."""
-        return spacing_of(self.box, self.shape)
-
-    @property
-    def step(self) -> float:
-        """Distance of samples along rays [m]: half a voxel."""
-        return 0.5 * float(self.spacing.min())
-
-    @cached_property
     def occupied(self) -> Bool[Tensor, "bx by bz"]:
         """Which blocks of 4 x 4 x 4 cells hold any density."""
         return occupied_blocks(self.values[..., 0], EMPTY_RAW + 1)
@@ -81,77 +67,9 @@ class VoxelField:
             evidence=None if self.evidence is None else self.evidence.to(device),
         )
 
-    def density(self, points: Points) -> Float[Tensor, "*batch"]:
-        """rho at world points [1/m], differentiable twice; 0 outside the box."""
-        raw = trilinear(self.values[..., :1], self.box, points)[..., 0]
-        density = DENSITY_SCALE * torch.nn.functional.softplus(raw)
-        return torch.where(self.box.contains(points), density, torch.zeros_like(density))
-
-    def radiance(self, points: Points, directions: Points) -> Points:
-        """Colour in [0, 1] at world points [m]; `directions` do not matter."""
-        return trilinear(self.values[..., 1:], self.box, points)
-
-    def samples(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> RaySamples:
-        """The samples, every half voxel, that have density and are not hidden behind others."""
-        if self.values.device.type != "cpu":
-            return uniform_samples(self.box, origins, directions, self.step)
-        rays = (_flat(origins), _flat(directions))
-        capacity = 64
-        while True:
-            with threads(default_threads()):
-                distances, counts = march.significant_samples(
-                    *self.kernel_grid, *rays, np.float32(DENSITY_SCALE), np.float32(self.step),
-                    np.float32(_LEAST_DENSITY), capacity,
-                )  # fmt: skip
-            longest = max(1, int(counts.max(initial=0)))
-            if longest <= capacity:
-                break
-            capacity = longest
-        mask = torch.arange(longest) < torch.from_numpy(counts)[:, None]
-        return RaySamples(torch.from_numpy(distances[:, :longest].copy()).to(origins), mask, self.step)
-
-    def backdrop(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Backdrop | None:
-        """What rays see of the surroundings, in torch; None where the field has none."""
-        return None if self.outside is None else self.outside.backdrop(self.box, origins, directions)
-
-    def density_and_gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """rho (n) [1/m] and its gradient (n, 3) [1/m^2] at world points (n, 3) [m], in float64, compiled."""
-        density, gradient = np.empty(len(points)), np.empty((len(points), 3))
-        arguments = (*self.kernel_grid, DENSITY_SCALE, points, density, gradient)
-        if len(points) < _WORTH_THREADS:
-            point_kernels.density_and_gradient(*arguments)
-        else:
-            with threads(default_threads()):
-                point_kernels.density_and_gradient_parallel(*arguments)
-        return density, gradient
-
-    def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:
-        """Colours, opacities and depths by the compiled kernel, or in torch on another device; no gradients."""
-        if (device := self.values.device).type != "cpu":
-            with torch.no_grad():
-                return render_rays(self, origins.to(device), directions.to(device))
-        with threads(default_threads()):
-            parts = march.render(
-                *self.kernel_grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
-                self.background.cpu().numpy(), self._outer,
-            )  # fmt: skip
-        color, opacity, depth = (torch.from_numpy(part) for part in parts)
-        return Rendering(color, opacity, depth)
-
-    def colors_and_jacobian(
-        self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-    ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3 6"]]:
-        """Colours of rays and their derivatives by the camera's motion (see field/jacobian.py), compiled.
-
-        Where there are surroundings, the kernel does not know them, and torch differentiates.
-        """
-        if self.outside is not None:
-            return jacobian_by_autograd(self, origins, directions)
-        colors, jacobians = jacobian.colors_and_jacobian(
-            *self.kernel_grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
-            self.background.cpu().numpy(),
-        )  # fmt: skip
-        return torch.from_numpy(colors), torch.from_numpy(jacobians)
+    def between_nodes(self, points: Points, channels: slice) -> Float[Tensor, "*batch c"]:
+        """See GridField."""
+        return trilinear(self.values[..., channels], self.box, points)
 
     @cached_property
     def unknown(self) -> Bool[Tensor, "nx ny nz"] | None:
@@ -171,21 +89,17 @@ class VoxelField:
     def _planned(self, unproven_is_free: bool) -> "VoxelField":
         if self.evidence is None:
             return self
+        require_memory(2.0 * self.values.nbytes, "the field as planners take it", "make one with a larger --voxel")
         values = self.values.clone()
         values[..., 0] = planned_raw(values[..., 0], self.evidence, unproven_is_free)
         return replace(self, values=values)
 
     @cached_property
-    def kernel_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What all kernels ask for first: values, occupied, lower, nodes per metre."""
+    def kernel_grid(self) -> KernelGrid:
+        """See GridField."""
         per_meter = (1 / self.spacing).cpu().numpy().astype(np.float32)
         lower = self.box.lower.cpu().numpy().astype(np.float32)
         return self.values.detach().cpu().numpy(), self.occupied.cpu().numpy().astype(np.uint8), lower, per_meter
-
-    @cached_property
-    def _outer(self) -> np.ndarray:
-        """Values around the box as kernels ask for them: no nodes where there is nothing."""
-        return np.zeros((0, 0, 0, 4), np.float32) if self.outside is None else _flat(self.outside.values)
 
 
 def occupied_blocks(raw: Float[Tensor, "nx ny nz"], threshold: float) -> Bool[Tensor, "bx by bz"]:
@@ -197,6 +111,3 @@ def occupied_blocks(raw: Float[Tensor, "nx ny nz"], threshold: float) -> Bool[Te
     padded = torch.nn.functional.pad(raw[None, None], padding, value=EMPTY_RAW)
     return torch.nn.functional.max_pool3d(padded, side + 1, side)[0, 0] > threshold
 
-
-def _flat(tensor: Tensor) -> np.ndarray:
-    return np.ascontiguousarray(tensor.detach().cpu().numpy(), dtype=np.float32)

@@ -7,7 +7,7 @@ spacing = size / (shape - 1). Grid coordinates g = (p - lower) / spacing run fro
 import math
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from nerfnav.geometry.box import Box
@@ -41,20 +41,31 @@ def trilinear(values: Values, box: Box, points: Float[Tensor, "*batch 3"]) -> Fl
     Differentiable in `values` and, twice, in `points` (only the mixed second derivatives are not zero).
     """
     nx, ny, nz, channels = values.shape
-    shape = torch.tensor([nx, ny, nz], device=points.device)
-    lower, size = box.lower.to(points), box.size.to(points)
-    coordinates = (points - lower) * ((shape - 1) / size)
-    coordinates = torch.minimum(coordinates.clamp_min(0), (shape - 1).to(points)).reshape(-1, 3)
-    cell = torch.minimum(coordinates.detach().long(), shape - 2)
-    x, y, z = (coordinates - cell).unbind(-1)
+    cell, weights = cells_of(box, (nx, ny, nz), points)
     base = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]
-    corners = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    offsets = torch.tensor([(i * ny + j) * nz + k for i, j, k in corners], device=points.device)
+    nodes = values.reshape(-1, channels)[base[:, None] + corner_offsets(ny, nz).to(base.device)]
+    mixed = (weights[..., None] * nodes.to(points)).sum(1)
+    return mixed.reshape(*points.shape[:-1], channels)
+
+
+def cells_of(
+    box: Box, shape: tuple[int, int, int], points: Float[Tensor, "*batch 3"]
+) -> tuple[Int[Tensor, "n 3"], Float[Tensor, "n 8"]]:
+    """The cells (i, j, k) of a grid that hold points [m], and the trilinear weights of their corners, z fastest."""
+    last = torch.tensor(shape, device=points.device) - 1
+    lower, size = box.lower.to(points), box.size.to(points)
+    coordinates = (points - lower) * (last / size)
+    coordinates = torch.minimum(coordinates.clamp_min(0), last.to(points)).reshape(-1, 3)
+    cell = torch.minimum(coordinates.detach().long(), last - 1)
+    x, y, z = (coordinates - cell).unbind(-1)
     along_x, along_y, along_z = (torch.stack([1 - part, part], -1) for part in (x, y, z))
     weights = along_x[:, :, None, None] * along_y[:, None, :, None] * along_z[:, None, None, :]
-    nodes = values.reshape(-1, channels)[base[:, None] + offsets]
-    mixed = (weights.reshape(-1, 8, 1) * nodes.to(points)).sum(1)
-    return mixed.reshape(*points.shape[:-1], channels)
+    return cell, weights.reshape(-1, 8)
+
+
+def corner_offsets(ny: int, nz: int) -> Int[Tensor, "8"]:
+    """How far the corners of a cell are from its first one in a flat grid with rows of ny x nz nodes, z fastest."""
+    return torch.tensor([(i * ny + j) * nz + k for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
 def with_neighbours(chosen: Bool[Tensor, "nx ny nz"]) -> Bool[Tensor, "nx ny nz"]:

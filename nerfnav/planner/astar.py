@@ -5,27 +5,26 @@ from functools import lru_cache
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.planner.kernels.search import cheapest_path, make_dearer
+from nerfnav.planner.kernels import search
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.robots.headings import unwrapped
 from nerfnav.robots.state import RigidState
 
-_SNAP_REACH = 0.3
-"""How far from an end [m] the search may begin: next to a wall, the end's own voxel can be occupied."""
-_SMOOTHING = 0.06
-"""Length over which the corners of a voxel path are rounded [m]."""
 _CALMNESS = 2.0
 """Weight of squared third differences against squared distances from the path: at 2 m/s, turns of a few decimetres."""
 _HELD = 2
 """Waypoints at each end that calming leaves alone: with two, the ends keep their velocity."""
-_TURN = 0.15
-"""Length of way that a radian of turning counts for [m]: half the length of a body that must turn at all."""
-_PATH_STEP = 0.01
-"""Distance of points along a smoothed path [m]."""
+ROUNDING, TURN, PATH_STEP = 0.06, 0.15, 0.01
+"""Of the paper's robots: length over which the corners of a path are rounded, length of way that a radian of turning
+counts for, and distance of points along a smoothed path [m]. A map's scales have those of others."""
+_LARGE = 1 << 18
+"""Voxels from which on a search is guided by a coarse map: it pays from there on."""
+_NEARLY = 1.1
+"""How much dearer than the cheapest the first way may be there: in open space very many are about as cheap."""
 
 
 @dataclass(frozen=True)
@@ -36,20 +35,20 @@ class SearchConfig:
     """How many, each to keep off the ones before it."""
     detour: float = 3.0
     """How much dearer the surroundings of a way become for the next one."""
-    berth: float = 0.16
-    """How far these surroundings reach [m]."""
+    berth: float | None = None
+    """How far these surroundings reach [m]; None: as the map's scales say."""
     greed: float = 1.5
     """By how much later ways may be dearer than the best for their prices, so that they are found at once."""
-    roundings: tuple[float, ...] = (0.06, 0.03, 0.12)
-    """Lengths over which the corners of the shortest way are rounded [m], a first guess for each; other ways take
-    the first."""
+    roundings: tuple[float, ...] = (1.0, 0.5, 2.0)
+    """Lengths over which the corners of the shortest way are rounded, a first guess for each, in those of the map's
+    scales; other ways take the first."""
     straight: bool = True
     """Whether to try the straight line too."""
 
     @classmethod
     def single(cls) -> "SearchConfig":
         """The shortest way alone."""
-        return cls(ways=1, roundings=(_SMOOTHING,), straight=False)
+        return cls(ways=1, roundings=(1.0,), straight=False)
 
 
 def find_path(
@@ -75,16 +74,45 @@ def find_paths(
     ends = [_node(occupancy, start), _node(occupancy, goal)]
     if ends[0] is None or ends[1] is None:
         return []
+    key = (*ends[0].tolist(), *ends[1].tolist(), config.ways, config.detour, config.berth, config.greed)
+    known = None if occupancy.found is None else occupancy.found.get(key)
+    if known is None:
+        known = _searched(occupancy, (ends[0], ends[1]), config)
+        if occupancy.found is not None:
+            occupancy.found.clear()
+            occupancy.found[key] = known
+    return [_path(occupancy, nodes, start, goal) for nodes in known]
+
+
+def _searched(
+    occupancy: OccupancyMap, ends: tuple[np.ndarray, np.ndarray], config: SearchConfig
+) -> list[Int[np.ndarray, "_ 4"]]:
+    """The nodes of each way."""
     prices, spacing = occupancy.prices.copy(), occupancy.spacing.mean().item()
-    turn = _TURN * torch.pi / len(prices) / spacing
+    turn = occupancy.scales.turn * torch.pi / len(prices) / spacing
+    berth = occupancy.scales.berth if config.berth is None else config.berth
+    large = prices.size > _LARGE
+    guide = search.costs_to(prices, ends[1]) if large else np.zeros((0, 0, 0))
     found = []
     for way in range(config.ways):
-        nodes = cheapest_path(prices, *ends, turn, config.greed if way else 1.0)
+        nodes = cheapest_path(prices, ends, turn, config.greed if way else _NEARLY if large else 1.0, guide)
         if len(nodes) == 0:
             break
-        found.append(_path(occupancy, nodes, start, goal))
-        make_dearer(prices, nodes, max(1, round(config.berth / spacing)), config.detour)
+        found.append(nodes)
+        search.make_dearer(prices, nodes, max(1, round(berth / spacing)), config.detour)
     return found
+
+
+def cheapest_path(
+    prices: Float[np.ndarray, "m nx ny nz"],
+    ends: tuple[np.ndarray, np.ndarray],
+    turn: float,
+    greed: float,
+    guide: Float[np.ndarray, "cx cy cz"],
+) -> Int[np.ndarray, "n 4"]:
+    """See the kernel of this name; no row where there is no way."""
+    nodes = prices.size * (2 if len(prices) > 1 else 1)
+    return search.cheapest_path(prices, guide, (np.zeros(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
 
 
 def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
@@ -96,7 +124,7 @@ def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
         own = round(so3.yaw_of(state.rotation).item() * count / torch.pi)
         tried = [(own + change) % (2 * count) for change in sorted(range(-count + 1, count + 1), key=abs)]
     for heading in tried:
-        free = occupancy.nearest_free_voxels(state.position, _SNAP_REACH, heading % count)
+        free = occupancy.nearest_free_voxels(state.position, occupancy.scales.snap, heading % count)
         if len(free):
             return np.array([heading, *occupancy.index(free[0])])
     return None
@@ -115,11 +143,13 @@ def _path(
     return torch.cat([positions, unwrapped(torch.cat([first, yaw.to(first), last]))[:, None]], -1)
 
 
-def smooth_path(path: Float[Tensor, "n c"], spread: float = _SMOOTHING) -> Float[Tensor, "m c"]:
-    """The path with corners rounded over `spread` [m], its ends as they are, points about 1 cm apart."""
-    dense = resample(path, torch.linspace(0, 1, max(2, round(lengths(path).sum().item() / _PATH_STEP)) + 1))
-    reach = min(int(3 * spread / _PATH_STEP), len(dense) - 1)
-    weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (_PATH_STEP / spread)))
+def smooth_path(
+    path: Float[Tensor, "n c"], spread: float = ROUNDING, turn: float = TURN, step: float = PATH_STEP
+) -> Float[Tensor, "m c"]:
+    """The path with corners rounded over `spread` [m], its ends as they are, points about `step` [m] apart."""
+    dense = resample(path, torch.linspace(0, 1, max(2, round(lengths(path, turn).sum().item() / step)) + 1), turn)
+    reach = min(int(3 * spread / step), len(dense) - 1)
+    weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (step / spread)))
     # reflected through the ends, so that these stay where they are and keep their direction
     before = 2 * dense[0] - dense[1 : reach + 1].flip(0)
     after = 2 * dense[-1] - dense[-reach - 1 : -1].flip(0)
@@ -128,22 +158,22 @@ def smooth_path(path: Float[Tensor, "n c"], spread: float = _SMOOTHING) -> Float
     return torch.from_numpy(np.stack(rounded, -1)).to(path)
 
 
-def resample(path: Float[Tensor, "n c"], shares: Float[Tensor, "m"]) -> Float[Tensor, "m c"]:
+def resample(path: Float[Tensor, "n c"], shares: Float[Tensor, "m"], turn: float = TURN) -> Float[Tensor, "m c"]:
     """Points of a polyline at the given shares of its length, 0 to 1; to turn is to go some way too."""
-    reached = np.concatenate([[0.0], np.cumsum(lengths(path).double().numpy())])
+    reached = np.concatenate([[0.0], np.cumsum(lengths(path, turn).double().numpy())])
     wanted = shares.double().numpy() * reached[-1]
     columns = [np.interp(wanted, reached, column) for column in path.double().numpy().T]
     return torch.from_numpy(np.stack(columns, -1)).to(path)
 
 
-def as_way(path: Float[Tensor, "n c"]) -> Float[Tensor, "n c"]:
+def as_way(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:
     """The path with its headings, where it has some, in metres."""
-    return path * path.new_tensor([1.0, 1.0, 1.0, _TURN])[: path.shape[-1]]
+    return path * path.new_tensor([1.0, 1.0, 1.0, turn])[: path.shape[-1]]
 
 
-def lengths(path: Float[Tensor, "n c"]) -> Float[Tensor, " pieces"]:
+def lengths(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, " pieces"]:
     """How far each point of a path is from the one before it [m]; to turn is to go some way too."""
-    return as_way(path).diff(dim=0).norm(dim=-1)
+    return as_way(path, turn).diff(dim=0).norm(dim=-1)
 
 
 def late_steps(steps: int) -> int:
@@ -160,11 +190,11 @@ def ease(steps: int) -> Float[Tensor, " times"]:
 
 
 def waypoints_along(
-    path: Float[Tensor, "n c"], start: RigidState, goal: RigidState, steps: int
+    path: Float[Tensor, "n c"], start: RigidState, goal: RigidState, steps: int, turn: float = TURN
 ) -> Float[Tensor, "times 4"]:
     """Waypoints (x, y, z [m], yaw [rad]) along a path, eased in and out; headings of the path, or the shorter way."""
     share = ease(steps)
-    along = resample(path, share)
+    along = resample(path, share, turn)
     positions = calm(along[:, :3])
     if path.shape[-1] == 4:
         return torch.cat([positions, along[:, 3:]], -1)

@@ -8,12 +8,11 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.field.field import Field
 from nerfnav.geometry import so3
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
+from nerfnav.planner.occupancy import OccupancyMap, body_density
+from nerfnav.planner.scales import Scales, scales_of
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 
-_SEARCH_REACH = 1.0
-"""How far from an occupied end [m] a free point is looked for."""
 _CANDIDATES = 500
 """How many free voxels are tried at most."""
 
@@ -30,18 +29,20 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
             raise OutsideBoxError(
                 f"the {name} {_words(state.position)} is outside the field, which spans {field.box.describe()}"
             )
-        if body_density(field, body, state) > occupancy.config.threshold:
+        if body_density(field, body, state) > occupancy.scales.threshold:
             nearest = nearest_free_pose(field, body, state, occupancy)
             raise OccupiedError(
-                f"the {name} {_words(state.position)} is in occupied space; {_advice(state, nearest)}",
+                f"the {name} {_words(state.position)} is in occupied space; "
+                f"{_advice(state, nearest, occupancy.scales)}",
                 None if nearest is None else (
                     nearest.position[0].item(), nearest.position[1].item(), nearest.position[2].item()
                 ),
             )  # fmt: skip
 
 
-def fits(field: Field, body: Body, state: RigidState, threshold: float = OccupancyConfig.threshold) -> bool:
-    """Whether a body can be at a state: it is nowhere in a density [1/m] above the threshold, as maps have it."""
+def fits(field: Field, body: Body, state: RigidState, threshold: float | None = None) -> bool:
+    """Whether a body can be at a state: nowhere in a density [1/m] above the threshold, by default that of maps."""
+    threshold = scales_of(field, body).threshold if threshold is None else threshold
     return body_density(field, body, state) <= threshold
 
 
@@ -55,8 +56,8 @@ def check_finite(name: str, state: RigidState) -> None:
 def nearest_free_pose(field: Field, body: Body, state: RigidState, occupancy: OccupancyMap) -> RigidState | None:
     """The nearest state in which the body fits, turned where the map tells headings apart; None if out of reach.
 
-    Its position is in whole centimetres. The attitude of `state` comes first, and others only where that fits nowhere
-    within reach.
+    Its position has as many decimals as are told to people: whole centimetres for the paper's robot. The attitude of
+    `state` comes first, and others only where that fits nowhere within reach.
     """
     count = len(occupancy.by_heading)
     turns = torch.arange(1, count) * (torch.pi / count)
@@ -71,27 +72,28 @@ def nearest_free_pose(field: Field, body: Body, state: RigidState, occupancy: Oc
 def _first_fit(
     field: Field, body: Body, states: tuple[RigidState, ...], occupancy: OccupancyMap, near: RigidState
 ) -> RigidState | None:
-    """The first of the states in whose attitude the body fits, at the nearest free voxel, in whole centimetres."""
+    """The first of the states in whose attitude the body fits, at the nearest free voxel, rounded as it is told."""
+    scales, rounding = occupancy.scales, 10**occupancy.scales.decimals
     flat = occupancy.by_heading.shape[-1] == 1  # one height alone: keep it exactly
-    for center in occupancy.nearest_free_voxels(near.position, _SEARCH_REACH)[:_CANDIDATES]:
-        point = (center * 100).round() / 100
+    for center in occupancy.nearest_free_voxels(near.position, scales.search)[:_CANDIDATES]:
+        point = (center * rounding).round() / rounding
         if flat:
             point[2] = near.position[2]
         if field.box.contains(point):
             for there in (replace(state, position=point) for state in states):
-                if fits(field, body, there, occupancy.config.threshold):
+                if fits(field, body, there, scales.threshold):
                     return there
     return None
 
 
-def _advice(state: RigidState, nearest: RigidState | None) -> str:
+def _advice(state: RigidState, nearest: RigidState | None, scales: Scales) -> str:
     if nearest is None:
-        return f"and no free point was found within {_SEARCH_REACH:g} m"
+        return f"and no free point was found within {scales.search:.3g} m"
     if torch.equal(nearest.rotation, state.rotation):
-        return f"the nearest free point is {_words(nearest.position)}"
+        return f"the nearest free point is {_words(nearest.position, scales.decimals)}"
     heading = so3.yaw_of(nearest.rotation).item()
-    return f"the nearest free pose is {_words(nearest.position)} with a heading of {heading:.2f} rad"
+    return f"the nearest free pose is {_words(nearest.position, scales.decimals)} with a heading of {heading:.2f} rad"
 
 
-def _words(point: Tensor) -> str:
-    return "(" + ", ".join(f"{number:.2f}" for number in point.tolist()) + ")"
+def _words(point: Tensor, decimals: int = 2) -> str:
+    return "(" + ", ".join(f"{number:.{max(2, decimals)}f}" for number in point.tolist()) + ")"

@@ -36,9 +36,9 @@ _TERMS, _SNAP = 8, 4
 class MinSnapConfig:
     """How a path becomes a minimum-snap trajectory."""
 
-    tolerance: float = 0.06
-    """How far from the path the straight lines between its turning points may lie [m]: one and a half voxels of the
-    map. Fewer points give calmer curves that cut corners."""
+    tolerance: float | None = None
+    """How far from the path the straight lines between its turning points may lie [m]; None: one and a half voxels of
+    the map. Fewer points give calmer curves that cut corners."""
     time_steps: int = 30
     """Steps of the search for better times at the turning points; 0 keeps those of easing along the path."""
     weights: CostWeights = field(default_factory=CostWeights)
@@ -67,7 +67,8 @@ def plan_minimum_snap(
     check_ends(problem.field, problem.robot.body, start, goal, occupancy)
     paths = find_paths(occupancy, start, goal, SearchConfig.single())
     path = paths[0] if paths else torch.stack([start.position, goal.position])
-    corners = turning_points(path, config.tolerance)
+    tolerance = occupancy.scales.rounding if config.tolerance is None else config.tolerance
+    corners = turning_points(path, tolerance)
     times = arrival_times(corners, problem.steps, problem.dt)
     times = best_times(corners, times, _with_no_turn(start.velocity, corners), config.time_steps)
     yield through(problem, corners, times, config, PlanOutcome.CONVERGED if paths else PlanOutcome.NO_PATH)

@@ -1,48 +1,67 @@
-"""Where a body fits: the density pooled over the body's size, on a grid coarse enough to search.
+"""Where a body fits: what is dense, pooled over the body's size, on a grid coarse enough to search.
 
-A voxel is occupied where the densest point of a body placed at its centre exceeds a threshold. The map belongs to a
-field and a body: make it once and plan on it many times. A body that is longer than wide has one map for each heading,
-since it may fit through a gap that it must turn for.
+A voxel is occupied where a body placed at its centre would hold something dense: the density exceeds a threshold. The
+map belongs to a field and a body: make it once and plan on it many times. A body that is longer than wide has one map
+for each heading, since it may fit through a gap that it must turn for.
+
+Of a field on a grid all cells are looked at (kernels/maps.py): pooling never makes free what is not. Fields of the
+paper's scale, where specks of a node stand in all free space, and fields that are no grid, are asked at points, as
+finely as the config says; maps of one height at points a quarter of the nodes' distance apart. `OccupancyConfig.exact`
+changes that.
 """
 
 import math
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeGuard
 
 import numpy as np
-import scipy
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.field.evidence import SOLID_DENSITY
+from nerfnav.compiled import default_threads, threads
 from nerfnav.field.field import Field
+from nerfnav.field.grid_field import GridField
 from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import node_positions, shape_for, spacing_of
+from nerfnav.geometry.grid import shape_for, spacing_of
+from nerfnav.memory import require_memory
+from nerfnav.planner.columns import flat_box, layer_columns, marked_columns, sampled_columns
+from nerfnav.planner.kernels import maps
+from nerfnav.planner.scales import PAPERS_GRAIN, Scales, scales_of
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 
-_POINTS_AT_ONCE = 1 << 17
+_BYTES, _BYTES_BY_HEADING = 4, 34
+"""What a voxel takes, at most, while a map is made and searched: columns, and for each heading its state, its price
+twice, and what a search notes."""
 
 
 @dataclass(frozen=True)
 class OccupancyConfig:
-    """How a field becomes a map."""
+    """How a field becomes a map; what is None follows from the place and the body (see Scales)."""
 
-    threshold: float = SOLID_DENSITY
+    threshold: float | None = None
     """Density above which a place counts as occupied [1/m]."""
-    voxel: float = 0.04
-    """Edge of a voxel [m]: about half a body."""
+    voxel: float | None = None
+    """Edge of a voxel [m]."""
     samples_per_voxel: int = 2
-    """Densities taken along each edge of a voxel."""
-    clearance: float = 0.1
+    """Columns along each horizontal edge of a voxel, and densities of a field that is no grid along each edge."""
+    clearance: float | None = None
     """Distance to occupied space [m] beyond which a path has no reason to keep off further."""
     clearance_weight: float = 1.0
     """How much dearer than open space a metre along a wall is."""
     slender: float = 1.5
     """A body whose length and width differ by more than this factor gets a map for each heading."""
-    headings: int = 8
+    headings: int | None = None
     """Headings over half a turn for such a body; a box turned by half a turn covers the same."""
+    exact: bool | None = None
+    """Whether whatever is dense in a grid counts, however small; None: where nodes are more than 17 mm apart."""
+
+    def scales(self, field: Field, body: Body) -> Scales:
+        """The scales of a body in a field, with what this says."""
+        return scales_of(field, body, self.voxel, self.threshold)
 
 
 @dataclass(frozen=True)
@@ -55,24 +74,58 @@ class OccupancyMap:
     """Whether a body at the voxel's centre, heading i pi / m, would be in dense space; m = 1: whatever its heading."""
     config: OccupancyConfig
     """What it was made with."""
+    scales: Scales
+    """The lengths that it was made with, and that searches on it have."""
+    found: dict[tuple[object, ...], list[np.ndarray]] | None = field(default=None, compare=False, repr=False)
+    """Ways that were found on it last, by what was asked (see astar.py); None where every search is made anew."""
 
     @classmethod
     def of(
         cls, field: Field, body: Body, config: OccupancyConfig | None = None, height: float | None = None
     ) -> "OccupancyMap":
-        """Ask `field` for its density on a grid and pool it over the size of `body`.
+        """Ask `field` where it is dense, and pool that over the size of `body`.
 
-        With a `height` [m], the map has only the voxels at that height, for a body that never leaves it.
+        With a `height` [m], the map has only the voxels at that height, for a body that never leaves it. Raises
+        InvalidInputError where the memory cannot hold the map, before it is made.
         """
         config = OccupancyConfig() if config is None else config
+        scales, box = config.scales(field, body), field.box.to("cpu")
+        shape = shape_for(box, scales.voxel)
+        exact = _is_exact(field, config)
+        headings = _headings(config, scales)
+        _require_room(box, shape if height is None else (*shape[:2], 1), scales, len(headings))
+        parts = config.samples_per_voxel
         if height is None:
-            box, dense = field.box.to("cpu"), _dense_columns(field, body, config)
+            columns = (
+                marked_columns(field, body, scales, parts) if exact and isinstance(field, GridField)
+                else sampled_columns(field, body, scales, parts)
+            )  # fmt: skip
         else:
-            box = _flat(field.box.to("cpu"), height)
-            dense = _dense_layer(field, body, config, height)
-        nx, ny, _ = dense.shape
-        spacing = spacing_of(box, (nx, ny, 2))
-        return cls(box, _by_heading(dense, spacing, body, config), config)
+            parts = max(parts, math.ceil(4 * scales.voxel / float(field.spacing.max()) - 1e-6)) if exact else parts
+            columns, box = layer_columns(field, body, scales, parts, height), flat_box(box, height)
+        marked = np.zeros((len(headings), *shape[:2], columns.shape[2]), np.uint8)
+        spacing = spacing_of(box, (*columns.shape[:2], 2))[:2].double().numpy()
+        outlines = _outlines(body, headings, spacing, exact)
+        with threads(default_threads()):
+            maps.mark_bodies(columns, parts, outlines, spacing, marked)
+        return cls(box, torch.from_numpy(marked.view(bool)), config, scales)
+
+    def remembering(self) -> "OccupancyMap":
+        """The same map, on which one way is not searched twice in a row: for plans that differ in duration alone."""
+        assert len(self.prices), "made here, for both"
+        other = copy(self)
+        object.__setattr__(other, "found", {})
+        return other
+
+    def is_of(self, height: float) -> bool:
+        """Whether this is the map of one height [m], to rounding."""
+        flat = self.by_heading.shape[-1] == 1
+        return flat and abs(self.box.lower[2].item() - height) <= 1e-6 * (1 + abs(height))
+
+    @property
+    def clearance(self) -> float:
+        """Distance to occupied space beyond which a path has no reason to keep off further [m]."""
+        return self.scales.clearance if self.config.clearance is None else self.config.clearance
 
     @cached_property
     def occupied(self) -> Bool[Tensor, "nx ny nz"]:
@@ -83,20 +136,17 @@ class OccupancyMap:
     def spacing(self) -> Float[Tensor, "3"]:
         """Distance of voxel centres along x, y, z [m]."""
         counts = torch.tensor(self.by_heading.shape[1:]) - 1
-        return torch.where(counts > 0, self.box.size / counts.clamp_min(1), self.config.voxel)
+        return torch.where(counts > 0, self.box.size / counts.clamp_min(1), self.scales.voxel)
 
     @cached_property
     def prices(self) -> np.ndarray:
         """What a metre costs in each voxel, (m, nx, ny, nz) float64 >= 1: more near walls, infinite inside."""
-        spacing = self.spacing.tolist()
-        return np.stack([self._prices(~occupied.numpy(), spacing) for occupied in self.by_heading])
-
-    def _prices(self, free: np.ndarray, spacing: list[float]) -> np.ndarray:
-        if free.all():  # no distance to speak of
-            return np.ones(free.shape)
-        distance = np.asarray(scipy.ndimage.distance_transform_edt(free, sampling=spacing))
-        near = np.clip(1 - distance / self.config.clearance, 0, None)
-        return np.where(free, 1 + self.config.clearance_weight * near**2, np.inf)
+        spacing = self.spacing.double().numpy()
+        each = [
+            maps.prices_near(occupied.numpy().view(np.uint8), spacing, self.clearance, self.config.clearance_weight)
+            for occupied in self.by_heading
+        ]
+        return each[0][None] if len(each) == 1 else np.stack(each)
 
     def nearest_free_voxels(
         self, point: Float[Tensor, "3"], reach: float, heading: int | None = None
@@ -130,74 +180,46 @@ def body_density(field: Field, body: Body, state: RigidState) -> float:
         return field.density(points).max().item()
 
 
-def _by_heading(dense: Tensor, spacing: Tensor, body: Body, config: OccupancyConfig) -> Tensor:
-    """Columns (fine nx, fine ny, nz) that hold something dense, pooled over the body's outline, (m, nx, ny, nz)."""
-    parts, (length, width, _) = config.samples_per_voxel, body.extents
-    if max(length, width) <= config.slender * min(length, width):
-        across = 0.5 * max(length, width)  # any heading, and what is cut off at the corners costs clearance
-        for axis in (0, 1):
-            dense = _pool(dense, axis, math.ceil(across / spacing[axis].item() - 1e-6))
-        return dense[None, ::parts, ::parts]
-    headings = torch.arange(config.headings) * (torch.pi / config.headings)
-    return torch.stack([_under(dense, spacing, (length, width), heading, parts) for heading in headings.tolist()])
+def _is_exact(field: Field, config: OccupancyConfig) -> TypeGuard[GridField]:
+    """Whether all cells of a field are looked at."""
+    if not isinstance(field, GridField):
+        return False
+    return float(field.spacing.max()) > PAPERS_GRAIN if config.exact is None else config.exact
 
 
-def _under(
-    dense: Tensor, spacing: Tensor, outline: tuple[float, float], heading: float, parts: int
-) -> Bool[Tensor, "nx ny nz"]:
-    """Whether a rectangle (length, width) [m] with a heading [rad], at every `parts`-th column, holds a dense one."""
-    reach = [math.ceil(0.5 * math.hypot(*outline) / step) for step in spacing[:2].tolist()]
-    padded = torch.nn.functional.pad(dense, (0, 0, reach[1], reach[1], reach[0], reach[0]))
-    offsets = torch.cartesian_prod(*(torch.arange(-far, far + 1) for far in reach))
-    x, y = (offsets * spacing[:2]).unbind(-1)
-    along, across = x * math.cos(heading) + y * math.sin(heading), y * math.cos(heading) - x * math.sin(heading)
-    slack = 0.5 * spacing[:2].max()  # a column stands for what is half a column around it
-    inside = (along.abs() <= 0.5 * outline[0] + slack) & (across.abs() <= 0.5 * outline[1] + slack)
-    nx, ny, _ = dense.shape
-    found = torch.zeros_like(dense[::parts, ::parts])
-    for i, j in (offsets[inside] + torch.tensor(reach)).tolist():
-        found |= padded[i : i + nx : parts, j : j + ny : parts]
-    return found
+def _headings(config: OccupancyConfig, scales: Scales) -> list[float]:
+    """The headings that maps are made for [rad]; a single one where a body is about as long as wide."""
+    if scales.length <= config.slender * scales.width:
+        return [0.0]
+    count = scales.headings if config.headings is None else config.headings
+    return [heading * math.pi / count for heading in range(count)]
 
 
-def _dense_columns(field: Field, body: Body, config: OccupancyConfig) -> Bool[Tensor, "fx fy nz"]:
-    """Whether anything over the body's height around a voxel's is dense; x and y as fine as densities are taken."""
-    parts, box = config.samples_per_voxel, field.box.to("cpu")
-    nx, ny, nz = ((count - 1) * parts + 1 for count in shape_for(box, config.voxel))
-    density = _density_at(field, node_positions(box, (nx, ny, nz)))
-    step = spacing_of(box, (nx, ny, nz))[2].item()
-    pooled = _pool(density, 2, math.ceil(0.5 * body.extents[2] / step - 1e-6))
-    return pooled[..., ::parts] > config.threshold
+def _outlines(
+    body: Body, headings: list[float], spacing: Float[np.ndarray, "2"], exact: bool
+) -> Float[np.ndarray, "m 3"]:
+    """Half length and half width [m] over which columns count, and heading [rad], of the body in each of its maps.
+
+    A column `spacing` [m] from the next stands for what is half a column around it.
+    """
+    length, width, _ = body.extents
+    if len(headings) == 1:  # any heading, and what is cut off at the corners costs clearance
+        half = 0.5 * max(length, width)
+        x, y = (half + 0.5 * step if exact else step * math.ceil(half / step - 1e-6) for step in spacing.tolist())
+        return np.array([[x, y, 0.0]])
+    rows = []
+    for heading in headings:
+        cosine, sine = abs(math.cos(heading)), abs(math.sin(heading))
+        ahead, aside = spacing @ [cosine, sine], spacing @ [sine, cosine]
+        slack = (ahead, aside) if exact else (spacing.max(), spacing.max())
+        rows.append([0.5 * (length + slack[0]), 0.5 * (width + slack[1]), heading])
+    return np.array(rows)
 
 
-def _dense_layer(field: Field, body: Body, config: OccupancyConfig, height: float) -> Bool[Tensor, "fx fy 1"]:
-    """The same for one height [m], exactly over the height of the body's points."""
-    parts, box = config.samples_per_voxel, field.box.to("cpu")
-    nx, ny, _ = ((count - 1) * parts + 1 for count in shape_for(box, config.voxel))
-    levels = height + body.points_body[:, 2].unique()
-    flat = node_positions(_flat(box, 0.0), (nx, ny, 1)).expand(nx, ny, len(levels), 3).clone()
-    flat[..., 2] = levels
-    return (_density_at(field, flat) > config.threshold).any(-1, keepdim=True)
-
-
-def _flat(box: Box, height: float) -> Box:
-    lower, upper = box.lower.clone(), box.upper.clone()
-    lower[2] = upper[2] = height
-    return Box(lower, upper)
-
-
-@torch.no_grad()
-def _density_at(field: Field, points: Float[Tensor, "nx ny nz 3"]) -> Float[Tensor, "nx ny nz"]:
-    like = field.box.lower
-    parts = points.reshape(-1, 3).split(_POINTS_AT_ONCE)
-    return torch.cat([field.density(part.to(like)).cpu() for part in parts]).reshape(points.shape[:-1])
-
-
-def _pool(values: Tensor, axis: int, reach: int) -> Tensor:
-    """The largest value within `reach` nodes along an axis."""
-    if reach == 0:
-        return values
-    moved = values.movedim(axis, -1)
-    rows = moved.reshape(1, -1, moved.shape[-1]).float()
-    pooled = torch.nn.functional.max_pool1d(rows, 2 * reach + 1, stride=1, padding=reach)
-    return pooled.reshape(moved.shape).movedim(-1, axis).to(values)
+def _require_room(box: Box, shape: tuple[int, int, int], scales: Scales, headings: int) -> None:
+    """Refuse a map that the memory cannot hold."""
+    needed = math.prod(shape) * (_BYTES + _BYTES_BY_HEADING * headings)
+    size = " x ".join(f"{edge:.3g}" for edge in box.size.tolist())
+    require_memory(
+        needed, f"a map of {size} m with voxels of {scales.voxel:.3g} m", "choose a larger voxel of the occupancy map"
+    )

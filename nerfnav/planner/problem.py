@@ -10,11 +10,12 @@ from torch import Tensor
 
 from nerfnav.field.field import Field
 from nerfnav.planner import terms
-from nerfnav.planner.astar import SearchConfig, find_paths, smooth_path, waypoints_along
+from nerfnav.planner.astar import TURN, SearchConfig, find_paths, lengths, smooth_path, waypoints_along
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_ends, check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.route import Route
+from nerfnav.planner.scales import Scales
 from nerfnav.planner.terms.evaluate import Evaluated, evaluate
 from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.planner.trajectory import Trajectory
@@ -104,26 +105,43 @@ def ways_between(
     straight = torch.stack([problem.start.position, problem.goal.position])
     if initial is InitialGuess.STRAIGHT:
         return FirstGuesses((_along(problem, straight),), True)
-    found = find_paths(occupancy, problem.start, problem.goal, search)
+    found, scales = find_paths(occupancy, problem.start, problem.goal, search), occupancy.scales
     if not found:
         return FirstGuesses((_along(problem, straight),), False)
-    paths = [smooth_path(found[0], rounding) for rounding in search.roundings]
-    paths += [smooth_path(path, search.roundings[0]) for path in found[1:]]
+    first, *others = (scales.rounding * rounding for rounding in search.roundings)
+    paths = [_smooth(path, first, scales) for path in found]
+    paths[1:1] = [_smooth(found[0], rounding, scales) for rounding in others]
     paths += [straight] if search.straight else []
-    return FirstGuesses(tuple(_along(problem, path) for path in paths), True)
+    return FirstGuesses(tuple(_along(problem, path, scales.turn) for path in paths), True)
+
+
+def way_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> float:
+    """Length of the shortest way from start to goal [m], turns included; of the straight line where there is none."""
+    found = find_paths(occupancy, problem.start, problem.goal, search)
+    if found:
+        scales = occupancy.scales
+        return lengths(_smooth(found[0], scales.rounding, scales), scales.turn).sum().item()
+    return (problem.goal.position - problem.start.position).norm().item()
 
 
 def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:
     """The map to search on: of the start's height alone for a robot that never leaves it."""
     config = occupancy if isinstance(occupancy, OccupancyConfig) else occupancy.config
     if problem.robot.planar:
-        return OccupancyMap.of(problem.field, problem.robot.body, config, problem.start.position[2].item())
+        height = problem.start.position[2].item()
+        if isinstance(occupancy, OccupancyMap) and occupancy.is_of(height):
+            return occupancy
+        return OccupancyMap.of(problem.field, problem.robot.body, config, height)
     if isinstance(occupancy, OccupancyMap):
         return occupancy
     return OccupancyMap.of(problem.field, problem.robot.body, config)
 
 
-def _along(problem: PlanProblem, path: Float[Tensor, "n c"]) -> Trajectory:
-    waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps)
+def _smooth(path: Float[Tensor, "n c"], rounding: float, scales: Scales) -> Float[Tensor, "m c"]:
+    return smooth_path(path, rounding, scales.turn, scales.path_step)
+
+
+def _along(problem: PlanProblem, path: Float[Tensor, "n c"], turn: float = TURN) -> Trajectory:
+    waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps, turn)
     free = problem.robot.encode(waypoints, problem.start, problem.goal, problem.dt)
     return Trajectory(free, problem.route)

@@ -34,8 +34,11 @@ from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion
 
-_LEAVING, _LEAVING_STEP = 0.16, 0.02
-"""How far from an end [m] a place for the ball is looked for, and how finely."""
+_LEAVING, _LEAVING_STEP = 2.2, 0.275
+"""How far from an end a place for the ball is looked for, and how finely, in radii of the ball."""
+_BRANCH, _CHECKS = 2.7, 0.135
+"""Longest branch, and distance of the points at which one is checked, in radii of the ball: 20 cm and 1 cm for the
+paper's robot."""
 
 
 @dataclass(frozen=True)
@@ -46,16 +49,16 @@ class RRTConfig:
     """Of the tree's random points, at least 1."""
     time_limit: float = 5.0
     """Longest search [s]."""
-    reach: float = 0.2
-    """Longest branch [m]."""
+    reach: float | None = None
+    """Longest branch [m]; None: as the ball is large."""
     goal_bias: float = 0.05
     """Share of the branches that aim at the goal."""
-    resolution: float = 0.01
-    """Distance of the points at which a branch is checked [m]."""
-    mesh_spacing: float = 0.02
-    """Distance of the samples that the mesh is made from [m]."""
-    mesh_level: float = 5.0
-    """Density of the mesh's surface [1/m]: above it a place counts as occupied, as on the map of A*."""
+    resolution: float | None = None
+    """Distance of the points at which a branch is checked [m]; None: as the ball is large."""
+    mesh_spacing: float | None = None
+    """Distance of the samples that the mesh is made from [m]; None: half a voxel of maps (see Scales)."""
+    mesh_level: float | None = None
+    """Density of the mesh's surface [1/m], above which a place counts as occupied; None: as on maps."""
     weights: CostWeights = field(default_factory=CostWeights)
     """What the terms of J weigh; J is reported only."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
@@ -128,7 +131,10 @@ def _(robot: Quadrotor, problem: PlanProblem, waypoints: Float[Tensor, "times 4"
 
 def ball_check(field: Field, robot: Robot, config: RRTConfig) -> BallCheck:
     """Whether a ball around the robot touches the field's surface; takes longer to make than most searches."""
-    return BallCheck(field_mesh(field, config.mesh_spacing, config.mesh_level), robot.body.radius)
+    scales = config.occupancy.scales(field, robot.body)
+    spacing = 0.5 * scales.voxel if config.mesh_spacing is None else config.mesh_spacing
+    level = scales.threshold if config.mesh_level is None else config.mesh_level
+    return BallCheck(field_mesh(field, spacing, level), robot.body.radius)
 
 
 def grow(
@@ -153,7 +159,7 @@ def room_near(check: BallCheck, box: Box, point: Float[Tensor, "3"]) -> np.ndarr
     """The nearest point at which the ball fits [m]; None where there is none within reach."""
     center = point.double().numpy()
     reach = round(_LEAVING / _LEAVING_STEP)
-    axis = _LEAVING_STEP * np.arange(-reach, reach + 1)
+    axis = check.radius * _LEAVING_STEP * np.arange(-reach, reach + 1)
     offsets = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     lower, upper = box.lower.double().numpy(), box.upper.double().numpy()
     for offset in offsets[np.argsort(np.linalg.norm(offsets, axis=-1), kind="stable")]:
@@ -174,14 +180,15 @@ def _tree(check: BallCheck, box: Box, ends: tuple[np.ndarray, np.ndarray], confi
     space.setBounds(bounds)
     setup = geometric.SimpleSetup(space)
     setup.setStateValidityChecker(lambda state: check.fits(np.array([state[0], state[1], state[2]])))
-    setup.getSpaceInformation().setStateValidityCheckingResolution(config.resolution / space.getMaximumExtent())
+    resolution = _CHECKS * check.radius if config.resolution is None else config.resolution
+    setup.getSpaceInformation().setStateValidityCheckingResolution(resolution / space.getMaximumExtent())
     states = [space.allocState() for _ in ends]
     for state, end in zip(states, ends, strict=True):
         for axis in range(3):
             state[axis] = float(end[axis])
-    setup.setStartAndGoalStates(*states, config.resolution)
+    setup.setStartAndGoalStates(*states, resolution)
     planner = geometric.RRT(setup.getSpaceInformation())
-    planner.setRange(config.reach)
+    planner.setRange(_BRANCH * check.radius if config.reach is None else config.reach)
     planner.setGoalBias(config.goal_bias)
     setup.setPlanner(planner)
     setup.solve(config.time_limit)

@@ -7,6 +7,7 @@ founded on proofs, if `field` is the one to plan in: where space is proven free 
 was learned there, and what is unproven counts as solid.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.field.evidence import raw_of
 from nerfnav.field.field import Field
+from nerfnav.field.grid_field import GridField
 from nerfnav.planner.costs import body_points_world, collision_per_step, collision_probability_bound, point_exposure
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.planner.kernels.nearest import nearest_dense
 from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.scales import scales_of
 from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome
 from nerfnav.robots.body import Body
 from nerfnav.robots.limits import limit_uses
@@ -27,6 +31,7 @@ from nerfnav.robots.state import Motion
 _CERTAIN = 1.0
 """Hits to be expected along the way of one body point."""
 _BISECTIONS = 12
+_MOST_SAMPLES = 4_000_000
 NEAR_CERTAIN = 0.5
 """Bound on the probability of a collision from which nobody should be told that a plan is good: as likely as not."""
 
@@ -37,12 +42,19 @@ class SafetyConfig:
 
     samples_per_step: int = 3
     """Densities taken along each body point's way through a step."""
-    threshold: float = OccupancyConfig.threshold
-    """Density of the level set that clearance is measured to [1/m]."""
-    reach: float = 0.5
-    """How far around the plan dense space is looked for [m]."""
-    voxel: float = 0.02
-    """Distance of the densities that are looked at [m]: nothing thinner is sure to be seen."""
+    threshold: float | None = None
+    """Density of the level set that clearance is measured to [1/m]; None: that of maps."""
+    reach: float | None = None
+    """How far around the plan dense space is looked for [m]; None: five bodies."""
+    voxel: float | None = None
+    """Distance of the densities that are looked at [m] in a field that is no grid: nothing thinner is sure to be seen
+    there. None: half a voxel of maps. Of a grid, all nodes are looked at."""
+
+    def lengths(self, field: Field, body: Body) -> tuple[float, float, float]:
+        """Threshold [1/m], reach and voxel [m] for a body in a field."""
+        scales = scales_of(field, body, threshold=self.threshold)
+        reach = scales.reach if self.reach is None else self.reach
+        return scales.threshold, reach, 0.5 * scales.voxel if self.voxel is None else self.voxel
 
 
 @dataclass(frozen=True)
@@ -72,27 +84,52 @@ def safety_of(field: Field, motion: Motion, body: Body, config: SafetyConfig | N
 @torch.no_grad()
 def clearance_of(field: Field, motion: Motion, body: Body, config: SafetyConfig) -> float | None:
     """Smallest distance of body points from the level set rho = threshold [m], None where none is within reach."""
+    threshold, reach, voxel = config.lengths(field, body)
     points = body_points_world(motion, body).reshape(-1, 3).to(field.box.lower)
-    if (field.density(points) > config.threshold).any():
+    if (field.density(points) > threshold).any():
         return 0.0
-    lower = torch.maximum(points.amin(0) - config.reach, field.box.lower)
-    upper = torch.minimum(points.amax(0) + config.reach, field.box.upper)
-    axes = [torch.arange(low, high, config.voxel) for low, high in zip(lower.tolist(), upper.tolist(), strict=True)]
-    nodes = torch.cartesian_prod(*axes).to(points)
-    dense = nodes[field.density(nodes) > config.threshold]
-    if len(dense) == 0:
+    if isinstance(field, GridField):
+        voxel = float(field.spacing.max())
+        distance, solid = _nearest_nodes(field, points, threshold, reach)
+    else:
+        distance, solid = _nearest_samples(field, points, threshold, reach, voxel)
+    if not torch.isfinite(distance).any():
         return None
-    tree = scipy.spatial.KDTree(dense.cpu().numpy())
-    distance, index = tree.query(points.cpu().numpy(), distance_upper_bound=config.reach)
-    near = torch.from_numpy(np.flatnonzero(distance <= distance.min() + config.voxel))
-    if not np.isfinite(distance.min()):
-        return None
-    free, solid = points[near.to(points.device)], dense[torch.from_numpy(index)[near].to(points.device)]
+    near = distance <= distance.min() + voxel
+    start, free, solid = points[near], points[near], solid[near]
     for _ in range(_BISECTIONS):  # where the way to the nearest dense node enters the level set
         middle = 0.5 * (free + solid)
-        inside = (field.density(middle) > config.threshold)[:, None]
+        inside = (field.density(middle) > threshold)[:, None]
         free, solid = torch.where(inside, free, middle), torch.where(inside, middle, solid)
-    return (free - points[near.to(points.device)]).norm(dim=-1).min().item()
+    return (free - start).norm(dim=-1).min().item()
+
+
+def _nearest_nodes(field: GridField, points: Tensor, threshold: float, reach: float) -> tuple[Tensor, Tensor]:
+    """Distance [m] and place of the nearest dense node of a grid; infinite where another point is clearly nearer."""
+    at = points.double().cpu().numpy()
+    nodes, slack = np.zeros_like(at), float(field.spacing.max())
+    distance = nearest_dense(*field.kernel_grid, raw_of(threshold), at, reach, slack, nodes)
+    return torch.from_numpy(distance).to(points), torch.from_numpy(nodes).to(points)
+
+
+def _nearest_samples(
+    field: Field, points: Tensor, threshold: float, reach: float, voxel: float
+) -> tuple[Tensor, Tensor]:
+    """The same among samples `voxel` [m] apart, some points after the other where they spread over much space."""
+    lower = torch.maximum(points.amin(0) - reach, field.box.lower)
+    upper = torch.minimum(points.amax(0) + reach, field.box.upper)
+    axes = [torch.arange(low, high, voxel) for low, high in zip(lower.tolist(), upper.tolist(), strict=True)]
+    if math.prod(len(axis) for axis in axes) > _MOST_SAMPLES and len(points) > 1:
+        parts = [_nearest_samples(field, part, threshold, reach, voxel) for part in points.tensor_split(2)]
+        distances, places = zip(*parts, strict=True)
+        return torch.cat(distances), torch.cat(places)
+    nodes = torch.cartesian_prod(*axes).to(points)
+    dense = nodes[field.density(nodes) > threshold]
+    if len(dense) == 0:
+        return points.new_full((len(points),), math.inf), points
+    distance, index = scipy.spatial.KDTree(dense.cpu().numpy()).query(points.cpu().numpy(), distance_upper_bound=reach)
+    found = torch.from_numpy(np.minimum(index, len(dense) - 1)).to(points.device)
+    return torch.from_numpy(distance).to(points), dense[found]
 
 
 def verdict(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanOutcome) -> PlanOutcome:
@@ -125,6 +162,6 @@ def meets_density(problem: PlanProblem, motion: Motion) -> bool:
     One point alone, not the sum of Eq. 1: specks and light fog that all of them pass through bring that above 1 too.
     """
     points = body_points_world(motion, problem.robot.body)
-    if (problem.field.density(points) <= OccupancyConfig.threshold).all():
+    if (problem.field.density(points) <= scales_of(problem.field, problem.robot.body).threshold).all():
         return False
     return point_exposure(problem.field, motion, problem.robot.body).max().item() >= _CERTAIN

@@ -16,6 +16,7 @@ from nerfnav.planner.fast import FastPlanConfig, improve, replan_fast
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem, map_for, ways_between
+from nerfnav.planner.scales import scales_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.state import ATTITUDE, POSITION, Motion
@@ -25,8 +26,8 @@ from nerfnav.robots.state import ATTITUDE, POSITION, Motion
 class WarmStartConfig:
     """When a plan is given up and made anew."""
 
-    drift_m: float = 0.05
-    """How far from the goal the last plan may end [m]."""
+    drift_m: float | None = None
+    """How far from the goal the last plan may end [m]; None: half the robot's width."""
     drift_rad: float = 0.2
     """How much its last heading may differ from the goal's [rad]."""
     rise: float = 2.0
@@ -93,7 +94,8 @@ def _anew(
 
 def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> Restart | None:
     apart = last.states[-1].local(problem.goal)
-    if apart[POSITION].norm() > warm.drift_m or apart[ATTITUDE].norm() > warm.drift_rad:
+    drift = scales_of(problem.field, problem.robot.body).drift if warm.drift_m is None else warm.drift_m
+    if apart[POSITION].norm() > drift or apart[ATTITUDE].norm() > warm.drift_rad:
         return Restart.GOAL_MOVED
     return None
 

@@ -12,6 +12,7 @@ from nerfnav import robots
 from nerfnav.planner.astar import (
     SearchConfig,
     calm,
+    cheapest_path,
     ease,
     find_path,
     find_paths,
@@ -19,12 +20,13 @@ from nerfnav.planner.astar import (
     smooth_path,
     waypoints_along,
 )
-from nerfnav.planner.kernels.search import cheapest_path
+from nerfnav.planner.kernels.search import costs_to
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, Wall, ball
 
 COARSE = OccupancyConfig(voxel=0.05)
+UNGUIDED = np.zeros((0, 0, 0))
 
 
 def dijkstra(prices: np.ndarray, start: tuple[int, ...], goal: tuple[int, ...]) -> float:
@@ -56,7 +58,7 @@ def test_no_path_is_cheaper_than_the_one_found(seed: int):
     prices[generator.random(prices.shape) < 0.4] = np.inf
     start, goal = (0, 0, 0), (8, 7, 6)
     prices[start] = prices[goal] = 1
-    path = cheapest_path(prices[None], np.array([0, *start]), np.array([0, *goal]), 0.0, 1.0)[:, 1:]
+    path = cheapest_path(prices[None], (np.array([0, *start]), np.array([0, *goal])), 0.0, 1.0, UNGUIDED)[:, 1:]
     expected = dijkstra(prices, start, goal)
     if math.isinf(expected):
         assert len(path) == 0
@@ -67,7 +69,8 @@ def test_no_path_is_cheaper_than_the_one_found(seed: int):
 
 
 def test_a_path_from_a_voxel_to_itself_is_that_voxel():
-    path = cheapest_path(np.ones((1, 3, 3, 3)), np.array([0, 1, 1, 1]), np.array([0, 1, 1, 1]), 0.0, 1.0)
+    node = np.array([0, 1, 1, 1])
+    path = cheapest_path(np.ones((1, 3, 3, 3)), (node, node), 0.0, 1.0, UNGUIDED)
     assert path.tolist() == [[0, 1, 1, 1]]
 
 
@@ -156,8 +159,26 @@ def test_greed_finds_a_way_that_is_at_most_so_much_dearer():
     generator = np.random.default_rng(3)
     prices = 1 + 4 * generator.random((1, 14, 13, 12))
     ends = np.array([0, 0, 0, 0]), np.array([0, 13, 12, 11])
-    best, quick = (cost_of(cheapest_path(prices, *ends, 0.0, greed)[:, 1:], prices[0]) for greed in (1.0, 1.5))
+    best, quick = (
+        cost_of(cheapest_path(prices, ends, 0.0, greed, UNGUIDED)[:, 1:], prices[0]) for greed in (1.0, 1.5)
+    )
     assert best <= quick <= 1.5 * best
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_coarse_map_guides_to_the_cheapest_way(seed: int):
+    generator = np.random.default_rng(seed)
+    prices = np.ones((1, 42, 31, 18))
+    for wall in (10, 20, 30):  # each with one hole
+        prices[0, wall] = np.inf
+        y, z = generator.integers(2, 28), generator.integers(2, 15)
+        prices[0, wall, y : y + 2, z : z + 2] = 1
+    ends = np.array([0, 1, 1, 1]), np.array([0, 40, 29, 16])
+    straight, guided = (
+        cost_of(cheapest_path(prices, ends, 0.0, 1.0, guide)[:, 1:], prices[0])
+        for guide in (UNGUIDED, costs_to(prices, ends[1]))
+    )
+    assert guided == pytest.approx(straight, rel=1e-3)
 
 
 def test_later_ways_keep_off_the_ones_before_them():

@@ -81,7 +81,7 @@ def test_a_long_body_across_a_corridor_is_told_to_turn():
     across = RigidState.at_rest((0.0, 0.5, 0.4), torch.pi / 2)
     pose = nearest_free_pose(corridor, couch.body, across, occupancy)
     assert pose is not None and pose.position[2] == across.position[2]
-    assert body_density(corridor, couch.body, pose) <= occupancy.config.threshold
+    assert body_density(corridor, couch.body, pose) <= occupancy.scales.threshold
     assert torch.sin(so3.yaw_of(pose.rotation)).abs() < 0.5
     with pytest.raises(OccupiedError, match=r"the nearest free pose is .* with a heading of -?\d\.\d\d rad"):
         check_ends(corridor, couch.body, across, across, occupancy)

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from nerfnav.field.evidence import SOLID_DENSITY
 from nerfnav.planner.costs import collision_per_step
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.safety import SafetyConfig, clearance_of, safety_of, verdict
@@ -32,8 +33,8 @@ def test_a_bound_is_at_most_one():
 def test_the_clearance_is_the_distance_from_the_level_set():
     away = torch.linspace(0.2, 0.4, 2001)
     density = ball().density(torch.stack([torch.zeros(2001), away, torch.full((2001,), 0.4)], -1))
-    radius = away[density > SafetyConfig().threshold].max().item()  # a little more than 0.25: its edge is soft
-    found = clearance_of(ball(), PAST, POINT, SafetyConfig())
+    radius = away[density > SOLID_DENSITY].max().item()  # a little more than 0.25: its edge is soft
+    found = clearance_of(ball(), PAST, POINT, SafetyConfig(reach=0.5))
     assert found == pytest.approx(0.4 - radius, abs=0.015)
     assert clearance_of(ball(), PAST, ROBOT.body, SafetyConfig()) < found
     assert clearance_of(ball(), THROUGH, POINT, SafetyConfig()) == 0.0

@@ -9,7 +9,14 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel, prange
-from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, corner_weights, interpolate, softplus
+from nerfnav.field.kernels.cells import (
+    NEGLIGIBLE_RAW,
+    corner_weights,
+    interpolate,
+    node_counts,
+    part_of,
+    softplus,
+)
 from nerfnav.field.kernels.march import CHUNK, grid_ray, locate, next_sample, sample_count, scratch
 from nerfnav.field.kernels.views import SIDE, cube_count, cube_in_view, in_camera, picture_of, position_of, window_of
 
@@ -20,7 +27,7 @@ MOST = 255
 @kernel(parallel=True)
 def reaches(values, occupied, lower, per_meter, origins, directions, scale, step, least_light):
     """Distance [m] (n) at which rays have less than `least_light` of their light left; infinite where they never do."""
-    count, shape = origins.shape[0], values.shape
+    count, shape = origins.shape[0], node_counts(values, lower)
     distances = np.full(count, np.inf, np.float32)
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         start, slope, cell, fraction, weights = scratch()
@@ -36,8 +43,9 @@ def reaches(values, occupied, lower, per_meter, origins, directions, scale, step
                     index = following
                     continue
                 index += 1
+                part, i, j, k = part_of(values, occupied, cell[0], cell[1], cell[2])
                 corner_weights(fraction[0], fraction[1], fraction[2], weights)
-                raw = interpolate(values, 0, cell[0], cell[1], cell[2], weights)
+                raw = interpolate(part, 0, i, j, k, weights)
                 if raw < NEGLIGIBLE_RAW:
                     continue
                 light *= np.float32(math.exp(-scale * softplus(raw) * step))

@@ -1,4 +1,10 @@
-"""Where a point lies in the grid, what the grid says there, and how a ray crosses it."""
+"""Where a point lies in the grid, what the grid says there, and how a ray crosses it.
+
+A grid is dense, values (nx, ny, nz, channels) with `occupied` (bx, by, bz) telling which blocks of 4 x 4 x 4 cells hold
+anything; or in bricks, values (bricks, 5, 5, 5, channels) with the nodes of those blocks alone, borders included, where
+`occupied` has each block's brick, 0 for the empty one. Which it is, is known when a kernel is compiled: a dense grid
+pays nothing for it.
+"""
 
 import math
 
@@ -10,6 +16,24 @@ BLOCK_SHIFT = 2
 """Blocks of the occupancy have 2**BLOCK_SHIFT cells along each side."""
 NEGLIGIBLE_RAW = np.float32(-16.0)
 """softplus below this is under 1.2e-7: no density."""
+
+
+@kernel(inline=True)
+def node_counts(values, lower):
+    """Numbers of nodes along x, y, z; of a grid in bricks they stand behind the corner in `lower` (6)."""
+    if values.ndim == 5:
+        return int(lower[3]), int(lower[4]), int(lower[5])
+    return values.shape[0], values.shape[1], values.shape[2]
+
+
+@kernel(inline=True)
+def part_of(values, occupied, i, j, k):
+    """The dense values that hold cell (i, j, k), and its index in them: all, or the brick of its block."""
+    if values.ndim == 5:
+        inner = (1 << BLOCK_SHIFT) - 1
+        slot = occupied[i >> BLOCK_SHIFT, j >> BLOCK_SHIFT, k >> BLOCK_SHIFT]
+        return values[slot], i & inner, j & inner, k & inner
+    return values, i, j, k
 
 
 @kernel(inline=True)

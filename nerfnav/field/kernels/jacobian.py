@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel, prange
-from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, sigmoid, softplus
+from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, node_counts, part_of, sigmoid, softplus
 from nerfnav.field.kernels.march import CHUNK, STOPPED, grid_ray, locate, next_sample, sample_count, scratch
 
 
@@ -23,7 +23,7 @@ from nerfnav.field.kernels.march import CHUNK, STOPPED, grid_ray, locate, next_s
 def values_and_slopes(values, cell, fraction, per_meter, mixed):
     """Fill `mixed` (channels, 4): value and gradient [1/m] of each channel between the 8 corners of a cell."""
     one = np.float32(1.0)
-    i, j, k = cell[0], cell[1], cell[2]
+    i, j, k = cell
     x, y, z = fraction[0], fraction[1], fraction[2]
     for channel in range(4):
         near00, far00 = values[i, j, k, channel], values[i, j, k + 1, channel]
@@ -87,7 +87,7 @@ def finish_ray(sums, light, background, direction, color, jacobian):
 def colors_and_jacobian(values, occupied, lower, per_meter, origins, directions, scale, step, background):
     """Colours (n, 3) of rays and their derivatives (n, 3, 6) by d(centre) [1/m] and d(turn) [1/rad]."""
     count = origins.shape[0]
-    shape = values.shape
+    shape = node_counts(values, lower)
     colors = np.empty((count, 3), np.float32)
     jacobians = np.empty((count, 3, 6), np.float32)
     for chunk in prange((count + CHUNK - 1) // CHUNK):
@@ -106,7 +106,8 @@ def colors_and_jacobian(values, occupied, lower, per_meter, origins, directions,
                     index = following
                     continue
                 index += 1
-                values_and_slopes(values, cell, fraction, per_meter, mixed)
+                part, i, j, k = part_of(values, occupied, cell[0], cell[1], cell[2])
+                values_and_slopes(part, (i, j, k), fraction, per_meter, mixed)
                 if mixed[0, 0] >= NEGLIGIBLE_RAW:
                     light = add_sample(mixed, scale, step, distance, light, sums)
             finish_ray(sums, light, background, directions[ray], colors[ray], jacobians[ray])

@@ -17,6 +17,8 @@ from nerfnav.field.kernels.cells import (
     cell_of,
     corner_weights,
     interpolate,
+    node_counts,
+    part_of,
     slab,
     softplus,
 )
@@ -82,7 +84,8 @@ def scratch():
 @kernel(parallel=True)
 def render(values, occupied, lower, per_meter, origins, directions, scale, step, background, outer):
     """Colour (n, 3), opacity (n) and mean depth (n) of rays; `outer` (m, m, m, 4) are the surroundings, m = 0: none."""
-    count, shape = origins.shape[0], values.shape
+    count = origins.shape[0]
+    shape = node_counts(values, lower)
     colors = np.empty((count, 3), np.float32)
     opacities, depths = np.empty(count, np.float32), np.empty(count, np.float32)
     for chunk in prange((count + CHUNK - 1) // CHUNK):
@@ -100,16 +103,16 @@ def render(values, occupied, lower, per_meter, origins, directions, scale, step,
                     index = following
                     continue
                 index += 1
-                i, j, k = cell[0], cell[1], cell[2]
+                part, i, j, k = part_of(values, occupied, cell[0], cell[1], cell[2])
                 corner_weights(fraction[0], fraction[1], fraction[2], weights)
-                raw = interpolate(values, 0, i, j, k, weights)
+                raw = interpolate(part, 0, i, j, k, weights)
                 if raw < NEGLIGIBLE_RAW:
                     continue
                 through = np.float32(math.exp(-scale * softplus(raw) * step))
                 weight = light * (np.float32(1.0) - through)
-                red += weight * interpolate(values, 1, i, j, k, weights)
-                green += weight * interpolate(values, 2, i, j, k, weights)
-                blue += weight * interpolate(values, 3, i, j, k, weights)
+                red += weight * interpolate(part, 1, i, j, k, weights)
+                green += weight * interpolate(part, 2, i, j, k, weights)
+                blue += weight * interpolate(part, 3, i, j, k, weights)
                 depth += weight * distance
                 light *= through
             seen[0], seen[1], seen[2], seen[3] = red, green, blue, depth
@@ -129,7 +132,7 @@ def significant_samples(values, occupied, lower, per_meter, origins, directions,
     A ray with more of them than `capacity` reports its true count, so that the caller can ask again.
     """
     count = origins.shape[0]
-    shape = values.shape
+    shape = node_counts(values, lower)
     distances = np.zeros((count, capacity), np.float32)
     counts = np.zeros(count, np.int64)
     for chunk in prange((count + CHUNK - 1) // CHUNK):
@@ -146,8 +149,9 @@ def significant_samples(values, occupied, lower, per_meter, origins, directions,
                     index = following
                     continue
                 index += 1
+                part, i, j, k = part_of(values, occupied, cell[0], cell[1], cell[2])
                 corner_weights(fraction[0], fraction[1], fraction[2], weights)
-                density = scale * softplus(interpolate(values, 0, cell[0], cell[1], cell[2], weights))
+                density = scale * softplus(interpolate(part, 0, i, j, k, weights))
                 if density < least:
                     continue
                 if found < capacity:

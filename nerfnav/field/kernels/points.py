@@ -3,7 +3,7 @@
 import math
 
 from nerfnav.compiled import kernel, prange
-from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
+from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW, node_counts, part_of
 
 CHUNK = 256
 """Points that one thread takes at a time."""
@@ -15,7 +15,7 @@ def density_of_rows(values, occupied, lower, per_meter, scale, points, rows, den
 
     One loop and no call for each point: handing arrays over would take longer than what is done with them.
     """
-    nx, ny, nz, _ = values.shape
+    nx, ny, nz = node_counts(values, lower)
     for n in range(rows[0], rows[1]):
         density[n], gradient[n, 0], gradient[n, 1], gradient[n, 2] = 0.0, 0.0, 0.0, 0.0
         x = (points[n, 0] - lower[0]) * per_meter[0]
@@ -27,11 +27,12 @@ def density_of_rows(values, occupied, lower, per_meter, scale, points, rows, den
         if not occupied[i >> BLOCK_SHIFT, j >> BLOCK_SHIFT, k >> BLOCK_SHIFT]:
             continue
         x, y, z = x - i, y - j, z - k
+        part, i, j, k = part_of(values, occupied, i, j, k)
         # along z at the four edges, then along y at the two faces, then along x
-        edge00, slope00 = values[i, j, k, 0], values[i, j, k + 1, 0] - values[i, j, k, 0]
-        edge01, slope01 = values[i, j + 1, k, 0], values[i, j + 1, k + 1, 0] - values[i, j + 1, k, 0]
-        edge10, slope10 = values[i + 1, j, k, 0], values[i + 1, j, k + 1, 0] - values[i + 1, j, k, 0]
-        edge11, slope11 = values[i + 1, j + 1, k, 0], values[i + 1, j + 1, k + 1, 0] - values[i + 1, j + 1, k, 0]
+        edge00, slope00 = part[i, j, k, 0], part[i, j, k + 1, 0] - part[i, j, k, 0]
+        edge01, slope01 = part[i, j + 1, k, 0], part[i, j + 1, k + 1, 0] - part[i, j + 1, k, 0]
+        edge10, slope10 = part[i + 1, j, k, 0], part[i + 1, j, k + 1, 0] - part[i + 1, j, k, 0]
+        edge11, slope11 = part[i + 1, j + 1, k, 0], part[i + 1, j + 1, k + 1, 0] - part[i + 1, j + 1, k, 0]
         edge00, edge01 = edge00 + z * slope00, edge01 + z * slope01
         edge10, edge11 = edge10 + z * slope10, edge11 + z * slope11
         near, far = edge00 + y * (edge01 - edge00), edge10 + y * (edge11 - edge10)

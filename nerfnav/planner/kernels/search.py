@@ -1,4 +1,8 @@
-"""A* on a grid of prices (Hart, Nilsson, Raphael, 1968), 26 neighbours and turns, a binary heap with lazy deletion."""
+"""A* on a grid of prices (Hart, Nilsson, Raphael, 1968), 26 neighbours and turns, a binary heap with lazy deletion.
+
+What is left to the goal is guessed by the straight line; on a large map by the cheapest way on one CLUSTER times as
+coarse, found backwards from the goal first: around a long wall the straight line would have half of a hall searched.
+"""
 
 import heapq
 import math
@@ -7,36 +11,43 @@ import numpy as np
 
 from nerfnav.compiled import kernel
 
+CLUSTER = 4
+"""Voxels along each edge of a voxel of the coarse map."""
+_SLACK = 2.0 * CLUSTER * math.sqrt(3.0)
+"""By how much less than on the coarse map what is left may cost: a voxel's edge to edge at both ends."""
+_CLOSED, _MOVE = 128, 127
+
 
 @kernel()
-def cheapest_path(prices, start, goal, turn, greed):
-    """Nodes (n, 4), heading and voxel, of the cheapest way from `start` to `goal`, both included; n = 0: there is none.
+def cheapest_path(prices, guide, room, ends, turn, greed):
+    """Nodes (n, 4), heading and voxel, of the cheapest way between the two `ends`, both included; n = 0: there is none.
 
     `prices` (m, nx, ny, nz) are for m headings over half a turn, and a full turn has 2 m; with m = 1 headings do not
     matter. A move costs its length, in voxels, times the mean price of its two voxels; to turn by one heading costs
     `turn`. Prices are at least 1, so that the straight distance never overestimates; infinite prices are walls. The
     distance ahead counts `greed` times: with more than 1 far fewer voxels are looked at, and the way costs at most
     `greed` times the least (Pohl, 1970).
+
+    `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), zeros of 1 float64 and 1 uint8 for each heading
+    and voxel: memory that is zero anyway is only taken where it is looked at.
     """
     m, nx, ny, nz = prices.shape
     around = 2 * m if m > 1 else 1
     layer = nx * ny * nz
     flat = prices.ravel()
-    cost = np.full(around * layer, np.inf)
-    came_from = np.full(around * layer, -1, np.int64)
+    cost, moves = room  # what has no move yet was never reached
+    start, goal = ends
     first = start[0] * layer + (start[1] * ny + start[2]) * nz + start[3]
     last = goal[0] * layer + (goal[1] * ny + goal[2]) * nz + goal[3]
-    closed = np.zeros(around * layer, np.bool_)
     lengths = np.sqrt(np.arange(4.0))
-    cost[first] = 0.0
     queue = [(0.0, first)]
     while len(queue) > 0:
         _, node = heapq.heappop(queue)
         if node == last:
             break
-        if closed[node]:
+        if moves[node] & _CLOSED:
             continue  # a cheaper way here was found after this entry was queued
-        closed[node] = True
+        moves[node] |= _CLOSED
         spent, h, voxel = cost[node], node // layer, node % layer
         column, k = voxel // nz, voxel % nz
         i, j = column // ny, column % ny
@@ -45,46 +56,104 @@ def cheapest_path(prices, start, goal, turn, greed):
         turned = turn * min(abs(h - goal[0]), around - abs(h - goal[0]))
         for a in range(max(i - 1, 0), min(i + 2, nx)):
             for b in range(max(j - 1, 0), min(j + 2, ny)):
-                across, beside = (a - goal[1]) ** 2 + (b - goal[2]) ** 2, (a - i) ** 2 + (b - j) ** 2
+                beside = (a - i) ** 2 + (b - j) ** 2
                 for c in range(max(k - 1, 0), min(k + 2, nz)):
                     target = (a * ny + b) * nz + c
                     other = own_nodes + target
                     total = spent + 0.5 * lengths[beside + (c - k) ** 2] * (own + flat[own_layer + target])
-                    if total < cost[other] and not closed[other]:
+                    if total < np.inf and not moves[other] & _CLOSED and (moves[other] == 0 or total < cost[other]):
                         cost[other] = total
-                        came_from[other] = node
-                        ahead = math.sqrt(across + (c - goal[3]) ** 2)
-                        heapq.heappush(queue, (total + greed * (ahead + turned), other))
+                        moves[other] = 1 + ((a - i + 1) * 3 + b - j + 1) * 3 + c - k + 1
+                        heapq.heappush(queue, (total + greed * (_ahead(guide, a, b, c, goal) + turned), other))
         if around == 1:
             continue
-        ahead = math.sqrt((i - goal[1]) ** 2 + (j - goal[2]) ** 2 + (k - goal[3]) ** 2)
+        ahead = _ahead(guide, i, j, k, goal)
         for side in range(-1, 2, 2):
             heading = (h + side + around) % around
             other = heading * layer + voxel
             total = spent + turn * 0.5 * (own + flat[heading % m * layer + voxel])
-            if total < cost[other] and not closed[other]:
+            if total < np.inf and not moves[other] & _CLOSED and (moves[other] == 0 or total < cost[other]):
                 cost[other] = total
-                came_from[other] = node
+                moves[other] = 28 if side < 0 else 29
                 turned = turn * min(abs(heading - goal[0]), around - abs(heading - goal[0]))
                 heapq.heappush(queue, (total + greed * (ahead + turned), other))
-    return _trace(came_from, cost, last, (nx, ny, nz))
+    return _trace(moves, (first, last), (nx, ny, nz), around)
 
 
 @kernel(inline=True)
-def _trace(came_from, cost, last, shape):
-    """The way that led to `last`, from its beginning; empty where it was never reached."""
-    if not cost[last] < np.inf:
-        return np.zeros((0, 4), np.int64)
+def _ahead(guide, i, j, k, goal):
+    """What is left from a voxel to the goal, turns left out."""
+    straight = math.sqrt((i - goal[1]) ** 2 + (j - goal[2]) ** 2 + (k - goal[3]) ** 2)
+    if guide.shape[0] == 0:
+        return straight
+    return max(straight, guide[i // CLUSTER, j // CLUSTER, k // CLUSTER] - _SLACK)
+
+
+@kernel(inline=True)
+def _trace(moves, ends, shape, around):
+    """The way between the ends, by the moves that led there; empty where the last was never reached."""
+    first, last = ends
     nx, ny, nz = shape
-    count, node = 0, last
-    while node >= 0:
-        count, node = count + 1, came_from[node]
+    layer = nx * ny * nz
+    if last != first and moves[last] & _MOVE == 0:
+        return np.zeros((0, 4), np.int64)
+    count, node = 1, last
+    while node != first:
+        count, node = count + 1, _before(moves[node] & _MOVE, node, ny, nz, layer, around)
     path, node = np.zeros((count, 4), np.int64), last
     for row in range(count - 1, -1, -1):
-        path[row, 0], path[row, 1] = node // (nx * ny * nz), node // (ny * nz) % nx
+        path[row, 0], path[row, 1] = node // layer, node % layer // (ny * nz)
         path[row, 2], path[row, 3] = node // nz % ny, node % nz
-        node = came_from[node]
+        if row > 0:
+            node = _before(moves[node] & _MOVE, node, ny, nz, layer, around)
     return path
+
+
+@kernel(inline=True)
+def _before(move, node, ny, nz, layer, around):
+    """The node that a move led here from."""
+    if move >= 28:
+        heading = (node // layer + (1 if move == 28 else -1) + around) % around
+        return heading * layer + node % layer
+    move -= 1
+    return node - (((move // 9 - 1) * ny + move // 3 % 3 - 1) * nz + move % 3 - 1)
+
+
+@kernel()
+def costs_to(prices, goal):
+    """What is left from each voxel of the coarse map (cx, cy, cz), in fine voxels, to the one of the goal (4).
+
+    A coarse voxel costs as little as the cheapest of its fine ones with any heading, so that little more than what is
+    really left is never told; infinite where the goal cannot be reached (Dijkstra, 1959).
+    """
+    m, nx, ny, nz = prices.shape
+    sx, sy, sz = (nx + CLUSTER - 1) // CLUSTER, (ny + CLUSTER - 1) // CLUSTER, (nz + CLUSTER - 1) // CLUSTER
+    least = np.full((sx, sy, sz), np.inf)
+    for h in range(m):
+        for i in range(nx):
+            for j in range(ny):
+                for k in range(nz):
+                    a, b, c = i // CLUSTER, j // CLUSTER, k // CLUSTER
+                    least[a, b, c] = min(least[a, b, c], prices[h, i, j, k])
+    left = np.full((sx, sy, sz), np.inf)
+    lengths = np.sqrt(np.arange(4.0)) * CLUSTER
+    x, y, z = goal[1] // CLUSTER, goal[2] // CLUSTER, goal[3] // CLUSTER
+    left[x, y, z] = 0.0
+    queue = [(0.0, (x * sy + y) * sz + z)]
+    while len(queue) > 0:
+        spent, node = heapq.heappop(queue)
+        i, j, k = node // (sy * sz), node // sz % sy, node % sz
+        if spent > left[i, j, k]:
+            continue
+        for a in range(max(i - 1, 0), min(i + 2, sx)):
+            for b in range(max(j - 1, 0), min(j + 2, sy)):
+                for c in range(max(k - 1, 0), min(k + 2, sz)):
+                    length = lengths[(a - i) ** 2 + (b - j) ** 2 + (c - k) ** 2]
+                    total = spent + 0.5 * length * (least[i, j, k] + least[a, b, c])
+                    if total < left[a, b, c]:
+                        left[a, b, c] = total
+                        heapq.heappush(queue, (total, (a * sy + b) * sz + c))
+    return left
 
 
 @kernel()

@@ -14,7 +14,7 @@ from app.jobs.events import FileMade
 from app.jobs.map import MapRequest, download, run
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.states import VoxelState
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.planner.scales import threshold_of
 from tests.app.doubles import balls_place
 from tests.app.following import result_of
 from tests.field.test_neural import random_field
@@ -39,7 +39,7 @@ def test_a_field_becomes_voxels_that_say_what_planners_believe(
     assert numbers["files"] == [str(out)]
     field = load_field(field_file)
     solid = torch.from_numpy(lower + voxel * (np.argwhere(state == VoxelState.FREE) + 0.5)).float()
-    assert (field.density(solid) <= OccupancyConfig.threshold).all()
+    assert (field.density(solid) <= threshold_of(field)).all()
 
 
 def test_a_map_of_ros_is_two_files_beside_each_other(

@@ -20,7 +20,7 @@ from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome
-from nerfnav.planner.occupancy import OccupancyConfig, body_density
+from nerfnav.planner.ends import fits
 from nerfnav.robots.state import RigidState
 from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
@@ -104,7 +104,7 @@ def test_the_robot_is_carried_to_where_it_fits_not_far_from_where_it_is(opened: 
     carried, truth = helm.orders().carried, session.flight.steps[-1].truth
     assert carried is not None and 0.5 <= (carried.position - truth.position).norm() < 1.1
     there = replace(truth, position=carried.position, rotation=carried.rotation)
-    assert body_density(place.field, place.robot.body, there) <= OccupancyConfig().threshold
+    assert fits(place.field, place.robot.body, there)
 
 
 def test_the_worker_looks_for_the_robot_in_the_picture_that_the_session_has(opened: Session) -> None:

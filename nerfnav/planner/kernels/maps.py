@@ -1,0 +1,166 @@
+"""Where a body fits: dense cells of a grid to columns, columns to positions of a body, and what positions cost.
+
+Nothing that is dense is left out on the way. Between the 8 corners of a cell raw densities are trilinear, so along
+each axis the dense part of a cell ends no farther than on one of its four edges: the box between these ends holds all
+of it, however much finer or coarser the map is than the grid.
+"""
+
+import math
+
+import numpy as np
+
+from nerfnav.compiled import kernel, prange
+from nerfnav.field.kernels.cells import BLOCK_SHIFT, node_counts, part_of
+
+
+@kernel(inline=True)
+def _edge(first, second, threshold, reach):
+    """Widen `reach`, the dense interval along an axis of a cell, by that of one edge between two nodes."""
+    low, high = reach
+    if first > threshold:
+        end = 1.0 if second > threshold else (first - threshold) / (first - second)
+        return min(low, 0.0), max(high, end)
+    if second > threshold:
+        return min(low, 1.0 - (second - threshold) / (second - first)), max(high, 1.0)
+    return low, high
+
+
+@kernel(inline=True)
+def _dense_part(part, i, j, k, threshold):
+    """The dense intervals of a cell along x, y, z, in cells from its first node; empty ones where nothing is dense."""
+    along_x, along_y, along_z = (2.0, -1.0), (2.0, -1.0), (2.0, -1.0)
+    dense = 0
+    for a in range(2):
+        for b in range(2):
+            dense += (part[i + a, j + b, k, 0] > threshold) + (part[i + a, j + b, k + 1, 0] > threshold)
+    if dense == 0:
+        return along_x, along_y, along_z
+    if dense == 8:
+        return (0.0, 1.0), (0.0, 1.0), (0.0, 1.0)
+    for a in range(2):
+        for b in range(2):
+            along_x = _edge(part[i, j + a, k + b, 0], part[i + 1, j + a, k + b, 0], threshold, along_x)
+            along_y = _edge(part[i + a, j, k + b, 0], part[i + a, j + 1, k + b, 0], threshold, along_y)
+            along_z = _edge(part[i + a, j + b, k, 0], part[i + a, j + b, k + 1, 0], threshold, along_z)
+    return along_x, along_y, along_z
+
+
+@kernel(inline=True)
+def _range(first, last, ratio, reach, count):
+    """Indices of a map's nodes from `reach` before node coordinate `first` of a grid to as much behind `last`."""
+    low = math.ceil(first * ratio - reach - 1e-6)
+    high = math.floor(last * ratio + reach + 1e-6)
+    return max(low, 0), min(high, count - 1)
+
+
+@kernel(parallel=True)
+def mark_columns(values, occupied, lower, threshold, half_height, columns):
+    """Set columns (fx, fy, nz), nodes over the same box as the grid, where raw densities exceed `threshold` anywhere
+    within half a column along x and y, and within `half_height`, in nodes of `columns`, along z."""
+    counts = node_counts(values, lower)
+    side = 1 << BLOCK_SHIFT
+    ratio_x = (columns.shape[0] - 1) / (counts[0] - 1)
+    ratio_y = (columns.shape[1] - 1) / (counts[1] - 1)
+    ratio_z = (columns.shape[2] - 1) / (counts[2] - 1)
+    blocks_x, blocks_y, blocks_z = occupied.shape
+    for x in prange(blocks_x):  # two threads may set the same column, to the same number
+        for y in range(blocks_y):
+            for z in range(blocks_z):
+                if not occupied[x, y, z]:
+                    continue
+                for i in range(x * side, min((x + 1) * side, counts[0] - 1)):
+                    for j in range(y * side, min((y + 1) * side, counts[1] - 1)):
+                        for k in range(z * side, min((z + 1) * side, counts[2] - 1)):
+                            part, a, b, c = part_of(values, occupied, i, j, k)
+                            along_x, along_y, along_z = _dense_part(part, a, b, c, threshold)
+                            if along_x[1] < along_x[0]:
+                                continue
+                            i0, i1 = _range(i + along_x[0], i + along_x[1], ratio_x, 0.5, columns.shape[0])
+                            j0, j1 = _range(j + along_y[0], j + along_y[1], ratio_y, 0.5, columns.shape[1])
+                            k0, k1 = _range(k + along_z[0], k + along_z[1], ratio_z, half_height, columns.shape[2])
+                            for m in range(i0, i1 + 1):
+                                for n in range(j0, j1 + 1):
+                                    for o in range(k0, k1 + 1):
+                                        columns[m, n, o] = 1
+
+
+@kernel(parallel=True)
+def mark_bodies(columns, parts, outlines, spacing, marked):
+    """Set marked (m, nx, ny, nz) where a body at every `parts`-th column of columns (fx, fy, nz) covers one that is
+    set. `outlines` (m, 3) are half the length and width [m] over which columns count, and its heading [rad]; `spacing`
+    (2) the columns' [m].
+
+    Columns amid others only mark what is at them: whatever else covers them covers one of the outer ones too.
+    """
+    fx, fy, levels = columns.shape
+    _, nx, ny, _ = marked.shape
+    for index in prange(outlines.shape[0] * fx):  # two threads may set the same place, to the same number
+        heading, i = index // fx, index % fx
+        cosine, sine = math.cos(outlines[heading, 2]), math.sin(outlines[heading, 2])
+        long, wide = outlines[heading, 0] + 1e-7, outlines[heading, 1] + 1e-7
+        reach_x = int((long * abs(cosine) + wide * abs(sine)) / spacing[0]) + 1
+        reach_y = int((long * abs(sine) + wide * abs(cosine)) / spacing[1]) + 1
+        for j in range(fy):
+            for k in range(levels):
+                if not columns[i, j, k]:
+                    continue
+                if i % parts == 0 and j % parts == 0:
+                    marked[heading, i // parts, j // parts, k] = 1
+                if _amid(columns, i, j, k):
+                    continue
+                for a in range(max(0, -((reach_x - i) // parts)), min(nx - 1, (i + reach_x) // parts) + 1):
+                    for b in range(max(0, -((reach_y - j) // parts)), min(ny - 1, (j + reach_y) // parts) + 1):
+                        x, y = (a * parts - i) * spacing[0], (b * parts - j) * spacing[1]
+                        if abs(x * cosine + y * sine) <= long and abs(y * cosine - x * sine) <= wide:
+                            marked[heading, a, b, k] = 1
+
+
+@kernel(inline=True)
+def _amid(columns, i, j, k):
+    """Whether all 8 neighbours of a column are set too."""
+    if i == 0 or j == 0 or i == columns.shape[0] - 1 or j == columns.shape[1] - 1:
+        return False
+    for a in range(i - 1, i + 2):
+        for b in range(j - 1, j + 2):
+            if not columns[a, b, k]:
+                return False
+    return True
+
+
+@kernel()
+def prices_near(occupied, spacing, clearance, weight):
+    """What a metre costs in each voxel (nx, ny, nz): 1 + weight (1 - d / clearance)^2 at a distance d [m] below
+    `clearance` from the nearest occupied one, 1 beyond; infinite in those."""
+    nx, ny, nz = occupied.shape
+    prices = np.ones((nx, ny, nz))
+    rx, ry = min(int(clearance / spacing[0]), nx), min(int(clearance / spacing[1]), ny)
+    rz = min(int(clearance / spacing[2]), nz)
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                if not occupied[i, j, k]:
+                    continue
+                prices[i, j, k] = np.inf
+                if not _has_free_side(occupied, i, j, k):
+                    continue  # never the nearest of anything
+                for a in range(max(i - rx, 0), min(i + rx + 1, nx)):
+                    for b in range(max(j - ry, 0), min(j + ry + 1, ny)):
+                        for c in range(max(k - rz, 0), min(k + rz + 1, nz)):
+                            if occupied[a, b, c]:
+                                continue
+                            x, y, z = (a - i) * spacing[0], (b - j) * spacing[1], (c - k) * spacing[2]
+                            away = math.sqrt(x * x + y * y + z * z)
+                            if away < clearance:
+                                price = 1.0 + weight * (1.0 - away / clearance) ** 2
+                                prices[a, b, c] = max(prices[a, b, c], price)
+    return prices
+
+
+@kernel(inline=True)
+def _has_free_side(occupied, i, j, k):
+    nx, ny, nz = occupied.shape
+    return (
+        (i > 0 and not occupied[i - 1, j, k]) or (i + 1 < nx and not occupied[i + 1, j, k])
+        or (j > 0 and not occupied[i, j - 1, k]) or (j + 1 < ny and not occupied[i, j + 1, k])
+        or (k > 0 and not occupied[i, j, k - 1]) or (k + 1 < nz and not occupied[i, j, k + 1])
+    )  # fmt: skip
