@@ -23,6 +23,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "replan": {"tasks": 2, "rounds": 1},
     "render": {"pictures": 1, "size": 60},
     "train_step": {"rays": 256, "rounds": 1},
+    "busy": {"tasks": 1, "rounds": 1},
     "scaling": {"repeats": 10, "tasks": 2},
 }
 """What a quick bench asks of each measure, in place of its own defaults."""
@@ -65,6 +66,9 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
         if (module := find(name)) is not None:
             options = QUICK.get(name, {}) if request.quick else {}
             summary[name] = numbers(module.measure(arena, **options))
+    if (busy := find("busy")) is not None:
+        yield Progress("measuring beside busy processes", 0.9)
+        summary["busy"] = busy.measure(arena, **(QUICK["busy"] if request.quick else {}))
     summary |= {
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "quick": request.quick,

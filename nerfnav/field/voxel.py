@@ -19,18 +19,17 @@ from nerfnav.compiled import default_threads, threads
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State, planned_raw
 from nerfnav.field.field import Points, RaySamples, uniform_samples
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.jacobian import jacobian_by_autograd
+from nerfnav.field.jacobian import SightGrid, jacobian_by_autograd
 from nerfnav.field.kernels import jacobian, march
 from nerfnav.field.kernels import points as point_kernels
-from nerfnav.field.kernels.cells import BLOCK_SHIFT
+from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
+from nerfnav.field.kernels.leaps import leaps_over
 from nerfnav.field.render import Rendering, render_rays
 from nerfnav.field.surroundings import Backdrop, Surroundings
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import spacing_of, trilinear
 
 _LEAST_DENSITY = 0.01  # [1/m] of samples that are kept: 10 cm of what is left out change a colour by 0.1 %
-
-_WORTH_THREADS = 20_000  # points that take longer than waking the threads up
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ class VoxelField:
     @cached_property
     def occupied(self) -> Bool[Tensor, "bx by bz"]:
         """Which blocks of 4 x 4 x 4 cells hold any density."""
-        return occupied_blocks(self.values[..., 0], EMPTY_RAW + 1)
+        return occupied_blocks(self.values[..., 0], float(NEGLIGIBLE_RAW))
 
     def to(self, device: torch.device | str) -> "VoxelField":
         """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""
@@ -118,12 +117,7 @@ class VoxelField:
     def density_and_gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """rho (n) [1/m] and its gradient (n, 3) [1/m^2] at world points (n, 3) [m], in float64, compiled."""
         density, gradient = np.empty(len(points)), np.empty((len(points), 3))
-        arguments = (*self.kernel_grid, DENSITY_SCALE, points, density, gradient)
-        if len(points) < _WORTH_THREADS:
-            point_kernels.density_and_gradient(*arguments)
-        else:
-            with threads(default_threads()):
-                point_kernels.density_and_gradient_parallel(*arguments)
+        point_kernels.density_and_gradient(*self.kernel_grid, DENSITY_SCALE, points, density, gradient)
         return density, gradient
 
     def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:
@@ -148,10 +142,7 @@ class VoxelField:
         """
         if self.outside is not None:
             return jacobian_by_autograd(self, origins, directions)
-        colors, jacobians = jacobian.colors_and_jacobian(
-            *self.kernel_grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
-            self.background.cpu().numpy(),
-        )  # fmt: skip
+        colors, jacobians = jacobian.colors_and_jacobian(self._sight, _flat(origins), _flat(directions))
         return torch.from_numpy(colors), torch.from_numpy(jacobians)
 
     @cached_property
@@ -182,6 +173,30 @@ class VoxelField:
         per_meter = (1 / self.spacing).cpu().numpy().astype(np.float32)
         lower = self.box.lower.cpu().numpy().astype(np.float32)
         return self.values.detach().cpu().numpy(), self.occupied.cpu().numpy().astype(np.uint8), lower, per_meter
+
+    @property
+    def sight_grid(self) -> SightGrid | None:
+        """What kernels need that follow rays with their derivatives; None where there are surroundings."""
+        return self._sight if self.outside is None else None
+
+    @cached_property
+    def density_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+        """What the planner's kernels need: values, leaps, lower, nodes per metre, scale, corners of the box."""
+        values, _, lower, per_meter = self.kernel_grid
+        first, last = (edge.double().cpu().numpy() for edge in (self.box.lower, self.box.upper))
+        return values, self._leaps, lower, per_meter, DENSITY_SCALE, first, last
+
+    @cached_property
+    def _leaps(self) -> np.ndarray:
+        return leaps_over(np.ascontiguousarray(self.kernel_grid[0][..., 0]), NEGLIGIBLE_RAW)
+
+    @cached_property
+    def _sight(self) -> SightGrid:
+        values, _, lower, per_meter = self.kernel_grid
+        leaps = self._leaps
+        table = jacobian.light_table(DENSITY_SCALE, self.step)
+        background = self.background.cpu().numpy().astype(np.float32)
+        return values, leaps, lower, per_meter, table, np.float32(self.step), background
 
     @cached_property
     def _outer(self) -> np.ndarray:

@@ -2,11 +2,8 @@
 
 import math
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.compiled import kernel
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
-
-CHUNK = 256
-"""Points that one thread takes at a time."""
 
 
 @kernel(inline=True)
@@ -49,15 +46,6 @@ def density_of_rows(values, occupied, lower, per_meter, scale, points, rows, den
 
 @kernel()
 def density_and_gradient(values, occupied, lower, per_meter, scale, points, density, gradient):
-    """Fill density (n) and gradient (n, 3) at points (n, 3), in one thread."""
+    """Fill density (n) and gradient (n, 3) at points (n, 3)."""
     rows = (0, points.shape[0])
     density_of_rows(values, occupied, lower, per_meter, scale, points, rows, density, gradient)
-
-
-@kernel(parallel=True)
-def density_and_gradient_parallel(values, occupied, lower, per_meter, scale, points, density, gradient):
-    """The same in all threads: pays from some thousand points on."""
-    count = points.shape[0]
-    for chunk in prange((count + CHUNK - 1) // CHUNK):
-        rows = (chunk * CHUNK, min(count, (chunk + 1) * CHUNK))
-        density_of_rows(values, occupied, lower, per_meter, scale, points, rows, density, gradient)
