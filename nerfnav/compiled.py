@@ -7,17 +7,22 @@ import inspect
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import torch
 
-from nerfnav.kernel_cache import caching
+from nerfnav.kernel_cache import cache_folder, caching
 
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
 
 prange = range
 """`range` whose turns are done side by side in a parallel kernel."""
+_ANY = 1 << 30
+_allowed: ContextVar[int] = ContextVar("threads that kernels may use", default=1)
+_bound: ContextVar[int] = ContextVar("threads that blocks inside may ask for", default=_ANY)
 
 
 class Kernel:
@@ -30,7 +35,8 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         """What the function gives for these arrays and numbers."""
-        return self._dispatcher(*arguments)
+        side_by_side = self._options.get("parallel") and _allowed.get() > 1
+        return (self._dispatcher if side_by_side else self._serial)(*arguments)
 
     @property
     def _numba_type_(self) -> Any:
@@ -39,14 +45,25 @@ class Kernel:
 
     @cached_property
     def _dispatcher(self) -> Any:
+        return self._made(self._options, cache_folder())
+
+    @cached_property
+    def _serial(self) -> Any:
+        """The same for one thread: a parallel kernel would wake up a pool of threads even for one."""
+        if not self._options.get("parallel"):
+            return self._dispatcher
+        # in a folder of its own: numba's cache does not tell the two apart
+        return self._made(self._options | {"parallel": False}, cache_folder() / "serial")
+
+    def _made(self, options: dict[str, Any], folder: Path) -> Any:
         import numba
         from numba.core.compiler_lock import global_compiler_lock
 
         names = self._function.__globals__
         if names.get("prange") is prange:
             names["prange"] = numba.prange  # which numba knows by identity
-        with global_compiler_lock, caching():
-            return numba.njit(**self._options)(self._function)
+        with global_compiler_lock, caching(folder):
+            return numba.njit(**options)(self._function)
 
 
 def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Any], Kernel]:
@@ -74,12 +91,33 @@ def default_threads() -> int:
 def threads(count: int) -> Iterator[int]:
     """Let kernels inside the block use at most `count` threads; yields how many they really use.
 
+    Outside any block they use one, and a block inside another one gets no more than that has: what plans and filters
+    asks for one, whatever it calls. A block for one thread wakes up no pool.
+
     Both numba and torch run on OpenMP, and a parallel kernel leaves torch with all cores, on which its small tensors
     are ten times slower beside another busy process: torch gets back the number that it had.
     """
+    wanted, before = max(1, min(count, _bound.get())), (_allowed.get(), _bound.get())
+    _bound.set(wanted)
+    try:
+        if wanted == 1:
+            _allowed.set(1)
+            yield 1
+        else:
+            with _pool(wanted) as used:
+                _allowed.set(used)
+                yield used
+    finally:
+        _allowed.set(before[0])
+        _bound.set(before[1])
+
+
+@contextmanager
+def _pool(count: int) -> Iterator[int]:
+    """Threads of numba's, as many as there are and at most `count`."""
     import numba
 
-    used = max(1, min(count, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    used = min(count, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     # torch first: the first question to numba starts its threads, and torch then answers with their number
     torch_before, before = torch.get_num_threads(), numba.get_num_threads()
     numba.set_num_threads(used)

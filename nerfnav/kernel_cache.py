@@ -38,11 +38,11 @@ def cache_folder() -> Path:
 
 
 @contextmanager
-def caching() -> Iterator[None]:
-    """Let numba keep there what it compiles inside the block; the folder is set for the whole process."""
+def caching(folder: Path) -> Iterator[None]:
+    """Let numba keep in a folder what it compiles inside the block; the folder is set for the whole process."""
     from numba import config
 
-    wanted = {"CACHE_DIR": str(cache_folder()), "CACHE_LOCATOR_CLASSES": _LOCATORS}
+    wanted = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": _LOCATORS}
     before = {name: getattr(config, name, "") for name in wanted}
     try:
         for name, value in wanted.items():

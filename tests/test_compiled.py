@@ -1,16 +1,21 @@
 """How many threads kernels use, and that they may be made in any thread."""
 
 import os
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
+import torch
 
-from nerfnav.compiled import Kernel, default_threads
+from nerfnav.compiled import Kernel, default_threads, kernel, prange, threads
 from nerfnav.field.kernels import carving
 from nerfnav.kernel_cache import cache_folder
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize(("usable", "expected"), [({0}, 1), ({0, 1}, 1), ({1, 4, 5, 7}, 3)])
@@ -42,3 +47,64 @@ def test_machine_code_is_shared_by_all_installations_of_the_same_kernels() -> No
     elsewhere = Kernel(lambda x: x, {"cache": True})._dispatcher._cache
     assert Path(elsewhere._cache_path).parent == cache_folder()
     assert Path(__file__).parent.name in Path(elsewhere._cache_path).name, "of others, numba keeps apart the folders"
+
+
+def test_kernels_use_one_thread_unless_a_block_asks_for_more_and_none_inside_another_gets_more_than_that() -> None:
+    torch_before = torch.get_num_threads()
+    with threads(1) as outer, threads(4) as inner:
+        assert (outer, inner) == (1, 1)
+    with threads(2) as wide, threads(1) as narrow:
+        assert wide == min(2, numba.config.NUMBA_NUM_THREADS) and narrow == 1  # type: ignore[attr-defined]
+    assert torch.get_num_threads() == torch_before
+
+
+@kernel(parallel=True)
+def squares(values):
+    """Each value's square."""
+    out = np.empty_like(values)
+    for i in prange(len(values)):
+        out[i] = values[i] * values[i]
+    return out
+
+
+def test_a_parallel_kernel_gives_the_same_in_one_thread_and_in_several() -> None:
+    values = np.arange(1000.0)
+    alone = squares(values)
+    with threads(2) as used:
+        together = squares(values)
+    assert used == min(2, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(alone, values**2)
+    np.testing.assert_array_equal(together, values**2)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="the system does not tell how long threads computed")
+def test_plans_and_updates_wake_up_no_pool_of_threads() -> None:
+    """Neither OpenMP's nor that of a library for linear algebra: none has computed for long once the loop has run."""
+    script = (
+        "import nerfnav, torch\n"
+        "torch.set_num_threads(1)\n"
+        "import os\n"
+        "from tests.planner.test_fused import room, ROBOT, START, GOAL\n"
+        "from nerfnav.planner.fast import plan_fast\n"
+        "from nerfnav.planner.problem import PlanProblem\n"
+        "from nerfnav.estimator.fast import FastFilter\n"
+        "from nerfnav.estimator.belief import Belief\n"
+        "from nerfnav.estimator.noise import StateNoise\n"
+        "from nerfnav.field.render import render_image\n"
+        "from nerfnav.geometry.camera import FORWARD_MOUNT, Camera\n"
+        "camera, field = Camera.from_fov(40, 40, 90), room()\n"
+        "picture = render_image(field, camera, START.pose.compose(FORWARD_MOUNT)).image\n"
+        "for _ in range(2):\n"
+        "    *_, plan = plan_fast(PlanProblem(field, ROBOT, START, GOAL))\n"
+        "    belief = Belief(START, StateNoise().covariance())\n"
+        "    [*FastFilter(field, ROBOT, camera).correct(belief, picture, torch.Generator().manual_seed(0))]\n"
+        "own = os.getpid()\n"
+        "def ticks(task):\n"
+        "    return sum(map(int, open(f'/proc/self/task/{task}/stat').read().rsplit(')', 1)[1].split()[11:13]))\n"
+        "others = [ticks(task) for task in os.listdir('/proc/self/task') if int(task) != own]\n"
+        "print(max(others, default=0), ticks(own))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
+    others, own = map(int, done.stdout.split()[-2:])
+    assert others <= 0.02 * own, f"another thread computed for {others} ticks of {own}"

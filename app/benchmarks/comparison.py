@@ -36,18 +36,19 @@ def interleaved(
     """
     slow_ms, fast_ms = [], []
     for _ in range(rounds):
-        slow_ms.append(_milliseconds(paper))
-        fast_ms += [_milliseconds(fast) for _ in range(fast_per_round)]
+        slow_ms.append(milliseconds(paper))
+        fast_ms += [milliseconds(fast) for _ in range(fast_per_round)]
     return statistics.median(slow_ms), statistics.median(fast_ms)
 
 
 def median_ms(call: Callable[[], object], repeats: int) -> float:
     """Median time of a call [ms], which is made once before to warm it up."""
     call()
-    return statistics.median(_milliseconds(call) for _ in range(repeats))
+    return statistics.median(milliseconds(call) for _ in range(repeats))
 
 
-def _milliseconds(call: Callable[[], object]) -> float:
+def milliseconds(call: Callable[[], object]) -> float:
+    """How long a call takes [ms]."""
     begun = time.perf_counter()
     call()
     return 1e3 * (time.perf_counter() - begun)

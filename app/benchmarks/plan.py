@@ -12,9 +12,8 @@ from nerfnav.compiled import threads
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, last_step, plan, plan_fast
 
-THREADS, TORCH_THREADS = 2, 1
-"""Threads of compiled kernels, and of torch: on small tensors, which is all that both planners have, it is slower with
-two than with one."""
+THREADS, TORCH_THREADS = 1, 1
+"""Threads of compiled kernels, and of torch: what plans and filters asks for no more."""
 
 
 def problems_of(arena: Arena, tasks: int) -> tuple[PlanProblem, ...]:
@@ -28,9 +27,13 @@ def problems_of(arena: Arena, tasks: int) -> tuple[PlanProblem, ...]:
 @contextmanager
 def both_threads() -> Iterator[int]:
     """Give kernels and torch as many threads inside the block as planners are timed with; yields those of kernels."""
-    with threads(THREADS) as used:  # which gives torch its own number back
-        torch.set_num_threads(TORCH_THREADS)
-        yield used
+    before = torch.get_num_threads()
+    torch.set_num_threads(TORCH_THREADS)
+    try:
+        with threads(THREADS) as used:
+            yield used
+    finally:
+        torch.set_num_threads(before)
 
 
 def measure(

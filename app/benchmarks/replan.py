@@ -37,7 +37,7 @@ def measure(
     """
     generator = torch.Generator().manual_seed(0)
     with both_threads() as used:
-        pushed = [_pushed(problem, generator) for problem in problems_of(arena, tasks)]
+        pushed = [pushed_plan(problem, generator) for problem in problems_of(arena, tasks)]
         occupancy = OccupancyMap.of(arena.field, pushed[0][0].robot.body)
         found = [_compare(*one, occupancy, (rounds, fast_per_round, iterations)) for one in pushed]
     slow_ms, fast_ms, same_ms, ratios = zip(*found, strict=True)
@@ -50,7 +50,7 @@ def measure(
     return Comparison("replan", statistics.median(slow_ms), statistics.median(fast_ms), used, detail)
 
 
-def _pushed(problem: PlanProblem, generator: torch.Generator) -> tuple[PlanProblem, Motion]:
+def pushed_plan(problem: PlanProblem, generator: torch.Generator) -> tuple[PlanProblem, Motion]:
     """What is left to plan after one step that ended elsewhere, and the plan so far."""
     motion = last_step(plan_fast(problem)).motion
     scale = torch.tensor([_KICK_M] * 3 + [_KICK_M / 2] * 3 + [_KICK_RAD] * 3 + [_KICK_RAD / 2] * 3)

@@ -43,6 +43,9 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
         if (module := find(name)) is not None:
             options = QUICK.get(name, {}) if request.quick else {}
             summary[name] = numbers(module.measure(arena, **options))
+    if (busy := find("busy")) is not None:
+        yield Progress("measuring beside busy processes", 0.9)
+        summary["busy"] = busy.measure(arena, **(QUICK["busy"] if request.quick else {}))
     summary |= {
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "quick": request.quick,

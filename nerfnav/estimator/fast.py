@@ -22,11 +22,12 @@ from nerfnav.compiled import threads
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.cost import PoseCost, precision
 from nerfnav.estimator.covariance import POSE, information_of, posterior_covariance
+from nerfnav.estimator.descents import improve
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.newton import POSE as _POSE
-from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, minimise, picture_information
+from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, picture_information
 from nerfnav.estimator.photometric import THREADS, Observation, difference, inliers, patches
-from nerfnav.estimator.pixels import PixelSource, choose_pixels
+from nerfnav.estimator.pixels import PixelChoice, PixelSource, choose_pixels
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import Stage, View, small_observation
 from nerfnav.estimator.starts import drawn, likeliest
@@ -95,7 +96,7 @@ def inerf(
     return FastFilter(field, robot, camera, mount, FilterConfig() if config is None else config, trust_dynamics=False)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Update:
     """One update."""
 
@@ -103,24 +104,29 @@ class _Update:
     prediction: Belief
     image: Tensor
     generator: torch.Generator
+    _chosen: PixelChoice | None = None
 
     def run(self) -> Iterator[FilterStep]:
-        """From coarse to fine; then from many starts at full size, where that seems to be a false minimum."""
+        """From coarse to fine; then in rounds from other starts, while that seems to be a false minimum.
+
+        The best so far is kept. A search that its rounds have not ended goes on with the next picture, from the belief
+        that is left.
+        """
         pyramid, trusted = self.filter.config.pyramid, self.filter.trust_dynamics
         many = trusted and self._spread_px() > pyramid.narrow
-        plans = [pyramid.stages(many), pyramid.search.stages()]
-        guesses = [self._coarse_guess if many else self._only_guess, self._searched_guess]
-        best, iteration = None, 0
-        for stages, guess in zip(plans, guesses, strict=True):
-            end = None
-            for end in self._descend(stages, guess(), iteration):
-                yield end[0]
-            assert end is not None, "a descent yields at least its start"
-            iteration = end[0].iteration + 1
-            best = end if best is None or end[2].cost[0] < best[2].cost[0] else best
-            if not trusted or not self._is_doubtful(best):
+        best = None
+        for best in self._descend(pyramid.stages(many), self._coarse_guess() if many else self._only_guess(), 0):
+            yield best[0]
+        assert best is not None, "a descent yields at least its start"
+        iteration, search = best[0].iteration + 1, pyramid.search
+        for _ in range(search.rounds if trusted else 0):
+            if not self._is_doubtful(best):
                 break
-        assert best is not None, "there is at least one descent"
+            end = best
+            for end in self._descend(search.stages(), self._searched_guess(), iteration):
+                yield end[0]
+            iteration = end[0].iteration + 1
+            best = end if end[2].cost[0] < best[2].cost[0] else best
         step, seen, here = best
         yield self._conclude(replace(step, iteration=iteration - 1), seen, here)
 
@@ -132,7 +138,7 @@ class _Update:
             settled = pyramid.settled * 2**stage.halvings
             settings = NewtonConfig(stage.iterations, robust=stage.robust, settled=settled)
             cost = torch.zeros(len(guess.exposure))
-            for here in _quickly(minimise(seen, guess, self._prior(len(seen.pixels), stage.halvings), settings)):
+            for here in improve(seen, guess, self._prior(len(seen.pixels), stage.halvings), settings):
                 guess, cost = here.guess, here.cost
                 yield self._record(iteration, here, int(cost.argmin()), seen, (stage.halvings, source)), seen, here
                 iteration += 1
@@ -144,10 +150,15 @@ class _Update:
         view = self.filter.view.at(halvings)
         if halvings:
             return small_observation(self.image, view, pixels, self.generator), None
-        wanted = replace(self.filter.config.pixels, count=pixels)
-        with threads(THREADS):
-            choice = choose_pixels(self.image, wanted, self.generator, partial(Observation.slopes, pose, view))
-        return Observation.of(self.image, choice.pixels, view), choice.source
+        if self._chosen is None:
+            wanted = replace(self.filter.config.pixels, count=self.filter.config.pyramid.pixels)
+            slopes = partial(Observation.slopes, pose, view)
+            with threads(THREADS):
+                self._chosen = choose_pixels(self.image, wanted, self.generator, slopes)
+        chosen = self._chosen.pixels
+        if pixels < len(chosen):
+            chosen = chosen[torch.randperm(len(chosen), generator=self.generator)[:pixels]]
+        return Observation.of(self.image, chosen, view), self._chosen.source
 
     def _only_guess(self) -> Guess:
         """The mean of the prediction."""
@@ -156,7 +167,7 @@ class _Update:
     def _coarse_guess(self) -> Guess:
         """The likeliest by the smallest picture."""
         pyramid = self.filter.config.pyramid
-        seen, _ = self._observation(pyramid.halvings[0], self.prediction.mean.pose, pyramid.pixels)
+        seen, _ = self._observation(pyramid.halvings[0], self.prediction.mean.pose, pyramid.pixels_at(0))
         return likeliest(seen, drawn(self.prediction, pyramid.candidates, self.generator), pyramid.starts)
 
     def _searched_guess(self) -> Guess:
@@ -168,11 +179,15 @@ class _Update:
 
     def _prior(self, pixels: int, halvings: int = 0) -> Prior:
         config, noise = self.filter.config, self.filter.config.color_noise
-        known = precision(self.prediction.covariance[POSE][:, POSE])
         exposure = (config.gain_std, config.bias_std)
         kappa = config.pyramid.mistrust**-halvings / (self._alike(pixels) * noise.std**2)
-        information = joined(known if self.filter.trust_dynamics else None, exposure)
+        information = joined(self._known if self.filter.trust_dynamics else None, exposure)
         return Prior(information, self.prediction.mean.pose, kappa)
+
+    @cached_property
+    def _known(self) -> Float[Tensor, "6 6"]:
+        """Inverse covariance of the predicted pose."""
+        return precision(self.prediction.covariance[POSE][:, POSE])
 
     def _alike(self, pixels: int) -> float:
         """k, how many of this many pixels err alike."""
@@ -251,13 +266,3 @@ class _Update:
         outcome = FilterOutcome.UPDATED if int(gained.sum()) >= _TOLD else FilterOutcome.WEAK
         mean = replace(step.mean, rotation=so3.project(step.mean.rotation))
         return replace(step, mean=mean, posterior=Belief(mean, covariance), outcome=outcome, curvature=curvature)
-
-
-def _quickly(steps: Iterator[Iterate]) -> Iterator[Iterate]:
-    """The same steps, each made on the filter's threads and without gradients; what others do between them is not."""
-    while True:
-        with torch.no_grad(), threads(THREADS):
-            step = next(steps, None)
-        if step is None:
-            return
-        yield step

@@ -10,6 +10,7 @@ that err alike: S = k s^2 I.
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
@@ -21,8 +22,9 @@ from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Camera, Pose
 from nerfnav.robots.state import RigidState
 
-THREADS = 2
-"""That views of the field are made on, wherever they are compared with pictures."""
+THREADS = 1
+"""That views of the field are made on, wherever they are compared with pictures: beside any other program, two wait for
+each other longer than they save."""
 _RAYS_AT_ONCE = 1 << 17
 _DEVIATION_PER_MAD = 1.4826
 """Standard deviation of a Gaussian whose median absolute deviation is 1."""
@@ -128,6 +130,12 @@ class Observation:
                 for rays in zip(origins.split(_RAYS_AT_ONCE), directions.split(_RAYS_AT_ONCE), strict=True)
             ])  # fmt: skip
         return color.reshape(len(poses.position), -1, 3)
+
+    @cached_property
+    def sight(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What the compiled descent asks for: directions in the camera (m, 3), colours (m, 3), R and p of the mount."""
+        directions, colors = (np.ascontiguousarray(part.numpy(), np.float32) for part in (self._in_camera, self.colors))
+        return directions, colors, self.mount.rotation.double().numpy(), self.mount.position.double().numpy()
 
     @cached_property
     def _in_camera(self) -> Float[Tensor, "m 3"]:

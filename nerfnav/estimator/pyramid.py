@@ -41,19 +41,22 @@ class SearchConfig:
 
     doubt: float = 1.6
     """Look again where the colours' root mean square difference (Huber) ends above this many standard deviations."""
-    candidates: int = 1000
-    """Random states that are looked at ..."""
-    starts: int = 24
+    rounds: int = 1
+    """Times at most, in one update, that random states are drawn and the likeliest improved: what a search may take. It
+    goes on with the next picture."""
+    candidates: int = 96
+    """Random states that are looked at in a round ..."""
+    starts: int = 6
     """... and how many of them are improved."""
     saturation: float = 0.3
     """Colour differences above this count as this, in the choice of those [1 = full scale]."""
-    pixels: tuple[int, ...] = (256, 512, 1024)
+    pixels: tuple[int, ...] = (48, 128, 1024)
     """Pixels compared in each stage."""
     robust: tuple[float, ...] = (1.0, 0.3, 0.1)
     """Huber's threshold in each stage [1 = full scale]."""
-    iterations: tuple[int, ...] = (6, 8, 12)
+    iterations: tuple[int, ...] = (5, 6, 4)
     """Steps of each stage, at most."""
-    kept: tuple[int, ...] = (8, 1, 1)
+    kept: tuple[int, ...] = (2, 1, 1)
     """Poses that are left after each stage."""
 
     def stages(self) -> list[Stage]:
@@ -66,11 +69,11 @@ class SearchConfig:
 class PyramidConfig:
     """How the fast filter goes from coarse to fine."""
 
-    halvings: tuple[int, ...] = (3, 2, 1, 0)
-    """Each stage's picture is reduced by 2 to this; the last one is compared at chosen pixels."""
-    robust: tuple[float, ...] = (2.0, 1.0, 0.5, 0.1)
+    halvings: tuple[int, ...] = (2, 1, 0, 0)
+    """Each stage's picture is reduced by 2 to this; those that are not are compared at chosen pixels."""
+    robust: tuple[float, ...] = (1.0, 0.5, 0.1, 0.1)
     """Colour difference beyond which a pixel pulls less and less in each stage (Huber) [1 = full scale]."""
-    iterations: tuple[int, ...] = (4, 5, 8, 12)
+    iterations: tuple[int, ...] = (6, 8, 10, 12)
     """Steps of each stage, at most."""
     thorough: int = 2
     """Times as many steps where one start is not enough."""
@@ -78,7 +81,9 @@ class PyramidConfig:
     """Variance of colours grows by this with every halving: coarse fields are poor likenesses, and must not drag a good
     prediction away."""
     pixels: int = 1024
-    """Pixels compared in each stage at most."""
+    """Pixels compared in the end, at most."""
+    coarse_pixels: int = 256
+    """Pixels compared in each stage before that, at most: these only lead to where the last one begins."""
     settled: float = 6e-4
     """The last stage ends when a step moves no pose number further than this [m, rad]; one reduced by 2^k, 2^k times
     as soon."""
@@ -86,16 +91,20 @@ class PyramidConfig:
     """Where the prediction is wider than `narrow`, as many random states of it are looked at ..."""
     starts: int = 8
     """... and this many of them, the likeliest, are improved; each later stage goes on with a third."""
-    narrow: float = 1.2
+    narrow: float = 2.4
     """Spread of the prediction, in pixels of the first stage, from which one start may not be enough."""
     search: SearchConfig = field(default_factory=SearchConfig)
     """What follows where the result is doubtful."""
+
+    def pixels_at(self, stage: int) -> int:
+        """Pixels compared in a stage."""
+        return self.pixels if stage + 1 >= len(self.halvings) else min(self.pixels, self.coarse_pixels)
 
     def stages(self, many: bool) -> list[Stage]:
         """From coarse to fine; the last but one leaves one pose."""
         table = list(zip(self.halvings, self.robust, self.iterations, strict=True))
         return [
-            Stage(halvings, robust, most * (self.thorough if many else 1), self.pixels,
+            Stage(halvings, robust, most * (self.thorough if many else 1), self.pixels_at(index),
                   1 if index + 2 >= len(table) else None)
             for index, (halvings, robust, most) in enumerate(table)
         ]  # fmt: skip

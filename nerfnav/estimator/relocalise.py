@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from nerfnav.compiled import threads
+from nerfnav.estimator.descents import improve
 from nerfnav.estimator.looks import Looks, LooksConfig
 from nerfnav.estimator.newton import (
     Guess,
@@ -24,12 +24,11 @@ from nerfnav.estimator.newton import (
     NewtonConfig,
     Prior,
     joined,
-    minimise,
     picture_information,
     robust_square,
 )
 from nerfnav.estimator.panorama import free_places
-from nerfnav.estimator.photometric import THREADS, ColorNoise
+from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.pyramid import small_observation
 from nerfnav.field.field import Field
 from nerfnav.geometry import so3
@@ -190,8 +189,7 @@ class _Search:
             seen = small_observation(self.image, self.looks.view.at(halvings), config.pixels, generator)
             kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * self.noise.std**2)
             settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
-            with threads(THREADS):
-                *_, last = minimise(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings)
+            *_, last = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings)
             differences = robust_square(last.residual.abs(), robust).mean((1, 2)).sqrt()
             ranking = _Ranking(last.guess.pose, last.cost, differences)
             ranking = ranking[distinct(last.guess.pose, last.cost, config.alike)]

@@ -1,13 +1,12 @@
 """Where to begin a descent, when one beginning is not enough."""
 
 import torch
-from torch import Tensor
 
-from nerfnav.compiled import threads
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import POSE
+from nerfnav.estimator.descents import residuals
 from nerfnav.estimator.newton import Guess
-from nerfnav.estimator.photometric import THREADS, Observation
+from nerfnav.estimator.photometric import Observation
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Pose
 
@@ -26,7 +25,6 @@ def likeliest(seen: Observation, poses: Pose, count: int, saturation: float = 1.
 
     Colour differences above `saturation` [1 = full scale] count as this.
     """
-    with threads(THREADS):
-        off: Tensor = (seen.shown(poses) - seen.colors).abs().clamp_max(saturation).mean((1, 2))
+    off = residuals(seen, poses).abs().clamp_max(saturation).mean((1, 2))
     best = off.argsort()[:count]
     return Guess.at(poses[torch.cat([torch.zeros(1, dtype=best.dtype), best[best != 0]])])

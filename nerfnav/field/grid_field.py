@@ -94,7 +94,7 @@ class GridField(ABC):
         """The samples, every half voxel, that have density and are not hidden behind others."""
         if self.background.device.type != "cpu":
             return uniform_samples(self.box, origins, directions, self.step)
-        rays = (_flat(origins), _flat(directions))
+        rays = (flat_array(origins), flat_array(directions))
         capacity = 64
         while True:
             with threads(default_threads()):
@@ -131,8 +131,8 @@ class GridField(ABC):
                 return render_rays(self, origins.to(device), directions.to(device))
         with threads(default_threads()):
             parts = march.render(
-                *self.kernel_grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
-                self.background.cpu().numpy(), self._outer,
+                *self.kernel_grid, flat_array(origins), flat_array(directions), np.float32(DENSITY_SCALE),
+                np.float32(self.step), self.background.cpu().numpy(), self._outer,
             )  # fmt: skip
         color, opacity, depth = (torch.from_numpy(part) for part in parts)
         return Rendering(color, opacity, depth)
@@ -147,16 +147,17 @@ class GridField(ABC):
         if self.outside is not None:
             return jacobian_by_autograd(self, origins, directions)
         colors, jacobians = jacobian.colors_and_jacobian(
-            *self.kernel_grid, _flat(origins), _flat(directions), np.float32(DENSITY_SCALE), np.float32(self.step),
-            self.background.cpu().numpy(),
+            *self.kernel_grid, flat_array(origins), flat_array(directions), np.float32(DENSITY_SCALE),
+            np.float32(self.step), self.background.cpu().numpy(),
         )  # fmt: skip
         return torch.from_numpy(colors), torch.from_numpy(jacobians)
 
     @cached_property
     def _outer(self) -> np.ndarray:
         """Values around the box as kernels ask for them: no nodes where there is nothing."""
-        return np.zeros((0, 0, 0, 4), np.float32) if self.outside is None else _flat(self.outside.values)
+        return np.zeros((0, 0, 0, 4), np.float32) if self.outside is None else flat_array(self.outside.values)
 
 
-def _flat(tensor: Tensor) -> np.ndarray:
+def flat_array(tensor: Tensor) -> np.ndarray:
+    """Numbers as kernels take them: float32, row by row."""
     return np.ascontiguousarray(tensor.detach().cpu().numpy(), dtype=np.float32)

@@ -8,6 +8,7 @@ centre, both in the world's axes. A ray's origin o and direction d then change b
 
 from typing import Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -18,6 +19,21 @@ from nerfnav.field.render import render_rays
 Rays = Float[Tensor, "n 3"]
 Colors = Float[Tensor, "n 3"]
 Jacobian = Float[Tensor, "n 3 6"]
+
+
+SightGrid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.float32, np.ndarray]
+"""Values (nx, ny, nz, 4), leaps (see kernels/leaps.py), lower corner [m], nodes per metre, table of light (see
+kernels/sight.py), distance of samples [m], background (3)."""
+
+
+@runtime_checkable
+class Gridded(Protocol):
+    """A field that may have a grid on which kernels follow whole descents of cameras."""
+
+    @property
+    def sight_grid(self) -> SightGrid | None:
+        """The grid; None where there is more to see than it holds."""
+        ...
 
 
 @runtime_checkable

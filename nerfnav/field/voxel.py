@@ -17,9 +17,12 @@ from torch import Tensor
 
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State, planned_raw
 from nerfnav.field.field import Points
-from nerfnav.field.grid_field import GridField, KernelGrid
+from nerfnav.field.grid_field import GridField, KernelGrid, flat_array
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.kernels.cells import BLOCK_SHIFT
+from nerfnav.field.jacobian import SightGrid, jacobian_by_autograd
+from nerfnav.field.kernels import sight
+from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
+from nerfnav.field.kernels.leaps import leaps_over
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import trilinear
@@ -100,6 +103,38 @@ class VoxelField(GridField):
         per_meter = (1 / self.spacing).cpu().numpy().astype(np.float32)
         lower = self.box.lower.cpu().numpy().astype(np.float32)
         return self.values.detach().cpu().numpy(), self.occupied.cpu().numpy().astype(np.uint8), lower, per_meter
+
+    def colors_and_jacobian(
+        self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3 6"]]:
+        """See GridField; by the kernel that leaps over empty cells."""
+        if self.outside is not None:
+            return jacobian_by_autograd(self, origins, directions)
+        colors, jacobians = sight.colors_and_jacobian(self._sight, flat_array(origins), flat_array(directions))
+        return torch.from_numpy(colors), torch.from_numpy(jacobians)
+
+    @property
+    def sight_grid(self) -> SightGrid | None:
+        """What kernels need that follow rays with their derivatives; None where there are surroundings."""
+        return self._sight if self.outside is None else None
+
+    @cached_property
+    def density_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+        """What the planner's kernels need: values, leaps, lower, nodes per metre, scale, corners of the box."""
+        values, _, lower, per_meter = self.kernel_grid
+        first, last = (edge.double().cpu().numpy() for edge in (self.box.lower, self.box.upper))
+        return values, self._leaps, lower, per_meter, DENSITY_SCALE, first, last
+
+    @cached_property
+    def _leaps(self) -> np.ndarray:
+        return leaps_over(np.ascontiguousarray(self.kernel_grid[0][..., 0]), NEGLIGIBLE_RAW)
+
+    @cached_property
+    def _sight(self) -> SightGrid:
+        values, _, lower, per_meter = self.kernel_grid
+        table = sight.light_table(DENSITY_SCALE, self.step)
+        background = self.background.cpu().numpy().astype(np.float32)
+        return values, self._leaps, lower, per_meter, table, np.float32(self.step), background
 
 
 def occupied_blocks(raw: Float[Tensor, "nx ny nz"], threshold: float) -> Bool[Tensor, "bx by bz"]:

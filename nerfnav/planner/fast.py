@@ -19,7 +19,8 @@ import torch
 from nerfnav.planner.astar import SearchConfig
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_finite
-from nerfnav.planner.objective import Evaluation, Objective
+from nerfnav.planner.fused import Evaluation
+from nerfnav.planner.objective import Objective
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.problem import InitialGuess, PlanProblem, first_guesses
 from nerfnav.planner.quasi_newton import NewtonConfig, minimise, preconditioner
@@ -110,7 +111,7 @@ def improve(
     """The best that comes of some trajectories between the same ends; yields as `plan_fast` does."""
     desk = _Desk(problem, trajectories[0], config)
     starts = [trajectory.free.double().numpy() for trajectory in trajectories]
-    inverse = preconditioner(desk.objective.effort_gradient, starts[0], desk.scales, config.newton.prior)
+    inverse = preconditioner(desk.objective.effort_curvature, starts[0], desk.scales, config.newton.prior)
     reached = desk.scout(starts, inverse)
     if len(starts) == 1:  # it may be as good as it gets already
         reached[1] = desk.objective(starts[0])
@@ -175,7 +176,7 @@ class _Desk:
             if firmer > 1:
                 weights = self._config.weights
                 firm = self._weighing(replace(weights, limits=firmer * weights.limits))
-                inverse = preconditioner(firm.effort_gradient, tried.free, self.scales, self._config.newton.prior)
+                inverse = preconditioner(firm.effort_curvature, tried.free, self.scales, self._config.newton.prior)
                 tried = _last(minimise(firm, tried.free, self.scales, self._config.newton, inverse))
             self._flat.forward(tried.free)
             if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):

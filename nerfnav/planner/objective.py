@@ -12,23 +12,12 @@ from time import perf_counter
 
 import numpy as np
 
+from nerfnav.planner.fused import Evaluation, FusedObjective
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import OWN, PlanCost, TermCost
 from nerfnav.planner.terms.autograd import AutogradKernel
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots.flat_map import FlatMap
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """J at one point of the search."""
-
-    free: np.ndarray
-    """The free numbers (k)."""
-    cost: PlanCost
-    """The terms of J."""
-    gradient: np.ndarray
-    """dJ / d free (k)."""
 
 
 @dataclass
@@ -55,7 +44,11 @@ class Objective:
         self, context: TermContext, route: Route, terms: Iterable[CostTerm], flat: FlatMap | None = None
     ) -> None:
         """Sum up `terms` for motions along `route`; `flat` saves making the robot's flatness map again."""
+        terms = tuple(terms)
         self._map = flat or context.robot.flat_map(route.start, route.goal, route.steps, route.dt)
+        self.fused = FusedObjective.of(context, terms, self._map)
+        if self.fused is not None:
+            return
         self._own: list[tuple[int, Kernel]] = []
         self._added: list[_Timed] = []
         self._cheap: list[Kernel] = []
@@ -70,11 +63,21 @@ class Objective:
 
     def __call__(self, free: np.ndarray) -> Evaluation:
         """J with all its terms."""
+        if self.fused is not None:
+            return self.fused(free)
         flat, by, own = self._map, self._forward(free), [0.0, 0.0, 0.0]
         for place, kernel in self._own:
             own[place] += kernel(flat, by)
         added = tuple([timed(flat, by) for timed in self._added])
         return Evaluation(free, PlanCost(own[0], own[1], own[2], added), self._backward(by))
+
+    def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Differences (k, k) of `effort_gradient` over a step of each free number, each divided by its step."""
+        if self.fused is not None:
+            return self.fused.effort_curvature(free, steps)
+        here = self.effort_gradient(free)
+        ahead = np.stack([self.effort_gradient(free + step) for step in np.diag(steps)])
+        return (ahead - here) / steps[:, None]
 
     def effort_gradient(self, free: np.ndarray) -> np.ndarray:
         """The gradient of the terms for preconditioning alone: cheap, and most of the curvature of J."""

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nerfnav.planner.fused import Evaluation, LineSearch
+from nerfnav.planner.kernels.eigen import inverse_of_absolute
 from nerfnav.planner.kernels.quasi_newton import rank_two
-from nerfnav.planner.objective import Evaluation, Objective
+from nerfnav.planner.objective import Objective
 
-_ARMIJO = 1e-4
-_SHRINK = (0.1, 0.5)
-"""Least and largest factor between two tries of a step."""
-_TRIES = 12
+_SEARCH = LineSearch()
 _DAMPING = 0.2
+_DIFFERENCE = 1e-4
+"""Step of the differences that curvature is taken from, in scales."""
 
 
 @dataclass(frozen=True)
@@ -52,24 +53,18 @@ def minimise(
     """
     now = objective(free)
     if inverse is None:
-        inverse = preconditioner(objective.effort_gradient, now.free, scales, config.prior)
+        inverse = preconditioner(objective.effort_curvature, now.free, scales, config.prior)
     first, history, fresh = inverse, [now.cost.total], True
     yield now, False
     for _ in range(config.iterations):
-        direction = -(inverse @ now.gradient)
-        slope = float(direction @ now.gradient)
-        following = _search(objective, now, direction, slope, config.reach * scales) if slope < 0 else None
-        if following is None:
+        moved = _advance(objective, now, inverse, config.reach * scales)
+        if moved is None:
             if fresh:
                 yield now, True
                 return
             inverse, fresh = first, True  # what was learned of the curvature misleads: forget it
             continue
-        step = following.free - now.free
-        # the step goes along -B g, so that B^-1 step is a multiple of g and needs no solving
-        pulled = float(step @ direction / (direction @ direction)) * -now.gradient
-        inverse, fresh = bfgs(inverse, step, pulled, following.gradient - now.gradient), False
-        now = following
+        (now, inverse), fresh = moved, False
         history.append(now.cost.total)
         settled = len(history) > config.patience and (
             history[-1 - config.patience] - history[-1] <= config.tolerance * max(abs(history[-1]), config.least)
@@ -80,14 +75,28 @@ def minimise(
 
 
 def preconditioner(
-    gradient: Callable[[np.ndarray], np.ndarray], free: np.ndarray, scales: np.ndarray, prior: float
+    curvature: Callable[[np.ndarray, np.ndarray], np.ndarray], free: np.ndarray, scales: np.ndarray, prior: float
 ) -> np.ndarray:
-    """Inverse of |d gradient / d free| + prior / scales^2: curvature by differences, eigenvalues made positive."""
-    steps, here = 1e-4 * scales, gradient(free)
-    ahead = np.stack([gradient(free + step) for step in np.diag(steps)])
-    scaled = (ahead - here) / steps[:, None] * np.outer(scales, scales)
-    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
-    return scales[:, None] * (vectors / (np.abs(values) + prior)) @ vectors.T * scales
+    """Inverse of |H| + prior / scales^2, with H = curvature(free, steps) by differences over small steps."""
+    scaled = curvature(free, _DIFFERENCE * scales) * np.outer(scales, scales)
+    return np.outer(scales, scales) * inverse_of_absolute(0.5 * (scaled + scaled.T), prior)
+
+
+def _advance(
+    objective: Objective, now: Evaluation, inverse: np.ndarray, reach: np.ndarray
+) -> tuple[Evaluation, np.ndarray] | None:
+    """The next point and the inverse Hessian there; None where J does not fall along the direction."""
+    if objective.fused is not None:
+        return objective.fused.newton_step(now, inverse, reach, _SEARCH, _DAMPING)
+    direction = -(inverse @ now.gradient)
+    slope = float(direction @ now.gradient)
+    following = _search(objective, now, direction, slope, reach) if slope < 0 else None
+    if following is None:
+        return None
+    step = following.free - now.free
+    # the step goes along -B g, so that B^-1 step is a multiple of g and needs no solving
+    pulled = float(step @ direction / (direction @ direction)) * -now.gradient
+    return following, bfgs(inverse, step, pulled, following.gradient - now.gradient)
 
 
 def bfgs(inverse: np.ndarray, step: np.ndarray, pulled: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -109,13 +118,13 @@ def _search(
 ) -> Evaluation | None:
     """The first point along `direction`, at most `reach` away, where J fell enough (Armijo); None if there is none."""
     length = min(1.0, float(1 / np.max(np.abs(direction) / reach)))
-    for _ in range(_TRIES):
+    for _ in range(_SEARCH.tries):
         tried = objective(now.free + length * direction)
         gain = tried.cost.total - now.cost.total
-        if gain <= _ARMIJO * length * slope:
+        if gain <= _SEARCH.armijo * length * slope:
             return tried
         # the minimum of the parabola through what is known; NaN shrinks as far as allowed
         best = -0.5 * slope * length**2 / (gain - slope * length)
-        low, high = _SHRINK
+        low, high = _SEARCH.low, _SEARCH.high
         length *= high if not np.isfinite(best) else float(np.clip(best / length, low, high))
     return None

@@ -36,6 +36,11 @@ class QuadrotorMap(FlatMap):
         self._slopes = (np.zeros((steps + 1, 3)), np.zeros((steps + 1, 3)), np.zeros((steps, 4)))
         self._penalised = False
 
+    @property
+    def constants(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Ends, attitudes, constants and bounds, as the kernels have them."""
+        return self._ends, self._attitudes, self._constants, self._bounds
+
     def forward(self, free: np.ndarray) -> None:
         """See FlatMap."""
         self._free, self._penalised = free, False

@@ -1,10 +1,12 @@
 """How planning is compared: on small numbers of iterations, in a bundled scene."""
 
+import os
+
 import pytest
 import torch
 
 import scenes
-from app.benchmarks import plan, replan, scaling
+from app.benchmarks import busy, plan, replan, scaling
 from nerfnav.experiments.arena import Arena
 from nerfnav.field.checkpoint import load_field
 
@@ -39,3 +41,13 @@ def test_iterations_of_all_sizes_and_plans_from_one_and_many_starts_are_timed(ar
     assert len(set(zip(found.waypoints, found.body_points, strict=True))) == len(found.iteration_ms) == 16
     assert found.starts == 8 and found.one_start_ms > 0 and found.all_starts_ms > 0
     assert len(scaling.picture(found).axes) == 2
+
+
+@pytest.mark.slow
+def test_all_parts_of_the_loop_are_timed_alone_and_beside_busy_processes(arena: Arena):
+    before = os.sched_getaffinity(0)
+    found = busy.measure(arena, tasks=1, rounds=1, per_round=1)
+    assert set(found) == {"plan", "replan", "filter"}
+    for row in found.values():
+        assert row["ratio"] == row["busy_ms"] / row["quiet_ms"] > 0
+    assert os.sched_getaffinity(0) == before

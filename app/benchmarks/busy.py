@@ -1,0 +1,98 @@
+"""The loop's parts beside two processes that compute without end, all on the same two cores."""
+
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+
+import torch
+
+from app.benchmarks.filter import bench_filter, situations
+from app.benchmarks.plan import both_threads, problems_of
+from app.benchmarks.replan import pushed_plan
+from nerfnav.experiments.arena import Arena
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.steps import last_step
+from nerfnav.planner.warm_start import carry_on
+
+PROCESSES, CORES = 2, 2
+"""Busy processes, and cores that they share with what is timed."""
+_SETTLE_S = 0.3
+"""Time for which busy processes start up before anything is timed beside them [s]."""
+
+
+def measure(arena: Arena, tasks: int = 3, rounds: int = 4, per_round: int = 3) -> dict[str, dict[str, float]]:
+    """Median times [ms] of a plan, a replan and an update of the filter, quiet and busy in turn, and their ratio.
+
+    Each round times all of them alone and then beside the busy processes. The first `tasks` of the arena and as many
+    views are looked at.
+    """
+    with both_threads(), _on(CORES):
+        calls = {name: [*kind] for name, kind in _calls(arena, tasks).items()}
+        for one in (call for kind in calls.values() for call in kind):
+            one()  # compiled, and all maps made
+        quiet: dict[str, list[float]] = {name: [] for name in calls}
+        busy: dict[str, list[float]] = {name: [] for name in calls}
+        for _ in range(rounds):
+            _time(calls, per_round, quiet)
+            with _company():
+                _time(calls, per_round, busy)
+    medians = {name: (statistics.median(quiet[name]), statistics.median(busy[name])) for name in calls}
+    return {
+        name: {"quiet_ms": alone, "busy_ms": beside, "ratio": beside / alone}
+        for name, (alone, beside) in medians.items()
+    }
+
+
+def _calls(arena: Arena, tasks: int) -> dict[str, list[Callable[[], object]]]:
+    """What is timed."""
+    problems, config = problems_of(arena, tasks), FastPlanConfig()
+    occupancy = OccupancyMap.of(arena.field, problems[0].robot.body)
+    generator = torch.Generator().manual_seed(0)
+    pushed = [pushed_plan(problem, generator) for problem in problems]
+    fast = bench_filter(arena)
+    return {
+        "plan": [lambda p=problem: last_step(plan_fast(p, config, occupancy)) for problem in problems],
+        "replan": [lambda p=rest, m=motion: last_step(carry_on(p, m, 1, config, occupancy)) for rest, motion in pushed],
+        "filter": [lambda s=now: s.updated(fast) for now in situations(arena, tasks)],
+    }
+
+
+def _time(calls: Mapping[str, list[Callable[[], object]]], times: int, into: Mapping[str, list[float]]) -> None:
+    for name, kind in calls.items():
+        for call in kind:
+            for _ in range(times):
+                begun = time.perf_counter()
+                call()
+                into[name].append(1e3 * (time.perf_counter() - begun))
+
+
+@contextmanager
+def _company() -> Iterator[None]:
+    """Processes that compute as long as the block lasts, on the cores of this one."""
+    with ExitStack() as stack:
+        for _ in range(PROCESSES):
+            other = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+            stack.callback(other.wait)
+            stack.callback(other.kill)
+        time.sleep(_SETTLE_S)
+        yield
+
+
+@contextmanager
+def _on(count: int) -> Iterator[None]:
+    """Keep this process, and those that it starts, on so many cores, where the system can do that."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(before)[:count])
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # a core may have been taken away meanwhile
+            os.sched_setaffinity(0, before)

@@ -1,0 +1,84 @@
+"""Descents of camera poses: one compiled call where the field has a grid that kernels know, else in torch."""
+
+from collections.abc import Iterator
+from dataclasses import fields
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.compiled import threads
+from nerfnav.estimator.kernels.descent import descend
+from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, minimise
+from nerfnav.estimator.photometric import THREADS, Observation
+from nerfnav.field.jacobian import Gridded, SightGrid
+from nerfnav.geometry.camera import Pose
+
+
+def improve(seen: Observation, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
+    """Every stage on the way down, the start first, as `minimise` yields them.
+
+    The compiled descent ends each pose's where that has settled; it then stands still in later stages. All is done on
+    the filter's threads and without gradients; what others do between the stages is not.
+    """
+    grid = seen.field.sight_grid if isinstance(seen.field, Gridded) else None
+    stages = minimise(seen, start, prior, config) if grid is None else _compiled(grid, seen, start, prior, config)
+    while True:
+        with torch.no_grad(), threads(THREADS):
+            stage = next(stages, None)
+        if stage is None:
+            return
+        yield stage
+
+
+def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
+    """What the field shows from body poses (n,) less what the picture shows."""
+    grid = seen.field.sight_grid if isinstance(seen.field, Gridded) else None
+    with torch.no_grad(), threads(THREADS):
+        if grid is None:
+            return seen.shown(poses) - seen.colors
+        looked = _compiled(grid, seen, Guess.at(poses), _NOTHING_KNOWN, NewtonConfig(iterations=0))
+        return next(looked).residual
+
+
+def _compiled(
+    grid: SightGrid, seen: Observation, start: Guess, prior: Prior, config: NewtonConfig
+) -> Iterator[Iterate]:
+    mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
+    known = (
+        _array(prior.information), _array(mean.rotation), _array(mean.position), prior.mean is not None, prior.kappa
+    )  # fmt: skip
+    count, stages = len(start.exposure), config.iterations + 1
+    trace = _trace(stages, count, len(seen.pixels))
+    for part, begin in zip(trace, (start.pose.rotation, start.pose.position, start.exposure), strict=False):
+        part[0] = begin.numpy()
+    held, moved, settings = np.empty((stages, count), np.int64), np.empty((stages, count)), _settings(config)
+    stages = descend(grid, seen.sight, known, settings, trace, held, moved)
+    tensors, index = [torch.from_numpy(part[:stages]).to(torch.float32) for part in trace], torch.arange(count)
+    for step, stage in enumerate(torch.from_numpy(held[:stages])):
+        rotation, position, exposure, *parts = (part[stage, index] for part in tensors)
+        guess = Guess(Pose(rotation, position), exposure)
+        yield Iterate(guess, **dict(zip(_PARTS, parts, strict=True)), moved=torch.from_numpy(moved[step]).float())
+
+
+def _settings(config: NewtonConfig) -> tuple[int, float, float, float]:
+    return config.iterations, config.damping, config.robust, config.settled
+
+
+_NOTHING_KNOWN = Prior(torch.eye(UNKNOWNS), None)
+_PARTS = ("cost", "process", "residual", "change", "seen", "known", "slope")
+"""In the order in which the kernel has them."""
+assert {"guess", "moved", *_PARTS} == {field.name for field in fields(Iterate)}
+
+
+def _trace(stages: int, poses: int, pixels: int) -> tuple[np.ndarray, ...]:
+    """Room for the stages of so many poses: rotation, position, exposure, and `_PARTS`."""
+    square, plain = (UNKNOWNS, UNKNOWNS), ()
+    shapes = ((3, 3), (3,), (2,), plain, plain, (pixels, 3), (UNKNOWNS,), square, square, (UNKNOWNS,))
+    kinds = [np.float32 if shape == (pixels, 3) else np.float64 for shape in shapes]
+    return tuple(np.empty((stages, poses, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True))
+
+
+def _array(tensor: Tensor) -> np.ndarray:
+    return np.ascontiguousarray(tensor.detach().double().numpy())

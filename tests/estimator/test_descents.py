@@ -1,0 +1,69 @@
+"""The compiled descent against its reference in torch."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from nerfnav.estimator.descents import improve
+from nerfnav.estimator.newton import Guess, NewtonConfig, Prior, joined, minimise
+from nerfnav.estimator.photometric import Observation
+from nerfnav.geometry import so3
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from tests.field.test_jacobian import cloud
+
+CAMERA = Camera.from_fov(16, 12, 60)
+MOUNT = replace(FORWARD_MOUNT, position=torch.tensor([0.05, 0.02, 0.03]))
+TRUTH = Pose(so3.from_yaw(torch.tensor(3.3)), torch.tensor([0.9, 0.1, 0.05]))
+
+
+def seen() -> Observation:
+    """What a camera beside a cloud sees of it."""
+    field = cloud()
+    color = field.render_rays(*CAMERA.rays(TRUTH.compose(MOUNT))).color
+    return Observation(field, CAMERA, MOUNT, CAMERA.pixels(), 0.9 * color + 0.02)
+
+
+def starts(count: int) -> Guess:
+    generator = torch.Generator().manual_seed(0)
+    draws = 0.02 * torch.randn(count, 6, generator=generator)
+    rotation = so3.retract(TRUTH.rotation.expand(count, 3, 3), draws[:, 3:])
+    return Guess.at(Pose(rotation, TRUTH.position + draws[:, :3]))
+
+
+def prior(known: bool) -> Prior:
+    information = joined(1e3 * torch.eye(6) if known else None, (0.1, 0.05))
+    return Prior(information, starts(1).pose[0] if known else None, 50.0)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("robust", [1.0, 0.02])
+def test_every_stage_is_that_of_the_reference(known: bool, robust: float) -> None:
+    config = NewtonConfig(6, robust=robust)
+    found = list(improve(seen(), starts(3), prior(known), config))
+    with torch.no_grad():
+        expected = list(minimise(seen(), starts(3), prior(known), config))
+    assert len(found) == len(expected) == 7
+    for mine, reference in zip(found[:4], expected[:4], strict=True):
+        torch.testing.assert_close(mine.cost, reference.cost, rtol=2e-3, atol=1e-4)
+        torch.testing.assert_close(mine.guess.pose.position, reference.guess.pose.position, rtol=0, atol=1e-4)
+        torch.testing.assert_close(mine.guess.exposure, reference.guess.exposure, rtol=0, atol=1e-3)
+    first, reference = found[0], expected[0]
+    for name in ("seen", "known", "slope", "change", "residual", "process"):
+        mine, theirs = getattr(first, name), getattr(reference, name)
+        assert (mine - theirs).norm() <= 2e-3 * theirs.norm() + 1e-6, name
+    assert (found[-1].cost < 0.2 * found[0].cost).all()
+
+
+def test_costs_never_rise_and_a_pose_that_has_settled_stays() -> None:
+    stages = list(improve(seen(), starts(4), prior(True), NewtonConfig(12, settled=1e-3)))
+    costs = torch.stack([stage.cost for stage in stages])
+    assert (costs.diff(dim=0) <= 0).all() and (stages[-1].moved < 1e-3).all()
+    ends = stages[-1].guess.pose.position
+    assert (ends - ends[0]).norm(dim=-1).max() < 0.01 < (starts(4).pose.position - ends).norm(dim=-1).max()
+
+
+def test_rays_that_begin_near_the_last_surface_end_where_rays_from_the_camera_do() -> None:
+    one = list(improve(seen(), starts(1), prior(True), NewtonConfig(8)))[-1]
+    again = list(improve(seen(), one.guess, prior(True), NewtonConfig(0)))[-1]  # from the camera on
+    torch.testing.assert_close(one.cost, again.cost, rtol=1e-4, atol=1e-6)
