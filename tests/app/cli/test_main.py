@@ -178,7 +178,7 @@ def test_a_plan_in_a_bundled_scene_is_judged_on_its_mesh(capsys: Capture) -> Non
 
 
 def test_settings_are_those_of_the_planner_that_is_asked_for(field_file: Path, capsys: Capture) -> None:
-    words = ["plan", str(field_file), *FROM, *TO]
+    words = ["plan", str(field_file), *FROM, *TO, "--steps", "20"]
     few = printed([*words, "--config.newton.iterations", "2"], capsys)
     assert few["outcome"] == "iteration_limit"
     same = printed([*words, "--planner=paper", "--config.iterations", "3"], capsys)
@@ -279,7 +279,7 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
 
 
 def test_an_open_loop_flight_takes_no_pictures(field_file: Path, capsys: Capture) -> None:
-    flight = printed(["fly", str(field_file), *FROM, *TO, *QUICK_FLIGHT, "--open-loop", "--seed", "3"], capsys)
+    flight = printed(["fly", str(field_file), *FROM, *TO, *QUICK_FLIGHT, "--steps", "20", "--open-loop", "--seed", "3"], capsys)
     assert flight["steps"] == 20
     assert flight["timing_ms"]["filter_p95"] == 0
 

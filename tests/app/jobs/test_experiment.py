@@ -12,7 +12,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from app.benchmarks.comparison import Comparison
-from app.cli.parsing import parse
 from app.jobs import bench, bench_measures, experiment, experiment_catalog
 from app.jobs.arena import open_arena
 from app.jobs.bench import BenchRequest
@@ -94,13 +93,6 @@ def fake(name: str) -> Any:
         return Comparison(name, 100.0, 4.0, 2, {"options": float(len(options))})
 
     return SimpleNamespace(measure=measure)
-
-
-def test_help_names_every_experiment_of_the_table(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        parse(["experiment", "--help"])
-    told = "".join(capsys.readouterr().out.split()).replace("│", "")
-    assert ",".join(EXPERIMENTS) in told
 
 
 def test_the_bench_tells_every_comparison_and_names_what_it_left_out(tmp_path: Path) -> None:
