@@ -10,24 +10,24 @@ from typing import Literal
 
 import torch
 
-from nerfnav.estimator.fast import FastFilter
+from nerfnav.estimator import FastFilter
+from nerfnav.field import Unknown, planning_field, render_image
 from nerfnav.field.grid_field import GridField
-from nerfnav.field.render import render_image
-from nerfnav.field.unknown import Unknown, planning_field
-from nerfnav.geometry.camera import Camera
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
-from nerfnav.navigation.simulator import CameraFunction, Simulator
-from nerfnav.navigation.steps import NavigationStep
+from nerfnav.geometry import Camera
+from nerfnav.navigation import (
+    CameraFunction,
+    Episode,
+    Mission,
+    NavigateConfig,
+    NavigationStep,
+    Pilot,
+    Simulator,
+    navigate,
+)
+from nerfnav.planner import FastPlanConfig, FastPlanner, PlanProblem, PlanStep, last_step, plan_fast, with_room
 from nerfnav.planner.duration import shortest_plan, timing_of
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.planner import with_room
-from nerfnav.planner.planners.fast import FastPlanner
-from nerfnav.planner.problem import PlanProblem, map_for, way_length
-from nerfnav.planner.steps import PlanStep, last_step
-from nerfnav.world.contact import contact_check
-from nerfnav.world.raycast import MeshRenderer
-from nerfnav.world.scene import Scene
+from nerfnav.planner.problem import map_for, way_length
+from nerfnav.world import MeshRenderer, Scene, contact_check
 
 CAMERA = Camera.from_fov(200, 200, 90)
 """What a robot sees with unless another camera is given."""

@@ -130,11 +130,7 @@ def test_a_face_imports_nothing_of_its_package_before_it_is_asked_for(stub: Path
     assert imported(stub.with_suffix(".py")) <= {"os", "lazy_loader"}
 
 
-MOVING = ("planner", "estimator", "navigation", "field/carving", "field/evidence", "field/fusion", "field/unknown")
-FACING = [path for path in SOURCES if not relative(path).startswith(tuple(f"nerfnav/{part}" for part in MOVING))]
-
-
-@pytest.mark.parametrize("path", FACING, ids=relative)
+@pytest.mark.parametrize("path", SOURCES, ids=relative)
 def test_what_a_package_has_on_its_face_is_imported_from_there_by_other_packages(path: Path) -> None:
     given = {name: face for stub in FACES if stub.parent.name != "nerfnav" for name, face in on_the_face(stub).items()}
     for node in ast.walk(ast.parse(path.read_text())):

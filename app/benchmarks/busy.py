@@ -13,10 +13,8 @@ import torch
 from app.benchmarks.filter import bench_filter, situations
 from app.benchmarks.plan import both_threads, problems_of
 from app.benchmarks.replan import pushed_plan
-from nerfnav.experiments.arena import Arena
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.steps import last_step
+from nerfnav.experiments import Arena
+from nerfnav.planner import FastPlanConfig, OccupancyMap, last_step, plan_fast
 from nerfnav.planner.warm_start import carry_on
 
 PROCESSES, CORES = 2, 2

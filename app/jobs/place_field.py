@@ -12,22 +12,18 @@ from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from app.places.opening import field_file, ground_truth
 from app.storage.output_files import OutputError, prepare_file
 from nerfnav.errors import InvalidInputError
-from nerfnav.experiments.freedom import freedom_alone, in_words
-from nerfnav.field.checkpoint import load_field, save_field
+from nerfnav.experiments import freedom_alone, in_words
+from nerfnav.field import FieldInfo, VoxelField, load_field, save_field
 from nerfnav.field.codec import StoredField
 from nerfnav.field.cropping import cropped, overlap
-from nerfnav.field.info import FieldInfo
 from nerfnav.field.moving import MoveStep, moved
 from nerfnav.field.surface_points import surface_points
-from nerfnav.field.voxel import VoxelField
+from nerfnav.importers import Splats, VoxelizeConfig, load_splats, save_splats, splats_beside, voxelize
 from nerfnav.importers.correction import Corrected, Correction, corrected
 from nerfnav.importers.meshes.truth import truth_beside, truth_path
 from nerfnav.importers.placement import still_guessed
-from nerfnav.importers.splats.layouts import load_splats
-from nerfnav.importers.splats.splats import Splats, save_splats, splats_beside
-from nerfnav.importers.splats.voxels import VoxelizeConfig, voxelize
+from nerfnav.world import Scene
 from nerfnav.world.moving import moved_scene
-from nerfnav.world.scene import Scene
 
 _ALONG = 160
 """Points along the longest edge at which surfaces are looked for."""

@@ -10,16 +10,21 @@ from app.jobs.stopwatch import Stopwatch
 from app.places.derived import occupancy_of, planning_place
 from app.places.place import Place
 from app.storage.output_files import prepare_folder
-from nerfnav.planner import planners
+from nerfnav.planner import (
+    GOOD,
+    FastPlanConfig,
+    OccupancyMap,
+    Planner,
+    PlanOutcome,
+    PlanProblem,
+    PlanStep,
+    Route,
+    planners,
+)
 from nerfnav.planner.astar import SearchConfig
 from nerfnav.planner.chance import within_chance
 from nerfnav.planner.duration import Timing, shortest_plan, timing_of
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.planner import Planner
-from nerfnav.planner.problem import PlanProblem, map_for, way_length
-from nerfnav.planner.route import Route
-from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep
+from nerfnav.planner.problem import map_for, way_length
 
 
 def run(request: PlanRequest, place: Place) -> JobEvents:

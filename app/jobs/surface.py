@@ -2,8 +2,8 @@
 
 from app.places.place import Place
 from app.places.surface_glb import kept_surface, unlit_glb, without_specks
+from nerfnav.field import field_mesh
 from nerfnav.field.grid_field import GridField
-from nerfnav.field.meshing import field_mesh
 
 _CELLS = 140
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""

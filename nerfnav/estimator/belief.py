@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.robots.state import RigidState
+from nerfnav.robots import RigidState
 from nerfnav.structs import TensorStruct
 
 

@@ -13,7 +13,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import POSE, hessian
 from nerfnav.estimator.photometric import ColorNoise, Observation, inliers, photometric_cost
-from nerfnav.robots.state import TANGENT, RigidState
+from nerfnav.robots import TANGENT, RigidState
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT
+from nerfnav.robots import ATTITUDE, POSITION, TANGENT
 
 POSE = [*range(TANGENT)[POSITION], *range(TANGENT)[ATTITUDE]]
 """The tangent numbers that show in a picture: position and attitude."""

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from nerfnav.estimator.cost import CostTerms, PoseCost
 from nerfnav.estimator.retraction import Retraction
-from nerfnav.robots.state import ATTITUDE, POSITION, TANGENT, RigidState
+from nerfnav.robots import ATTITUDE, POSITION, TANGENT, RigidState
 
 
 @dataclass(frozen=True)

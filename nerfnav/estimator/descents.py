@@ -13,7 +13,7 @@ from nerfnav.estimator.kernels.descent import descend
 from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, minimise
 from nerfnav.estimator.photometric import THREADS, Observation
 from nerfnav.field.jacobian import Gridded, SightGrid
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Pose
 
 
 def improve(seen: Observation, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:

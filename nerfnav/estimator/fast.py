@@ -33,12 +33,9 @@ from nerfnav.estimator.pyramid import Stage, View, small_observation
 from nerfnav.estimator.starts import drawn, likeliest
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.estimator.verdict import check_image, contrast, predicted_only
-from nerfnav.field.field import Field
-from nerfnav.field.levels import levels_of
-from nerfnav.geometry import so3
-from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import BODY_RATE, TANGENT, VELOCITY, RigidState
+from nerfnav.field import Field, levels_of
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, so3
+from nerfnav.robots import BODY_RATE, TANGENT, VELOCITY, RigidState, Robot
 
 _End = tuple[FilterStep, Observation, Iterate]
 """Where a descent is."""

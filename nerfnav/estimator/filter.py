@@ -27,10 +27,9 @@ from nerfnav.estimator.pyramid import PyramidConfig
 from nerfnav.estimator.retraction import Retraction, choose_retraction, princeton_lietorch
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.estimator.verdict import check_image, contrast, predicted_only
-from nerfnav.field.field import Field
-from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import TANGENT, RigidState
+from nerfnav.field import Field
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
+from nerfnav.robots import TANGENT, RigidState, Robot
 
 
 @dataclass(frozen=True)

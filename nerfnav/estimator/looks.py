@@ -11,11 +11,8 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.panorama import COLUMN, Panoramas, thinned, tilts_of
 from nerfnav.estimator.pyramid import View
 from nerfnav.estimator.verdict import check_image
-from nerfnav.field.field import Field
-from nerfnav.field.levels import levels_of
-from nerfnav.geometry import so3
-from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
-from nerfnav.geometry.images import reduced
+from nerfnav.field import Field, levels_of
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, reduced, so3
 
 _LARGEST = 256
 """Larger pictures are halved until they have no more pixels along their longer edge than twice this."""

@@ -21,8 +21,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.geometry import so3
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Pose, so3
 from nerfnav.structs import TensorStruct
 
 UNKNOWNS = 8

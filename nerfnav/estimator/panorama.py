@@ -20,11 +20,8 @@ from torch import Tensor
 
 from nerfnav.compiled import threads
 from nerfnav.estimator.photometric import THREADS
-from nerfnav.field.field import Field
-from nerfnav.field.render import FastRenderer, render_rays
-from nerfnav.geometry import so3
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import node_positions, shape_for
+from nerfnav.field import FastRenderer, Field, render_rays
+from nerfnav.geometry import Box, node_positions, shape_for, so3
 
 _ROWS, _COLUMNS = 24, 64
 """Cells of a panorama: 5.6 degrees each."""

@@ -15,12 +15,10 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from nerfnav.field.field import Field, RaySamples
-from nerfnav.field.jacobian import colors_and_jacobian
-from nerfnav.field.render import FastRenderer, before_backdrop, render_rays
-from nerfnav.geometry import so3
-from nerfnav.geometry.camera import Camera, Pose
-from nerfnav.robots.state import RigidState
+from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, render_rays
+from nerfnav.field.render import before_backdrop
+from nerfnav.geometry import Camera, Pose, so3
+from nerfnav.robots import RigidState
 
 THREADS = 1
 """That views of the field are made on, wherever they are compared with pictures: beside any other program, two wait for

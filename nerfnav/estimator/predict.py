@@ -11,8 +11,7 @@ from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.noise import StateNoise
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import TANGENT, RigidState
+from nerfnav.robots import TANGENT, RigidState, Robot
 
 
 def transition(

@@ -10,9 +10,8 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.estimator.photometric import Observation
-from nerfnav.field.field import Field
-from nerfnav.geometry.camera import Camera, Pose
-from nerfnav.geometry.images import reduced
+from nerfnav.field import Field
+from nerfnav.geometry import Camera, Pose, reduced
 
 
 @dataclass(frozen=True)

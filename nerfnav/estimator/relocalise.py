@@ -30,9 +30,8 @@ from nerfnav.estimator.newton import (
 from nerfnav.estimator.panorama import free_places
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.pyramid import small_observation
-from nerfnav.field.field import Field
-from nerfnav.geometry import so3
-from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from nerfnav.field import Field
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, so3
 from nerfnav.structs import TensorStruct
 
 _NOTHING = 1e-4

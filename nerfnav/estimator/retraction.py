@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.robots.state import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState
+from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState
 
 Retraction = Callable[[RigidState, Float[Tensor, "12"]], RigidState]
 """x (+) d, without gradients; the attitude of the result is a rotation matrix to rounding."""

@@ -7,8 +7,7 @@ from nerfnav.estimator.covariance import POSE
 from nerfnav.estimator.descents import residuals
 from nerfnav.estimator.newton import Guess
 from nerfnav.estimator.photometric import Observation
-from nerfnav.geometry import so3
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Pose, so3
 
 
 def drawn(prediction: Belief, count: int, generator: torch.Generator) -> Pose:

@@ -9,7 +9,7 @@ from torch import Tensor
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import Curvature
 from nerfnav.estimator.pixels import PixelSource
-from nerfnav.robots.state import RigidState
+from nerfnav.robots import RigidState
 
 
 class FilterOutcome(Enum):

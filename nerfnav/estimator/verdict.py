@@ -7,7 +7,7 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
-from nerfnav.geometry.camera import Camera
+from nerfnav.geometry import Camera
 
 
 def check_image(image: Tensor, camera: Camera) -> None:

@@ -19,14 +19,11 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.experiments.geometry import is_free, views
-from nerfnav.field.evidence import SOLID_DENSITY, State
-from nerfnav.field.field import Field
+from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, Unknown, planning_field
+from nerfnav.field.evidence import State
 from nerfnav.field.grid_field import GridField
-from nerfnav.field.info import FieldInfo
-from nerfnav.field.unknown import Unknown, planning_field
-from nerfnav.geometry.camera import Camera, Pose
-from nerfnav.geometry.images import PosedImages
-from nerfnav.world.scene import Scene
+from nerfnav.geometry import Camera, Pose, PosedImages
+from nerfnav.world import Scene
 
 _TOLD = 400_000
 """Points on surfaces that depth maps tell, at most."""

@@ -24,7 +24,7 @@ from nerfnav.field.info import FieldInfo
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.box import Box
+from nerfnav.geometry import Box
 from nerfnav.geometry.grid import cells_of, corner_offsets
 from nerfnav.memory import require_memory
 

@@ -26,7 +26,7 @@ from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, SOLID_DENSITY, raw_
 from nerfnav.field.fusion import SIZES, nearest_within, window
 from nerfnav.field.kernels import carving
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import PosedImages
 
 _NOISE_KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 """Sees no plane and no straight edge along an axis, only noise (Immerkaer, "Fast noise variance estimation", 1996)."""

@@ -22,9 +22,7 @@ from torch import Tensor
 from nerfnav.compiled import default_threads, threads
 from nerfnav.field.evidence import EMPTY_RAW, SOLID_DENSITY, raw_of
 from nerfnav.field.kernels import fusion
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import spacing_of
-from nerfnav.geometry.images import PosedImages
+from nerfnav.geometry import Box, PosedImages, spacing_of
 
 SIZES = np.array([1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64], np.int64)
 """Sizes of the windows of pixels that a node may stand for."""

@@ -22,8 +22,7 @@ from nerfnav.field.kernels import jacobian, march
 from nerfnav.field.kernels import points as point_kernels
 from nerfnav.field.render import Rendering, render_rays
 from nerfnav.field.surroundings import Backdrop, Surroundings
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import spacing_of
+from nerfnav.geometry import Box, spacing_of
 
 _LEAST_DENSITY = 0.01  # [1/m] of samples that are kept: 10 cm of what is left out change a colour by 0.1 %
 

@@ -21,8 +21,7 @@ from nerfnav.field.solidity import with_solidity_of
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.turning import resampled
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.camera import Pose
+from nerfnav.geometry import Box, Pose
 from nerfnav.geometry.similarity import Similarity
 
 

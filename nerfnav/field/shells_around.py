@@ -12,8 +12,7 @@ from torch import Tensor
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW
 from nerfnav.field.surroundings import RAW_TO_DEPTH, SPAN, Surroundings
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import node_positions, trilinear
+from nerfnav.geometry import Box, node_positions, trilinear
 from nerfnav.geometry.similarity import Similarity
 
 _SAMPLES = 6

@@ -17,7 +17,7 @@ from nerfnav.compiled import default_threads, threads
 from nerfnav.field.evidence import SOLID_DENSITY, State, raw_of
 from nerfnav.field.kernels.turning import mark_lost
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.grid import node_positions
+from nerfnav.geometry import node_positions
 from nerfnav.geometry.similarity import Similarity
 
 _CORNERS = torch.cartesian_prod(torch.arange(2), torch.arange(2), torch.arange(2))

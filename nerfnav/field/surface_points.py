@@ -7,7 +7,7 @@ from torch import Tensor
 from nerfnav.field.evidence import SOLID_DENSITY
 from nerfnav.field.field import Field
 from nerfnav.field.meshing import sample_density
-from nerfnav.geometry.grid import node_positions, shape_for, spacing_of
+from nerfnav.geometry import node_positions, shape_for, spacing_of
 
 
 def surface_points(field: Field, spacing: float, towards: tuple[float, float, float]) -> Float[Tensor, "n 3"]:

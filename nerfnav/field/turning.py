@@ -29,10 +29,7 @@ from nerfnav.field.render import render_image
 from nerfnav.field.shells_around import shells_around
 from nerfnav.field.solidity import between_grids, with_solidity_of
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.camera import Camera
-from nerfnav.geometry.grid import node_positions, shape_for, trilinear
-from nerfnav.geometry.images import psnr_db
+from nerfnav.geometry import Box, Camera, node_positions, psnr_db, shape_for, trilinear
 from nerfnav.geometry.similarity import Similarity
 
 _AXIS = torch.tensor([-1.0, 0.0, 1.0]) / math.sqrt(3.0)

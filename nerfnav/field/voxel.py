@@ -24,8 +24,7 @@ from nerfnav.field.kernels import sight
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
 from nerfnav.field.kernels.leaps import leaps_over
 from nerfnav.field.surroundings import Surroundings
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import trilinear
+from nerfnav.geometry import Box, trilinear
 from nerfnav.memory import require_memory
 
 __all__ = ["DENSITY_SCALE", "EMPTY_RAW", "VoxelField", "occupied_blocks"]

@@ -15,8 +15,7 @@ from nerfnav.field.info import FieldInfo
 from nerfnav.field.stored_values import quantised, values_of
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import with_neighbours
+from nerfnav.geometry import Box, with_neighbours
 
 MOST_DENSE_NODES = 60_000_000
 """Nodes that are held whole: a gigabyte of them."""

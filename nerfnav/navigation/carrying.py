@@ -5,10 +5,8 @@ from dataclasses import dataclass
 
 import torch
 
-from nerfnav.geometry import so3
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.camera import Pose
-from nerfnav.robots.state import RigidState
+from nerfnav.geometry import Box, Pose, so3
+from nerfnav.robots import RigidState
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator.belief import Belief
+from nerfnav.estimator import Belief
 from nerfnav.files import replacing, write_npz
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.robots.state import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
+from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 
 _STATE = tuple(field.name for field in fields(RigidState))
 FORMAT, VERSION = "nerfnav episode", 1

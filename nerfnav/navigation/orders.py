@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.geometry.camera import Pose
-from nerfnav.robots.state import RigidState
+from nerfnav.estimator import StateNoise
+from nerfnav.geometry import Pose
+from nerfnav.robots import RigidState
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,9 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
-from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import POSITION, Motion, RigidState
+from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep, StateNoise
+from nerfnav.geometry import FORWARD_MOUNT, Pose
+from nerfnav.robots import POSITION, Motion, RigidState, Robot
 
 
 @runtime_checkable

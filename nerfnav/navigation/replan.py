@@ -12,21 +12,15 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.estimator import Estimator
-from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator import Belief, Estimator, FilterConfig, FilterOutcome, FilterStep, StateNoise
 from nerfnav.estimator.predict import predict
-from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, Relocaliser, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
-from nerfnav.planner.planner import Planner
-from nerfnav.planner.route import Route
-from nerfnav.planner.steps import PlanOutcome
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.planner import Planner, PlanOutcome, Route
+from nerfnav.robots import Motion, RigidState
 
 
 @dataclass(frozen=True)

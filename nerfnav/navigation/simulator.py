@@ -11,10 +11,9 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import RigidState
+from nerfnav.estimator import StateNoise
+from nerfnav.geometry import FORWARD_MOUNT, Pose
+from nerfnav.robots import RigidState, Robot
 
 CameraFunction = Callable[[Pose], UInt8[Tensor, "height width 3"]]
 """The picture that is taken at T_world_camera."""

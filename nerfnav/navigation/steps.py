@@ -6,12 +6,11 @@ from enum import Enum
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.relocalise import RelocaliseStep
-from nerfnav.estimator.steps import FilterStep
+from nerfnav.estimator import Belief, FilterStep, RelocaliseStep
 from nerfnav.navigation.recovery import Recovery
-from nerfnav.planner.steps import PlanStep, Restart
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.planner import PlanStep
+from nerfnav.planner.steps import Restart
+from nerfnav.robots import Motion, RigidState
 
 
 class EpisodeOutcome(Enum):

@@ -11,8 +11,7 @@ from torch import Tensor
 from nerfnav.geometry import so3
 from nerfnav.planner.kernels import search
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.robots.headings import unwrapped
-from nerfnav.robots.state import RigidState
+from nerfnav.robots import RigidState, unwrapped
 
 _CALMNESS = 2.0
 """Weight of squared third differences against squared distances from the path: at 2 m/s, turns of a few decimetres."""

@@ -8,14 +8,13 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
+from nerfnav.field import Field
 from nerfnav.field.evidence import raw_of
-from nerfnav.field.field import Field
 from nerfnav.field.grid_field import GridField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import node_positions, shape_for, spacing_of
+from nerfnav.geometry import Box, node_positions, shape_for, spacing_of
 from nerfnav.planner.kernels import maps
 from nerfnav.planner.scales import Scales
-from nerfnav.robots.body import Body
+from nerfnav.robots import Body
 
 _POINTS_AT_ONCE = 1 << 17
 _RIM = 1e-6

@@ -16,10 +16,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.field.field import Field
-from nerfnav.geometry.box import Box
-from nerfnav.robots.body import Body
-from nerfnav.robots.state import Motion
+from nerfnav.field import Field
+from nerfnav.geometry import Box
+from nerfnav.robots import Body, Motion
 
 _STANDSTILL = 1e-12
 """Squared distance [m^2] that keeps the derivative of a distance finite where nothing moves."""

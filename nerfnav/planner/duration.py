@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
-from nerfnav.robots.limits import limit_uses
-from nerfnav.robots.robot import Robot
+from nerfnav.robots import Robot, limit_uses
 
 _HOPELESS = (PlanOutcome.NO_PATH, PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIVERGED)
 _EASING = 1.4

@@ -6,12 +6,11 @@ import torch
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
-from nerfnav.field.field import Field
+from nerfnav.field import Field
 from nerfnav.geometry import so3
 from nerfnav.planner.occupancy import OccupancyMap, body_density
 from nerfnav.planner.scales import Scales, scales_of
-from nerfnav.robots.body import Body
-from nerfnav.robots.state import RigidState
+from nerfnav.robots import Body, RigidState
 
 _CANDIDATES = 500
 """How many free voxels are tried at most."""

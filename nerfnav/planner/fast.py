@@ -27,7 +27,7 @@ from nerfnav.planner.quasi_newton import NewtonConfig, minimise, preconditioner
 from nerfnav.planner.safety import verdict
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.limits import limit_uses
+from nerfnav.robots import limit_uses
 
 _FIRMER = (10.0, 100.0)
 """How much more limits weigh, in turn, for a plan that ends beyond them."""

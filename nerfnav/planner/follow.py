@@ -12,7 +12,7 @@ from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.safety import honest
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion
 
 
 def step_along(

@@ -17,7 +17,7 @@ from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.limits import LIMITS
 from nerfnav.planner.terms.outside import OUTSIDE
 from nerfnav.planner.terms.term import CostTerm, TermContext
-from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots import FlatMap
 from nerfnav.robots.quadrotor_map import QuadrotorMap
 
 _KNOWN = (COLLISION, CONTROL, LIMITS, OUTSIDE)

@@ -8,9 +8,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.planner.route import Route
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.headings import unwrapped
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots import Motion, RigidState, Robot, unwrapped
 
 _RECOVERY_S = 1.2
 """Time over which a robot returns to its plan [s]: sooner takes sharp turns, later drifts into what is near."""

@@ -17,7 +17,7 @@ from nerfnav.planner.route import Route
 from nerfnav.planner.steps import OWN, PlanCost, TermCost
 from nerfnav.planner.terms.autograd import AutogradKernel
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots import FlatMap
 
 
 @dataclass

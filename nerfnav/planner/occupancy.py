@@ -22,16 +22,14 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
-from nerfnav.field.field import Field
+from nerfnav.field import Field
 from nerfnav.field.grid_field import GridField
-from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import shape_for, spacing_of
+from nerfnav.geometry import Box, shape_for, spacing_of
 from nerfnav.memory import require_memory
 from nerfnav.planner.columns import flat_box, layer_columns, marked_columns, sampled_columns
 from nerfnav.planner.kernels import maps
 from nerfnav.planner.scales import PAPERS_GRAIN, Scales, scales_of
-from nerfnav.robots.body import Body
-from nerfnav.robots.state import RigidState
+from nerfnav.robots import Body, RigidState
 
 _BYTES, _BYTES_BY_HEADING = 4, 34
 """What a voxel takes, at most, while a map is made and searched: columns, and for each heading its state, its price

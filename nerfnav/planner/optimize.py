@@ -16,7 +16,7 @@ from nerfnav.planner.safety import honest
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.terms.evaluate import Evaluated
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion
 
 _SETTLING_ITERATIONS = 25
 """Fewest iterations over which a cost can be seen to have settled."""

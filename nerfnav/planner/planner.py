@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
-from nerfnav.field.field import Field
+from nerfnav.field import Field
 from nerfnav.planner import terms
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
@@ -13,8 +13,7 @@ from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.terms.term import CostTerm
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion, Robot
 
 _ROOM, _CARE = 0.04, 3.0
 """Room around the body [m], and how many times as much collision weighs, when a plan is redone in flight."""

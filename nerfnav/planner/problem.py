@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.field.field import Field
+from nerfnav.field import Field
 from nerfnav.planner import terms
 from nerfnav.planner.astar import TURN, SearchConfig, find_paths, lengths, smooth_path, waypoints_along
 from nerfnav.planner.costs import CostWeights
@@ -19,8 +19,7 @@ from nerfnav.planner.scales import Scales
 from nerfnav.planner.terms.evaluate import Evaluated, evaluate
 from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots import Motion, RigidState, Robot
 
 
 class InitialGuess(Enum):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from nerfnav.robots.state import RigidState
+from nerfnav.robots import RigidState
 from nerfnav.structs import TensorStruct
 
 

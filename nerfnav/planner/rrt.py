@@ -16,9 +16,8 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.extras import from_extra
-from nerfnav.field.field import Field
-from nerfnav.field.meshing import field_mesh
-from nerfnav.geometry.box import Box
+from nerfnav.field import Field, field_mesh
+from nerfnav.geometry import Box
 from nerfnav.planner.astar import smooth_path, waypoints_along
 from nerfnav.planner.clearance import BallCheck
 from nerfnav.planner.costs import CostWeights
@@ -30,9 +29,7 @@ from nerfnav.planner.safety import honest
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.tracking import Reference, TrackingConfig, track
 from nerfnav.planner.trajectory import motion_of
-from nerfnav.robots.quadrotor import Quadrotor
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion, Quadrotor, Robot
 
 _LEAVING, _LEAVING_STEP = 2.2, 0.275
 """How far from an end a place for the ball is looked for, and how finely, in radii of the ball."""

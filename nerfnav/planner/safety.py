@@ -16,17 +16,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.field import Field
 from nerfnav.field.evidence import raw_of
-from nerfnav.field.field import Field
 from nerfnav.field.grid_field import GridField
 from nerfnav.planner.costs import body_points_world, collision_per_step, collision_probability_bound, point_exposure
 from nerfnav.planner.kernels.nearest import nearest_dense
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.scales import scales_of
 from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome
-from nerfnav.robots.body import Body
-from nerfnav.robots.limits import limit_uses
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Body, Motion, limit_uses
 
 _CERTAIN = 1.0
 """Hits to be expected along the way of one body point."""

@@ -10,10 +10,9 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from nerfnav.field.evidence import SOLID_DENSITY
-from nerfnav.field.field import Field
+from nerfnav.field import SOLID_DENSITY, Field
 from nerfnav.field.grid_field import GridField
-from nerfnav.robots.body import Body
+from nerfnav.robots import Body
 
 _MOST_VOXELS = 24_000_000
 """Of a map: a gigabyte while a way is looked for."""

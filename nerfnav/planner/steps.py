@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion
 
 
 class PlanOutcome(Enum):

@@ -16,8 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.robots.quadrotor import Quadrotor
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots import Motion, Quadrotor, RigidState
 from nerfnav.robots.thrust import upward
 
 

@@ -6,8 +6,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.planner.route import Route
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots import Motion, RigidState, Robot
 from nerfnav.structs import TensorStruct
 
 

@@ -19,7 +19,7 @@ from nerfnav.planner.problem import PlanProblem, map_for, ways_between
 from nerfnav.planner.scales import scales_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots.state import ATTITUDE, POSITION, Motion
+from nerfnav.robots import ATTITUDE, POSITION, Motion
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import torch
 import trimesh
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry.box import Box
+from nerfnav.geometry import Box
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.world.scene import Scene
 

@@ -23,7 +23,7 @@ from app.state.placing import (
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.geometry.box import Box
+from nerfnav.geometry import Box
 from nerfnav.importers.placement import length_in_words
 
 _ICON = viser.Icon

@@ -10,7 +10,7 @@ from nerfnav.planner.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.warm_start import carry_on
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion
 
 
 @dataclass(frozen=True)

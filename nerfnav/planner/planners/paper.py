@@ -10,7 +10,7 @@ from nerfnav.planner.optimize import PlanConfig, plan, replan
 from nerfnav.planner.planner import FieldPlanner, PlannerEntry, with_room
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanStep
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion
 
 
 @dataclass(frozen=True)

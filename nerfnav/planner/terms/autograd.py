@@ -14,8 +14,7 @@ from torch import Tensor
 from nerfnav.planner.route import Route
 from nerfnav.planner.terms.term import Adjoint, CostTerm, TermContext
 from nerfnav.planner.trajectory import motion_of
-from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.state import Motion, RigidState
+from nerfnav.robots import FlatMap, Motion, RigidState
 
 
 @final

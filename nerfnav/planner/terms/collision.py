@@ -7,12 +7,11 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.field.field import FastDensity, density_and_gradient
+from nerfnav.field import FastDensity, density_and_gradient
 from nerfnav.planner.costs import collision_per_step
 from nerfnav.planner.kernels import collision as kernels
 from nerfnav.planner.terms.term import Adjoint, CostTerm, TermContext
-from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.state import Motion
+from nerfnav.robots import FlatMap, Motion
 
 
 def collision(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from nerfnav.planner.steps import PlanCost, TermCost
 from nerfnav.planner.terms.term import CostTerm, TermContext
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Motion
 
 
 @dataclass(frozen=True)

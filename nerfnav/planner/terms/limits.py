@@ -4,8 +4,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.state import Motion
+from nerfnav.robots import FlatMap, Motion
 
 
 def limits(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:

@@ -6,8 +6,7 @@ from torch import Tensor
 from nerfnav.planner import costs
 from nerfnav.planner.kernels import collision as kernels
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.state import Motion
+from nerfnav.robots import FlatMap, Motion
 
 
 def outside(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:

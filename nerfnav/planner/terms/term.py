@@ -15,12 +15,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.field import Field
+from nerfnav.field import Field
 from nerfnav.planner.costs import CostWeights
-from nerfnav.robots.body import Body
-from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.robot import Robot
-from nerfnav.robots.state import Motion
+from nerfnav.robots import Body, FlatMap, Motion, Robot
 
 
 @dataclass(frozen=True)

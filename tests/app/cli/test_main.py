@@ -279,7 +279,8 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
 
 
 def test_an_open_loop_flight_takes_no_pictures(field_file: Path, capsys: Capture) -> None:
-    flight = printed(["fly", str(field_file), *FROM, *TO, *QUICK_FLIGHT, "--steps", "20", "--open-loop", "--seed", "3"], capsys)
+    words = ["fly", str(field_file), *FROM, *TO, *QUICK_FLIGHT, "--steps", "20", "--open-loop", "--seed", "3"]
+    flight = printed(words, capsys)
     assert flight["steps"] == 20
     assert flight["timing_ms"]["filter_p95"] == 0
 
