@@ -63,7 +63,7 @@ def _rates(state: nerfnav.RigidState) -> Tensor:
 def main() -> None:
     """Plan for the blimp, and roll its actions out by its own dynamics."""
     scene, robot = scenes.load("stonehenge"), Blimp()
-    field, task = nerfnav.load_field(scenes.trained_path("stonehenge")), scene.tasks[0]
+    field, task = nerfnav.load_field(scenes.trained_path("stonehenge")), scene.tasks[10]
     last = nerfnav.plan(nerfnav.PlanProblem(field, robot, task.start_state, task.goal_state, steps=20, dt=0.2))
     print(f"{last.outcome and last.outcome.name.lower()}: J = {last.cost.total:.3f}")
     state = task.start_state

@@ -114,6 +114,11 @@ class Tab:
         points = np.array(self.property(name, "points"), dtype=np.float64).reshape(-1, 2, 3)
         return np.concatenate([points[:, 0], points[-1:, 1]])
 
+    def shows(self, name: str, points: np.ndarray) -> bool:
+        """Whether the page holds a line through these points (n, 3): while durations are tried, lines come and go."""
+        drawn = self.line(name)
+        return drawn.shape == points.shape and np.allclose(drawn, points, atol=1e-5)
+
     def position(self, which: Which) -> np.ndarray:
         """Where the page has the start or the goal [m]."""
         return np.array(self.page.evaluate(_POSITION, f"/{which.value}"))

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.server import App
 from nerfnav.field.states import VoxelState, voxel_states
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.planner.scales import threshold_of
 from tests.app.doubles import balls_place
 from tests.browser.tab import Tab
 from tests.browser.works import small_work
@@ -21,7 +21,7 @@ def test_the_map_of_the_place_is_downloaded_as_voxels_as_a_mesh_and_for_ros(
     tab.until(lambda: tab.has_node("/field") and app.session.job is None, "the place was not opened")
     tab.choose("Export", "Map", "Voxels (.npz)")
     with np.load(tab.download("Download map"), allow_pickle=False) as told:
-        believed = voxel_states(balls_place().field, OccupancyConfig.threshold)
+        believed = voxel_states(balls_place().field, threshold_of(balls_place().field))
         np.testing.assert_array_equal(told["state"], believed.state)
         np.testing.assert_allclose(told["lower"], believed.lower)
         assert (told["state"] == VoxelState.SOLID).any()

@@ -30,7 +30,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     tab.until(lambda: app.session.job is None, "the plan did not end", timeout_s=60)
     assert app.session.plan is not None and app.session.plan.latest is not None
     planned = app.session.plan.latest.motion.states.position.numpy()
-    tab.until(lambda: np.allclose(tab.line("/plan/line"), planned, atol=1e-5), "the page shows another plan")
+    tab.until(lambda: tab.shows("/plan/line", planned), "the page shows another plan")
     np.testing.assert_allclose(tab.line("/plan/line")[-1], goal, atol=1e-4)
 
     for name in ("position_noise_m", "attitude_noise_rad"):

@@ -92,5 +92,5 @@ def test_what_is_uploaded_becomes_a_place_in_which_one_plans(
     assert plan is not None and plan.latest is not None and plan.outcome is not None, app.session.trouble
     planned = plan.latest.motion.states.position.numpy()
     assert np.isfinite(planned).all()
-    tab.until(lambda: np.allclose(tab.line("/plan/line"), planned, atol=1e-5), "the page shows another plan")
+    tab.until(lambda: tab.shows("/plan/line", planned), "the page shows another plan")
     np.testing.assert_allclose(planned[-1], app.session.ends.goal.position, atol=1e-3)

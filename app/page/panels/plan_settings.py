@@ -40,6 +40,5 @@ class PlanningPanel:
         """Put the session's settings into the widgets."""
         settings = session.plan_settings
         self._duration.value, self._shortest.value = settings.duration_s, settings.shortest
-        self._duration.disabled = settings.shortest
         for name, widget in self._weights.items():
             widget.value = getattr(settings.weights, name)
