@@ -99,7 +99,7 @@ def test_it_is_the_wheel_that_is_imported_and_no_extra_is_there(installed: Insta
 def test_a_plan_a_flight_and_their_exports(installed: Installed) -> None:
     planned = installed.numbers("plan", "stonehenge", "--out", "plan")
     assert (planned["outcome"], planned["mesh_overlap_m3"]) == ("converged", 0)
-    flown = installed.numbers("fly", "stonehenge", "--seed", "0", "--out", "flight")
+    flown = installed.numbers("fly", "stonehenge", "--task", "10", "--seed", "0", "--out", "flight")
     assert flown["outcome"] == "reached"
     for run, form, file in (("plan", "px4", "plan.csv"), ("flight", "html", "flight.html")):
         assert installed.numbers("export", run, "--format", form, "--out", file)["file_bytes"] > 1000
