@@ -27,7 +27,7 @@ _MOVES = [  # x, y, yaw at both ends
 _CART = 0.275
 """The same for a cart [m]."""
 _DRIVES = [
-    ("Down the hall", (-0.8, 0.95, 0.0), (4.0, 0.95, 0.0)),
+    ("Along the hall", (-0.8, 0.95, 0.0), (4.0, 0.95, 0.0)),
     ("From the hall into the living room", (1.9, 1.05, math.pi), (-1.8, -0.6, math.pi)),
     ("Around the dining table", (-2.1, -0.6, math.pi), (-1.9, -2.7, 0.0)),
     ("Kitchen to bedroom", (-3.4, 1.2, 0.0), (3.3, -0.8, 0.0)),

@@ -28,6 +28,13 @@ def test_the_tasks_of_a_scene_are_known_without_it(name: str):
     assert scenes.tasks_of(name) == scenes.load(name).tasks
 
 
+@pytest.mark.parametrize("name", scenes.names())
+def test_no_two_tasks_of_a_scene_have_the_same_name(name: str):
+    """The page offers them in one list, which must not hold a name twice."""
+    names = [task.name for task in scenes.tasks_of(name)]
+    assert len(set(names)) == len(names)
+
+
 def test_scenes_are_built_once_and_know_where_their_field_lies():
     assert scenes.names()[0] == "stonehenge"
     assert scenes.load("blocks") is scenes.load("blocks")
