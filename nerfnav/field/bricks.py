@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
-from nerfnav.field.evidence import EMPTY_RAW, State, planned_raw
+from nerfnav.field.evidence import EMPTY_RAW, State
 from nerfnav.field.field import Points
 from nerfnav.field.grid_field import GridField, KernelGrid
 from nerfnav.field.info import FieldInfo
@@ -26,7 +26,6 @@ from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import Box
 from nerfnav.geometry.grid import cells_of, corner_offsets
-from nerfnav.memory import require_memory
 
 CELLS = 1 << BLOCK_SHIFT
 """Cells along each edge of a block."""
@@ -86,23 +85,14 @@ class BrickField(GridField):
         nodes = self.values.reshape(-1, 4)[:, channels][at]
         return (weights[..., None] * nodes.to(points)).sum(1).reshape(*points.shape[:-1], -1)
 
-    @cached_property
-    def planned(self) -> "BrickField":
-        """See GridField."""
-        return self._planned(False)
-
-    @cached_property
-    def planned_as_it_says(self) -> "BrickField":
-        """See GridField."""
-        return self._planned(True)
-
-    def _planned(self, unproven_is_free: bool) -> "BrickField":
+    @property
+    def unproven_by_height(self) -> Float[Tensor, " nz"] | None:
+        """See GridField; blocks that stick out of the grid count whole."""
         if self.evidence is None:
-            return self
-        require_memory(2.0 * self.values.nbytes, "the field as planners take it", "make one with a larger --voxel")
-        values = self.values.clone()
-        values[..., 0] = planned_raw(values[..., 0], self.evidence, unproven_is_free)
-        return replace(self, values=values)
+            return None
+        inner = self.evidence[:, :CELLS, :CELLS, :CELLS] == State.UNPROVEN  # borders belong to the next brick
+        layers = inner.float().mean((1, 2))[self.slots.long()].mean((0, 1)).reshape(-1)
+        return torch.cat([layers, layers[-1:]])[: self.nodes[2]]
 
     @cached_property
     def kernel_grid(self) -> KernelGrid:

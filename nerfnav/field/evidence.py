@@ -22,6 +22,8 @@ counts as solid for an eighth of the way: maps do not grow much beyond what is u
 SOLID_DENSITY = 5.0
 """Density above which a place counts as solid [1/m]: a body of 10 cm in there would be hit with a chance of 40 %.
 Stones have 50 and more, fog less than 1."""
+PAPERS_GRAIN = 0.0171
+"""Distance of nodes in places of the paper's scale [m], at most: those of the bundled worlds of two to three metres."""
 VOXELS_IN_UNIT = 77
 """Voxels in the length that densities are weighed in: a metre for the voxels of the paper's Stonehenge."""
 
@@ -64,3 +66,11 @@ def planned_raw(
 def raw_of(density: float) -> float:
     """The raw value that stands for a density [1/m]: the inverse of scale * softplus."""
     return math.log(math.expm1(density / DENSITY_SCALE))
+
+
+def solid_density(spacing: float) -> float:
+    """Density above which planners take a place for solid in a grid of nodes `spacing` [m] apart [1/m].
+
+    SOLID_DENSITY in places of the paper's scale, and less in coarser ones, as the density of a wall one voxel thick is.
+    """
+    return SOLID_DENSITY * min(1.0, PAPERS_GRAIN / spacing)

@@ -6,6 +6,7 @@ raw and rgb are trilinear between the nodes.
 """
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +15,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
-from nerfnav.field.evidence import DENSITY_SCALE
+from nerfnav.field.evidence import DENSITY_SCALE, planned_raw, solid_density
 from nerfnav.field.field import Points, RaySamples, uniform_samples
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.jacobian import jacobian_by_autograd
@@ -23,6 +24,7 @@ from nerfnav.field.kernels import points as point_kernels
 from nerfnav.field.render import Rendering, render_rays
 from nerfnav.field.surroundings import Backdrop, Surroundings
 from nerfnav.geometry import Box, spacing_of
+from nerfnav.memory import require_memory
 
 _LEAST_DENSITY = 0.01  # [1/m] of samples that are kept: 10 cm of what is left out change a colour by 0.1 %
 
@@ -36,6 +38,8 @@ class GridField(ABC):
 
     box: Box
     """Where the field is defined; nodes stand on its borders."""
+    values: Float[Tensor, "... 4"]
+    """Raw density, red, green, blue of each node that is kept; colours in [0, 1]."""
     background: Float[Tensor, "3"]
     """Colour of a ray that nothing stops."""
     info: FieldInfo
@@ -55,19 +59,37 @@ class GridField(ABC):
     def kernel_grid(self) -> KernelGrid:
         """What all kernels ask for first: values, occupied, lower, nodes per metre (see kernels/cells.py)."""
 
-    @cached_property
+    @property
     @abstractmethod
-    def planned(self) -> "GridField":
-        """The field as planners take it: free where that is proven, solid where nothing is; made once."""
-
-    @cached_property
-    @abstractmethod
-    def planned_as_it_says(self) -> "GridField":
-        """The same with unproven nodes as they are; made once."""
+    def unproven_by_height(self) -> Float[Tensor, " nz"] | None:
+        """Share of the nodes at each height that are not proven to be anything; None where that was never asked."""
 
     @abstractmethod
     def between_nodes(self, points: Points, channels: slice) -> Float[Tensor, "*batch c"]:
         """Some of raw density, red, green, blue at world points [m], in torch, differentiable twice."""
+
+    @cached_property
+    def planned(self) -> "GridField":
+        """The field as planners take it: free where that is proven, solid where nothing is; made once."""
+        return self._planned(False)
+
+    @cached_property
+    def planned_as_it_says(self) -> "GridField":
+        """The same with unproven nodes as they are; made once."""
+        return self._planned(True)
+
+    def _planned(self, unproven_is_free: bool) -> "GridField":
+        if self.evidence is None:
+            return self
+        require_memory(2.0 * self.values.nbytes, "the field as planners take it", "make one with a larger --voxel")
+        values = self.values.clone()
+        values[..., 0] = planned_raw(values[..., 0], self.evidence, unproven_is_free)
+        return replace(self, values=values)  # type: ignore[type-var]
+
+    @property
+    def solid_density(self) -> float:
+        """Density above which planners take a place for solid [1/m]."""
+        return solid_density(float(self.spacing.max()))
 
     @cached_property
     def spacing(self) -> Float[Tensor, "3"]:
@@ -145,11 +167,15 @@ class GridField(ABC):
         """
         if self.outside is not None:
             return jacobian_by_autograd(self, origins, directions)
-        colors, jacobians = jacobian.colors_and_jacobian(
-            *self.kernel_grid, flat_array(origins), flat_array(directions), np.float32(DENSITY_SCALE),
-            np.float32(self.step), self.background.cpu().numpy(),
-        )  # fmt: skip
+        colors, jacobians = self._seen_with_jacobian(flat_array(origins), flat_array(directions))
         return torch.from_numpy(colors), torch.from_numpy(jacobians)
+
+    def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Colours (n, 3) and Jacobians (n, 3, 6) of rays that meet no surroundings."""
+        return jacobian.colors_and_jacobian(
+            *self.kernel_grid, origins, directions, np.float32(DENSITY_SCALE), np.float32(self.step),
+            self.background.cpu().numpy(),
+        )  # fmt: skip
 
     @cached_property
     def _outer(self) -> np.ndarray:

@@ -14,10 +14,10 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.codec import StoredField
-from nerfnav.field.evidence import DENSITY_SCALE, SOLID_DENSITY, raw_of
+from nerfnav.field.evidence import DENSITY_SCALE, raw_of
 from nerfnav.field.levels import raw_of as raws_of
 from nerfnav.field.neural import NeuralField
-from nerfnav.field.solidity import with_solidity_of
+from nerfnav.field.solidity import SURELY_SOLID, with_solidity_of
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.turning import resampled
 from nerfnav.field.voxel import VoxelField
@@ -67,27 +67,20 @@ def _moved_networks(field: NeuralField, similarity: Similarity) -> NeuralField:
 def _scaled(field: VoxelField, scale: float) -> VoxelField:
     """The field in a world that is `scale` times as large: p' = s p.
 
-    What planners take for solid stays above their threshold [1/m], which does not grow with the place.
+    What planners take for solid stays above their threshold [1/m], which falls no faster than densities do.
     """
     if scale == 1.0:
         return field
     raw = field.values[..., 0]
     thinner = raws_of(DENSITY_SCALE / scale * torch.nn.functional.softplus(raw))
-    least = raw_of(SOLID_DENSITY)
-    solid = raw > least
-    thinner = torch.where(solid, thinner.clamp_min(_above(least)), thinner)
+    thinner = torch.where(raw > raw_of(field.solid_density), thinner.clamp_min(SURELY_SOLID), thinner)
     if scale < 1:
         thinner = torch.maximum(thinner, raw)  # rounding must not empty a node that was not empty
     values = torch.cat([thinner[..., None], field.values[..., 1:]], -1)
     larger = replace(field, box=Box(scale * field.box.lower, scale * field.box.upper), values=values)
-    if scale < 1:
+    if scale < 1 and larger.solid_density == field.solid_density:
         return larger  # nothing is less dense than before
     return with_solidity_of(larger, field, Similarity(torch.eye(3).double(), torch.zeros(3).double(), 1 / scale))
-
-
-def _above(raw: float) -> float:
-    """A little more: the threshold itself is free, and files round."""
-    return raw + 0.1
 
 
 def _turned_by_quarters(field: VoxelField, axes: Float[Tensor, "3 3"], similarity: Similarity) -> VoxelField:

@@ -15,15 +15,15 @@ from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
 from nerfnav.field.evidence import SOLID_DENSITY, State, raw_of
+from nerfnav.field.grid_field import GridField
 from nerfnav.field.kernels.turning import mark_lost
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import node_positions
 from nerfnav.geometry.similarity import Similarity
 
 _CORNERS = torch.cartesian_prod(torch.arange(2), torch.arange(2), torch.arange(2))
-_LIMIT = raw_of(SOLID_DENSITY)
-_LEAST = _LIMIT + 0.1
-"""Raw density that is solid after rounding, too."""
+SURELY_SOLID = raw_of(SOLID_DENSITY) + 0.1
+"""Raw density that is solid in any grid, after a file has rounded it, too."""
 _BORDER = 1e-4
 """Share of a voxel that points on the border are asked inside of it: rounding must not put them outside."""
 
@@ -50,7 +50,7 @@ def with_solidity_of(
     """
     config = config or SolidityConfig()
     now, then = field.planned, before.planned
-    free = now.values[..., 0] <= _LIMIT
+    free = now.values[..., 0] <= raw_of(now.solid_density)
     lost = _lost_cells(now, then, to_before, _with_any(free), config)
     lost = torch.cat([lost, _cells_of_lost_nodes(now, then, to_before.inverted())])
     taken = torch.zeros(field.shape, dtype=torch.bool)
@@ -59,14 +59,14 @@ def with_solidity_of(
     return _solid_at(field, taken & free)
 
 
-def is_solid(field: VoxelField, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+def is_solid(field: GridField, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
     """Whether points [m] are solid for planners; beyond its border a field is as at the border."""
     slack = _BORDER * field.spacing
     lower, upper = ((field.box.lower + slack).double().numpy(), (field.box.upper - slack).double().numpy())
-    return field.planned.density_and_gradient(np.clip(points, lower, upper))[0] > SOLID_DENSITY
+    return field.planned.density_and_gradient(np.clip(points, lower, upper))[0] > field.solid_density
 
 
-def between_grids(field: VoxelField, before: VoxelField, to_before: Similarity) -> tuple[np.ndarray, np.ndarray]:
+def between_grids(field: GridField, before: GridField, to_before: Similarity) -> tuple[np.ndarray, np.ndarray]:
     """Matrix (3, 3) and shift (3) from grid coordinates of `field` to those of `before`."""
     first, second = (grid.box.size.double() / (torch.tensor(grid.shape) - 1) for grid in (field, before))
     matrix = to_before.scale * to_before.rotation * first / second[:, None]
@@ -80,7 +80,7 @@ def _solid_at(field: VoxelField, nodes: Nodes) -> VoxelField:
         unproven = torch.tensor(int(State.UNPROVEN), dtype=torch.uint8)
         return replace(field, evidence=torch.where(nodes, unproven, field.evidence))
     values = field.values.clone()
-    values[..., 0] = torch.where(nodes, values[..., 0].clamp_min(_LEAST), values[..., 0])
+    values[..., 0] = torch.where(nodes, values[..., 0].clamp_min(SURELY_SOLID), values[..., 0])
     return replace(field, values=values)
 
 
@@ -90,23 +90,24 @@ def _with_any(nodes: Nodes) -> Cells:
 
 
 def _lost_cells(
-    now: VoxelField, then: VoxelField, to_before: Similarity, asked: Cells, config: SolidityConfig
+    now: GridField, then: GridField, to_before: Similarity, asked: Cells, config: SolidityConfig
 ) -> Int[Tensor, "n 3"]:
     """Which of the cells in question lose something solid."""
     values, occupied, *_ = then.kernel_grid
+    limits = tuple(np.float32(raw_of(one.solid_density)) for one in (then, now))
     cells = asked.numpy().astype(np.uint8)
     with threads(default_threads()):
         mark_lost(
             values, occupied, now.kernel_grid[0], cells, *between_grids(now, then, to_before),
-            (config.parts, config.reach), np.float32(_LIMIT),
+            (config.parts, config.reach), limits,
         )  # fmt: skip
     return torch.from_numpy(cells).nonzero()
 
 
-def _cells_of_lost_nodes(now: VoxelField, then: VoxelField, to_now: Similarity) -> Int[Tensor, "n 3"]:
+def _cells_of_lost_nodes(now: GridField, then: GridField, to_now: Similarity) -> Int[Tensor, "n 3"]:
     """Cells in which solid nodes stood that lie in free space now: specks that a lattice may miss."""
-    found = []
-    for plane, positions in zip(then.values[..., 0] > _LIMIT, node_positions(then.box, then.shape), strict=True):
+    found, solid = [], then.values[..., 0] > raw_of(then.solid_density)
+    for plane, positions in zip(solid, node_positions(then.box, then.shape), strict=True):
         points = to_now(positions[plane].double())
         points = points[~torch.from_numpy(is_solid(now, points.numpy()))]
         found.append(((points - now.box.lower) / now.spacing).floor().long())

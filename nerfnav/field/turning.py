@@ -21,7 +21,7 @@ from torch import Tensor
 from nerfnav.compiled import default_threads, threads
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.bake import MOST_NODES, BakeConfig, fitted
-from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, SOLID_DENSITY, State, States, raw_of, states_of
+from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State, States, raw_of, states_of
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.kernels.turning import measure_turned
 from nerfnav.field.likeness import sample_views
@@ -103,7 +103,7 @@ def _evidence(field: VoxelField, box: Box, back: Similarity, raw: Grid) -> State
         return None
     proven, slack = field.evidence == State.FREE, 1e-3 * field.spacing
     wide = Box(field.box.lower - slack, field.box.upper + slack)
-    limit = raw_of(SOLID_DENSITY)
+    limit = raw_of(field.solid_density)
     planes = []
     for plane in node_positions(box, (raw.shape[0], raw.shape[1], raw.shape[2])):
         points = back(plane)

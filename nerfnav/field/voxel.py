@@ -15,17 +15,16 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
-from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State, planned_raw
+from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State
 from nerfnav.field.field import Points
-from nerfnav.field.grid_field import GridField, KernelGrid, flat_array
+from nerfnav.field.grid_field import GridField, KernelGrid
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.jacobian import SightGrid, jacobian_by_autograd
+from nerfnav.field.jacobian import SightGrid
 from nerfnav.field.kernels import sight
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
 from nerfnav.field.kernels.leaps import leaps_over
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.geometry import Box, trilinear
-from nerfnav.memory import require_memory
 
 __all__ = ["DENSITY_SCALE", "EMPTY_RAW", "VoxelField", "occupied_blocks"]
 
@@ -78,23 +77,10 @@ class VoxelField(GridField):
         """Nodes that are not proven to be anything; None where that was never asked."""
         return None if self.evidence is None else self.evidence == State.UNPROVEN
 
-    @cached_property
-    def planned(self) -> "VoxelField":
-        """The field as planners take it: free where that is proven, solid where nothing is; made once."""
-        return self._planned(False)
-
-    @cached_property
-    def planned_as_it_says(self) -> "VoxelField":
-        """The same with unproven nodes as they are; made once."""
-        return self._planned(True)
-
-    def _planned(self, unproven_is_free: bool) -> "VoxelField":
-        if self.evidence is None:
-            return self
-        require_memory(2.0 * self.values.nbytes, "the field as planners take it", "make one with a larger --voxel")
-        values = self.values.clone()
-        values[..., 0] = planned_raw(values[..., 0], self.evidence, unproven_is_free)
-        return replace(self, values=values)
+    @property
+    def unproven_by_height(self) -> Float[Tensor, " nz"] | None:
+        """See GridField."""
+        return None if self.unknown is None else self.unknown.float().mean((0, 1))
 
     @cached_property
     def kernel_grid(self) -> KernelGrid:
@@ -103,14 +89,9 @@ class VoxelField(GridField):
         lower = self.box.lower.cpu().numpy().astype(np.float32)
         return self.values.detach().cpu().numpy(), self.occupied.cpu().numpy().astype(np.uint8), lower, per_meter
 
-    def colors_and_jacobian(
-        self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-    ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3 6"]]:
+    def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See GridField; by the kernel that leaps over empty cells."""
-        if self.outside is not None:
-            return jacobian_by_autograd(self, origins, directions)
-        colors, jacobians = sight.colors_and_jacobian(self._sight, flat_array(origins), flat_array(directions))
-        return torch.from_numpy(colors), torch.from_numpy(jacobians)
+        return sight.colors_and_jacobian(self._sight, origins, directions)
 
     @property
     def sight_grid(self) -> SightGrid | None:

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from nerfnav.field import SOLID_DENSITY, Field
+from nerfnav.field.evidence import PAPERS_GRAIN
 from nerfnav.field.grid_field import GridField
 from nerfnav.robots import Body
 
 _MOST_VOXELS = 24_000_000
 """Of a map: a gigabyte while a way is looked for."""
-PAPERS_GRAIN = 0.0171
-"""Distance of nodes in places of the paper's scale [m], at most: those of the bundled worlds of two to three metres."""
 _PAPERS_VOXEL = 0.04
 """Voxels of maps are no larger in such places [m]."""
 _SHARE_OF_WIDTH = 0.4
@@ -119,9 +118,7 @@ def scales_of(field: Field, body: Body, voxel: float | None = None, threshold: f
 
 def threshold_of(field: Field, width: float | None = None) -> float:
     """Density above which a place counts as solid [1/m], for a body of a width [m] or for anybody; see Scales."""
-    solid = SOLID_DENSITY
-    if isinstance(field, GridField):
-        solid *= min(1.0, PAPERS_GRAIN / float(field.spacing.max()))
+    solid = field.solid_density if isinstance(field, GridField) else SOLID_DENSITY
     return solid if width is None else min(solid, _HITS / width)
 
 

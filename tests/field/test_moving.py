@@ -1,5 +1,6 @@
 """Fields that are moved without training again: the same pictures, and no freedom that was not there."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -7,14 +8,17 @@ import torch
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.analytic import BallsField
-from nerfnav.field.evidence import State
+from nerfnav.field.evidence import State, raw_of
 from nerfnav.field.field import density_and_gradient
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.moving import moved
 from nerfnav.field.neural import NeuralField
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.scales import threshold_of
 from nerfnav.robots.body import Body
 from tests.field.moves import after, change, freed, likeness, room
 from tests.field.test_neural import random_field
@@ -70,6 +74,23 @@ def test_turned_places_look_alike_and_nothing_solid_gets_free(similarity: Simila
     assert likeness(field, now, similarity) > (24 if evidence else 21)
     won, lost = freed(field, now, similarity)
     assert won == 0 and lost < 0.2
+
+
+@pytest.mark.parametrize(("degrees", "scale"), [(3.0, 1.0), (0.0, 0.5), (0.0, 2.0), (10.0, 1.5)])
+def test_what_is_solid_in_a_coarse_place_alone_stays_so(degrees: float, scale: float) -> None:
+    """There planners take less dense space for solid than where nodes are near each other."""
+    values = torch.full((28, 28, 20, 4), 0.5)
+    values[..., 0] = -20.0
+    values[10:20, 10:13, 4:14, 0], values[5:6, :, :, 0] = raw_of(3.0), raw_of(2.0)
+    before = VoxelField(Box.of((0, 0, 0), (2.16, 2.16, 1.52)), values, torch.ones(3))
+    turn = so3.exp(torch.tensor([math.radians(degrees), 0.0, 0.0], dtype=torch.float64))
+    similarity = Similarity(turn, torch.zeros(3, dtype=torch.float64), scale)
+    now = after(before, similarity)
+    points = before.box.lower + torch.rand(40_000, 3, generator=torch.Generator().manual_seed(0)) * before.box.size
+    solid = points[before.density(points) > threshold_of(before)]
+    assert threshold_of(before) < 2 and len(solid) > 300
+    inside = now.box.contains(similarity(solid))
+    assert (now.density(similarity(solid))[inside] > threshold_of(now)).all()
 
 
 def test_turned_surroundings_are_seen_where_they_were() -> None:

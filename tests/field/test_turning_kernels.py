@@ -46,8 +46,9 @@ def test_lost_cells_are_those_with_a_lattice_point_that_was_solid_and_is_free() 
     cells = np.ones([count - 1 for count in grid.shape], np.uint8)
     values, occupied, *_ = field.kernel_grid
     mark_lost(
-        values, occupied, grid.kernel_grid[0], cells, *between_grids(grid, field, BACK), (parts, 0), np.float32(limit)
-    )
+        values, occupied, grid.kernel_grid[0], cells, *between_grids(grid, field, BACK), (parts, 0),
+        (np.float32(limit), np.float32(limit)),
+    )  # fmt: skip
     index = torch.tensor(np.argwhere(np.ones_like(cells)))[:: math.ceil(cells.size / 3000)]
     share = torch.linspace(0, 1, parts + 1)
     lattice = torch.cartesian_prod(share, share, share)

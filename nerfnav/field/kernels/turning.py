@@ -96,7 +96,7 @@ def frees(now, i, j, k, at, lattice, limit):
 
 
 @kernel(inline=True)
-def loses(before, occupied, now, matrix, shift, cell, lattice, limit):
+def loses(before, occupied, now, matrix, shift, cell, lattice, limits):
     """Whether something in a cell (i, j, k) is solid in the old grid and free, there or beside it, in the new one."""
     i, j, k = cell
     side = lattice[0] + 1
@@ -107,19 +107,20 @@ def loses(before, occupied, now, matrix, shift, cell, lattice, limit):
         w = to_old(matrix, shift, x, y, z, 2)
         if outside(u, v, w, before.shape) or not has_density(occupied, before.shape, u, v, w):
             continue
-        if raw_at(before, u, v, w) > limit and frees(now, i, j, k, at, lattice, limit):
+        if raw_at(before, u, v, w) > limits[0] and frees(now, i, j, k, at, lattice, limits[1]):
             return True
     return False
 
 
 @kernel(parallel=True)
-def mark_lost(before, occupied, now, cells, matrix, shift, lattice, limit):
+def mark_lost(before, occupied, now, cells, matrix, shift, lattice, limits):
     """Leave in `cells` (cx, cy, cz), 1 where they are to be looked at, those that lose something solid.
 
-    `before` and `now` are the values of both grids, `lattice` the parts of a cell's edge and the reach of its points.
+    `before` and `now` are the values of both grids, `lattice` the parts of a cell's edge and the reach of its points,
+    `limits` the raw densities above which something is solid in the one and in the other.
     """
     for i in prange(cells.shape[0]):
         for j in range(cells.shape[1]):
             for k in range(cells.shape[2]):
                 if cells[i, j, k]:
-                    cells[i, j, k] = loses(before, occupied, now, matrix, shift, (i, j, k), lattice, limit)
+                    cells[i, j, k] = loses(before, occupied, now, matrix, shift, (i, j, k), lattice, limits)
