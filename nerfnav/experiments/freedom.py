@@ -20,7 +20,6 @@ from torch import Tensor
 
 from nerfnav.experiments.geometry import is_free, views
 from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, Unknown, planning_field
-from nerfnav.field.evidence import State
 from nerfnav.field.grid_field import GridField
 from nerfnav.geometry import Camera, Pose, PosedImages
 from nerfnav.world import Scene
@@ -61,9 +60,8 @@ class Freedom:
 
 def freedom_alone(field: Field, voxel: float) -> Freedom:
     """What a field of `voxel` [m] says of itself."""
-    told = isinstance(field, GridField) and field.evidence is not None
-    share = _share(field.evidence == State.UNPROVEN) if told else None  # type: ignore[union-attr]
-    return Freedom(None, None, share, voxel)
+    unproven = field.unproven_by_height if isinstance(field, GridField) else None
+    return Freedom(None, None, None if unproven is None else float(unproven.mean()), voxel)
 
 
 def freedom_on_mesh(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from nerfnav.field.bricks import in_bricks
 from nerfnav.field.evidence import State
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.proof import unproven_in_words
@@ -33,6 +34,14 @@ def place(*layers: State) -> VoxelField:
 def test_a_place_says_how_much_is_unproven_and_what_photographs_would_help(layers: tuple[State, ...], expected: str):
     told = unproven_in_words(place(*layers))
     assert told.startswith("33% of this place is unproven") and expected in told and "or depth maps" in told
+
+
+def test_bricks_say_what_the_dense_field_says():
+    field = place(State.FREE, State.SOLID, State.UNPROVEN)
+    dense, bricks = field.unproven_by_height, in_bricks(field).unproven_by_height
+    assert dense is not None and bricks is not None
+    assert torch.allclose(bricks, dense)
+    assert unproven_in_words(in_bricks(field)) == unproven_in_words(field) != ""
 
 
 def test_a_place_that_depth_has_proven_asks_for_photographs_alone():
