@@ -28,6 +28,8 @@ from nerfnav.field.kernels import carving
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import PosedImages
 
+Nodes = Bool[torch.Tensor, "nx ny nz"]
+
 _NOISE_KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 """Sees no plane and no straight edge along an axis, only noise (Immerkaer, "Fast noise variance estimation", 1996)."""
 _DEVIATION_PER_MEAN = math.sqrt(math.pi / 2) / 6
@@ -60,41 +62,43 @@ class CarvingConfig:
 
 def carved(
     field: VoxelField, photographs: PosedImages, config: CarvingConfig | None = None
-) -> Bool[torch.Tensor, "nx ny nz"]:
+) -> Nodes:
     """Which nodes of `field` the photographs that it was learned from prove to be free."""
     config = config or CarvingConfig()
-    proven = _carved_once(field, photographs, config)
+    slack = config.rounding + config.deviations * noise_of(photographs)
+    thin = field.values[..., 0] < raw_of(SOLID_DENSITY)
+    proven = _carved_once(field, photographs, config, slack, thin)
     for _ in range(config.rounds - 1):
         values, before = field.values.clone(), int(proven.sum())
         values[..., 0][proven] = EMPTY_RAW
-        proven |= _carved_once(replace(field, values=values), photographs, config)
+        proven |= _carved_once(replace(field, values=values), photographs, config, slack, thin & ~proven)
         if int(proven.sum()) <= (1 + config.least_gain) * before:
             break
     return proven
 
 
 def _carved_once(
-    field: VoxelField, photographs: PosedImages, config: CarvingConfig
-) -> Bool[torch.Tensor, "nx ny nz"]:
-    """The same, with all that is in the field in the way of light."""
-    camera, shape = photographs.camera, field.shape
-    spacing = field.spacing.numpy().astype(np.float32)
+    field: VoxelField, photographs: PosedImages, config: CarvingConfig, slack: float, asked: Nodes
+) -> Nodes:
+    """Which of the nodes that are `asked` about are free, with all that is in the field in the way of light.
+
+    Colours may differ by `slack` [0 to 255].
+    """
+    camera, spacing = photographs.camera, field.spacing.numpy().astype(np.float32)
     grid = (field.box.lower.numpy().astype(np.float32), spacing, np.float32(config.reach * spacing.max()))
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
-    slack = config.rounding + config.deviations * noise_of(photographs)
     nothing = _nothing(field, slack)
-    looks, clear = np.zeros((2, *shape), np.uint8)
-    kept = np.empty((*shape, 3, 4), np.uint8)
+    clear, kept = np.zeros(field.shape, np.uint8), np.empty((*field.shape, 3, 4), np.uint8)
     kept[..., :2], kept[..., 2:] = 0, 255
+    sums = (asked.numpy().astype(np.uint8), clear, kept)
     with threads(default_threads()):
         for index in range(len(photographs)):
             rotation = np.ascontiguousarray(photographs.poses.rotation[index].numpy(), np.float32)
             position = np.ascontiguousarray(photographs.poses.position[index].numpy(), np.float32)
             maps = (_reach(field, photographs, index, config), *_extremes(photographs.images[index].numpy()))
-            carving.look_through(grid, (rotation, position, lens), maps, SIZES, nothing, (looks, clear, kept))
+            carving.look_through(grid, (rotation, position, lens), maps, SIZES, nothing, sums)
     contradiction = (kept[..., 1].astype(np.int16) - kept[..., 3]).max(-1)
-    proven = (contradiction > 2 * slack) | (clear >= config.least_clear)
-    return torch.from_numpy(proven) & (field.values[..., 0] < raw_of(SOLID_DENSITY))
+    return torch.from_numpy((contradiction > 2 * slack) | (clear >= config.least_clear)) & asked
 
 
 def noise_of(photographs: PosedImages) -> float:

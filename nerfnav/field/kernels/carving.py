@@ -63,14 +63,14 @@ def look_through(grid, view, maps, sizes, background, sums):
     (reach (levels, h, w), least, most (levels, h, w, 3)): the shortest reach of rays [m] and the smallest and largest
     colours, 0 to 255, within windows of `sizes` pixels that begin at each pixel. `background` (2, 3) are the smallest
     and largest colours that count as that of nothing.
-    `sums` = (looks, clear (nx, ny, nz): pictures that look through the node, and that see nothing there but the
+    `sums` = (asked, clear (nx, ny, nz): whether a node is asked about, and pictures that see nothing there but the
     background; kept (nx, ny, nz, 3, 4) uint8: for each channel the largest and second largest of the smallest colours,
     the smallest and second smallest of the largest).
     """
     lower, spacing, beside = grid
     rotation, position, lens = view
-    (reach, least, most), (looks, clear, kept) = maps, sums
-    shape, height, width = looks.shape, reach.shape[1], reach.shape[2]
+    (reach, least, most), (asked, clear, kept) = maps, sums
+    shape, height, width = asked.shape, reach.shape[1], reach.shape[2]
     for cube in prange(cube_count(shape)):
         x0, y0, z0, seen = cube_in_view(cube, lower, spacing, shape, view, width, height)
         if not seen:
@@ -78,6 +78,8 @@ def look_through(grid, view, maps, sizes, background, sums):
         for i in range(x0, min(x0 + SIDE, shape[0])):
             for j in range(y0, min(y0 + SIDE, shape[1])):
                 for k in range(z0, min(z0 + SIDE, shape[2])):
+                    if not asked[i, j, k]:
+                        continue
                     x, y, z = position_of(i, j, k, lower, spacing)
                     right, down, ahead = in_camera(x, y, z, rotation, position)
                     if ahead <= np.float32(1e-9):
@@ -87,7 +89,6 @@ def look_through(grid, view, maps, sizes, background, sums):
                     away = np.float32(math.sqrt(right * right + down * down + ahead * ahead))
                     if level < 0 or reach[level, v, u] < away:
                         continue
-                    looks[i, j, k] = min(looks[i, j, k] + 1, MOST)
                     nothing = reach[level, v, u] == np.float32(np.inf)
                     for channel in range(3):
                         darkest, brightest = least[level, v, u, channel], most[level, v, u, channel]
