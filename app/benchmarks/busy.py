@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import torch
 
+from app.benchmarks.comparison import milliseconds
 from app.benchmarks.filter import bench_filter, situations
 from app.benchmarks.plan import both_threads, problems_of
 from app.benchmarks.replan import pushed_plan
@@ -63,10 +64,7 @@ def _calls(arena: Arena, tasks: int) -> dict[str, list[Callable[[], object]]]:
 def _time(calls: Mapping[str, list[Callable[[], object]]], times: int, into: Mapping[str, list[float]]) -> None:
     for name, kind in calls.items():
         for call in kind:
-            for _ in range(times):
-                begun = time.perf_counter()
-                call()
-                into[name].append(1e3 * (time.perf_counter() - begun))
+            into[name].extend(milliseconds(call) for _ in range(times))
 
 
 @contextmanager

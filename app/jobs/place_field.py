@@ -9,18 +9,18 @@ import torch
 
 import scenes
 from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from app.jobs.trained_field import stored
 from app.places.opening import field_file, ground_truth
 from app.storage.output_files import OutputError, prepare_file
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments import freedom_alone, in_words
-from nerfnav.field import FieldInfo, VoxelField, load_field, save_field
+from nerfnav.field import FieldInfo, VoxelField, load_field
 from nerfnav.field.codec import StoredField
 from nerfnav.field.cropping import cropped, overlap
 from nerfnav.field.moving import MoveStep, moved
 from nerfnav.field.surface_points import surface_points
 from nerfnav.importers import Splats, VoxelizeConfig, load_splats, save_splats, splats_beside, voxelize
 from nerfnav.importers.correction import Corrected, Correction, corrected
-from nerfnav.importers.meshes.truth import truth_beside, truth_path
 from nerfnav.importers.placement import still_guessed
 from nerfnav.world import Scene
 from nerfnav.world.moving import moved_scene
@@ -142,14 +142,7 @@ def _info(changed: StoredField, before: FieldInfo, correction: Correction) -> Fi
 
 
 def _stored(made: _Made, out: Path) -> JobResult:
-    files: tuple[Path, ...] = (out,)
-    if made.truth is None:
-        size = save_field(made.field, out)
-    else:
-        with truth_beside(made.truth, out) as link:
-            info = replace(made.field.info, truth=link.name, truth_sha256=link.sha256)
-            size = save_field(replace(made.field, info=info), out)  # type: ignore[type-var]
-        files = (*files, truth_path(out))
+    size, files = stored(made.field, made.truth, out)
     if made.splats is not None:
         files = (*files, save_splats(made.splats, splats_beside(out)))
     return JobResult({**_numbers(made), "file_bytes": size}, files)

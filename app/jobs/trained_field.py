@@ -8,7 +8,7 @@ from typing import Any
 import scenes
 from app.jobs.training_data.gather import TrainingData
 from nerfnav.experiments import Freedom, freedom_alone, freedom_on_depth, freedom_on_mesh, in_words
-from nerfnav.field import NeuralField, VoxelField, save_field
+from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers.meshes.truth import truth_beside, truth_path
 from nerfnav.world import Scene
 
@@ -24,12 +24,13 @@ def freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Fre
     return freedom_alone(trained, voxel)
 
 
-def stored(trained: VoxelField | NeuralField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
+def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
     """Store a field, and beside it the ground truth that is not bundled. Its size in bytes, and what was written."""
     if truth is None or truth.name in scenes.names():
-        return save_field(trained, out), (out,)
+        return save_field(field, out), (out,)
     with truth_beside(truth, out) as link:
-        linked = replace(trained, info=replace(trained.info, truth=link.name, truth_sha256=link.sha256))
+        info = replace(field.info, truth=link.name, truth_sha256=link.sha256)
+        linked = replace(field, info=info)  # type: ignore[type-var]
         return save_field(linked, out), (out, truth_path(out))
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW
-from nerfnav.field.surroundings import RAW_TO_DEPTH, SPAN, Surroundings
+from nerfnav.field.surroundings import RAW_TO_DEPTH, SPAN, Surroundings, uncontracted
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import Box, node_positions, trilinear
 from nerfnav.geometry.similarity import Similarity
@@ -50,8 +50,8 @@ def _at(field: VoxelField, outside: Surroundings, box: Box, back: Similarity, no
     for sample in range(_SAMPLES):
         offset = (2 * (sample + 0.5) / _SAMPLES - 1) / count
         at = (radius + offset).clamp(1, 2 - _FARTHEST / count)
-        points = back(_uncontracted(box, at, direction))
-        ahead = back(_uncontracted(box, at + _AHEAD / count, direction))
+        points = back(uncontracted(box, at * direction))
+        ahead = back(uncontracted(box, (at + _AHEAD / count) * direction))
         depth, color = _stopped(field, outside, points, ahead)
         depths.append(depth)
         colors.append(depth[:, None] * color + 1e-6 * color)
@@ -60,11 +60,6 @@ def _at(field: VoxelField, outside: Surroundings, box: Box, back: Similarity, no
     share = (depth / RAW_TO_DEPTH).double().clamp_min(1e-9)
     raw = (share + torch.log(-torch.expm1(-share))).float().clamp_min(EMPTY_RAW)
     return torch.cat([raw[:, None], color], -1)
-
-
-def _uncontracted(box: Box, radius: Float[Tensor, "n 1"], direction: Points) -> Points:
-    """World points [m] at contracted radii (1 to 2, exclusive) along directions of maximum norm 1."""
-    return box.center + 0.5 * box.size * direction / (2 - radius)
 
 
 def _stopped(
