@@ -33,6 +33,7 @@ def test_answers_come_in_the_order_of_the_items_and_every_trial_is_told() -> Non
     assert {answer[1] for answer in answers} == {os.getpid()}
 
 
+@pytest.mark.slow
 def test_trials_run_in_other_processes_and_give_the_same_answers() -> None:
     _, answers = finished(Study(column, jobs=2), [3, 1, 2])
     assert [(answer[0], answer[2]) for answer in answers] == [(9, "column"), (1, "column"), (4, "column")]

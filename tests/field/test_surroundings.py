@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 import torch
 
 from nerfnav.field.checkpoint import load_field, save_field
@@ -97,6 +98,7 @@ def photographs_of_a_room(count: int, turn: float = 0.0) -> PosedImages:
     return PosedImages(torch.stack(images), camera, poses)
 
 
+@pytest.mark.slow
 def test_far_walls_are_learned_as_surroundings_and_leave_the_box_clear():
     config = TrainConfig(voxel=0.04, iterations=300, rays=1024, outside=40)
     generator = torch.Generator().manual_seed(0)

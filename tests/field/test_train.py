@@ -49,6 +49,7 @@ def test_progress_counts_up_to_the_end(trained: list[TrainStep]):
     assert all(step.rays_per_s > 0 for step in steps)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_field_bit_for_bit():
     brief = replace(CONFIG, iterations=80, rays=512)
     first, second, other = (run(brief, seed)[-1].field for seed in (0, 0, 1))

@@ -128,6 +128,7 @@ def test_an_elongated_ground_robot_turns_to_pass_a_door_that_it_fits_only_length
     assert (states.position[:, 2] - 0.4).abs().max() < 1e-5
 
 
+@pytest.mark.slow
 def test_a_curve_whose_heading_swings_into_the_frame_of_a_narrow_door_is_in_collision() -> None:
     problem = couch_through(Wall(door=0.24))
     (step,) = plan_minimum_snap(problem)

@@ -72,6 +72,7 @@ def test_a_registered_term_changes_what_is_chosen_the_more_it_weighs(
     assert missed[0] > 1.02 * missed[1] > 1.02**2 * missed[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SETTINGS)
 def test_every_planner_reports_a_registered_term_and_its_time(
     name: str, known: Callable[[CostTerm], None]

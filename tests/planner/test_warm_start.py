@@ -39,6 +39,7 @@ def test_a_plan_that_still_leads_to_the_goal_is_carried_on(flown: Motion):
     assert GOAL.local(steps[-1].motion.states[-1]).abs().max() < 1e-5
 
 
+@pytest.mark.slow
 def test_a_plan_is_carried_on_that_costs_what_its_problem_adds_to_the_cost():
     def high(_: object, motion: Motion) -> Tensor:
         return (motion.states.position[..., 2] - 0.8).square().sum(-1)

@@ -38,6 +38,7 @@ def _cells(points: np.ndarray, lower: np.ndarray) -> tuple[np.ndarray, ...]:
     return tuple(np.round((points - lower) / _CELL).astype(int).T)
 
 
+@pytest.mark.slow
 def test_a_body_can_fly_from_every_start_to_its_goal_with_5_cm_to_spare(stonehenge: Scene):
     """Free cells, grown stones taken out, hang together; the ground, which starts are close to, is grown by 2 cm."""
     lower, upper = stonehenge.box.lower.double().numpy(), stonehenge.box.upper.double().numpy()

@@ -292,6 +292,7 @@ def test_the_same_seed_gives_the_same_flight(field_file: Path, capsys: Capture) 
     assert first != other
 
 
+@pytest.mark.slow
 def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "new" / "blocks.npz"
     quick = ["--iterations", "60", "--images", "20", "--voxel", "0.05"]

@@ -26,6 +26,7 @@ def answer(url: str) -> int:
             time.sleep(0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_it_tells_its_address_answers_there_and_ends_when_it_is_asked_to(
     field_file: Path, ending: signal.Signals

@@ -58,6 +58,7 @@ def refused(words: list[str], capture: Capture) -> str:
     return err
 
 
+@pytest.mark.slow
 def test_a_capture_is_trained_from_and_what_was_guessed_is_printed(tmp_path: Path, capsys: Capture) -> None:
     room = write_transforms(tmp_path / "room")
     words = ["train", str(room), "--out", str(tmp_path / "room.npz"), "--iterations", "5", "--voxel", "0.3"]

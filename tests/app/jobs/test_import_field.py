@@ -88,6 +88,7 @@ def test_a_checkpoint_is_baked_unless_its_networks_are_to_be_kept(tmp_path: Path
     assert psnr == baked.info.baked_psnr_db and psnr > 20
 
 
+@pytest.mark.slow
 def test_the_command_line_imports_bakes_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, net, baked = checkpoint(tmp_path / "net.ckpt"), tmp_path / "net.npz", tmp_path / "baked.npz"
     corners = [str(number) for corner in BOX for number in corner]
@@ -131,6 +132,7 @@ def test_a_source_that_is_not_there_is_refused(tmp_path: Path) -> None:
         ImportRequest(tmp_path / "nothing.ply", tmp_path / "f.npz", voxel=-1.0)
 
 
+@pytest.mark.slow
 def test_what_a_browser_brings_is_imported_where_it_is_splats_or_a_checkpoint(tmp_path: Path) -> None:
     write_inria(tmp_path / "moon.ply", ball_of_splats(300))
     (tmp_path / "mesh.ply").write_bytes(b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n")

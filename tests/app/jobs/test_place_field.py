@@ -69,6 +69,7 @@ def changes(path: Path, correction: Correction, out: Path) -> list[str]:
     return result_of(run(PlaceRequest(str(path), correction, out))).summary["changed"]
 
 
+@pytest.mark.slow
 def test_splats_are_put_right_and_made_into_voxels_again(tmp_path: Path) -> None:
     write_dot_splat(tmp_path / "moon.splat", ball_of_splats(400))
     field = tmp_path / "moon.npz"

@@ -79,6 +79,7 @@ def test_a_cancelled_training_leaves_an_old_file_alone(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [out]
 
 
+@pytest.mark.slow
 def test_the_same_seed_learns_the_same_field(tmp_path: Path) -> None:
     for name in ("a", "b"):
         list(run(request(tmp_path / name, seed=2)))

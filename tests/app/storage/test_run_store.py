@@ -129,6 +129,7 @@ def test_a_folder_that_holds_no_flight_is_never_deleted(shelf: RunStore) -> None
     assert (shelf.folder / "photos" / "one.jpg").exists()
 
 
+@pytest.mark.slow
 def test_a_program_that_is_killed_in_flight_leaves_all_steps_so_far(shelf: RunStore, field_file: Path) -> None:
     words = [
         "fly", str(field_file), "--start", "-0.6", "-0.6", "0.5", "--goal", "0.6", "-0.6", "0.5",

@@ -118,6 +118,7 @@ def test_the_size_of_a_place_does_not_change_how_it_is_photographed_and_learned(
     assert torch.equal(small.learned.images[0], large.learned.images[0])
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_it_guessed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["train", str(pillars(tmp_path)), "--out", str(tmp_path / "f.npz"), "--iterations", "30"]
     assert main([*words, "--voxel", "0.02", "--images", "20", "--up", "z", "--units", "ft", "--seen-from", "outside",
