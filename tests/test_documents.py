@@ -81,7 +81,8 @@ def test_every_command_in_contributing_is_understood(words: list[str]) -> None:
 
 def test_contributing_names_the_quick_tests_first_then_all_then_the_other_checks() -> None:
     assert [" ".join(words) for words in commands()] == [
-        "pytest -n auto -m not browser and not slow", "pytest", "ruff check .", "pyright", "python -m tests.measure_house",
+        "pytest -n auto -m not browser and not slow", "pytest", "ruff check .", "pyright",
+        "python -m tests.measure_house",
     ]  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from app.cli.terminal import note, show
 from app.jobs.fly import run as run_job
 from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
+from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import planners
 
@@ -25,6 +26,8 @@ class Arguments(Route):
     covariance: Literal["gauss-newton", "exact"] = "gauss-newton"
     """How the fast filter tells how sure it is: from what its steps know anyway, or by the exact second derivatives
     of the paper, which takes longer."""
+    camera: Path | None = None
+    """What the robot sees with: a calibration by ROS, OpenCV or nerfstudio; by default the robot's own camera."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
     seed: int = 0
@@ -50,6 +53,8 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
 def run(arguments: Any) -> None:
     """Fly, and print the numbers of the flight."""
     place, asked = arguments.open(), arguments.config
+    if arguments.camera is not None:
+        place = place.seen_with(read_camera(arguments.camera))
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
     entry = planners.load(arguments.planner)
     again = None if asked.replan == entry.again(entry.config()) else asked.replan  # unsaid, it follows the first plan

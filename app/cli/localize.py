@@ -23,11 +23,13 @@ class Arguments:
     """Horizontal field of view of the camera [degrees]."""
     intrinsics: tuple[float, float, float, float] | None = None
     """fx fy cx cy [pixels], in place of --fov."""
+    camera: Path | None = None
+    """Calibration of the camera by ROS, OpenCV or nerfstudio, in place of --fov and --intrinsics."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
 
 def run(arguments: Arguments) -> None:
     """Search, and print the likeliest poses."""
-    request = LocalizeRequest(arguments.field, arguments.image, arguments.fov, arguments.intrinsics)
+    request = LocalizeRequest(arguments.field, arguments.image, arguments.fov, arguments.intrinsics, arguments.camera)
     show(f"picture in {arguments.field}", follow(run_job(request)).summary, arguments.json)

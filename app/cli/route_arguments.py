@@ -29,7 +29,7 @@ class Route:
     goal: EndNumbers = None
     """Where to arrive: x y z [m] and perhaps the heading [rad]."""
     robot: str | None = None
-    """What moves; by default what the task is for."""
+    """What moves: a name, or a file that describes it (see README); by default what the task is for."""
     planner: str = PLANNER
     """Which planner."""
     steps: int | None = None

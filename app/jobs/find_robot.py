@@ -5,7 +5,6 @@ from torch import Tensor
 
 from app.jobs.events import JobEvents
 from app.jobs.localize import search
-from app.jobs.robot_camera import CAMERA
 from app.places.derived import searcher_of
 from app.places.place import Place
 from nerfnav.estimator import ColorNoise
@@ -14,4 +13,4 @@ from nerfnav.estimator import ColorNoise
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:
     """Localize a picture that the robot's own camera has taken in an open place."""
     noise = ColorNoise().measured(place.field.info.noise_std)
-    return search(searcher_of(place, CAMERA, noise), image)
+    return search(searcher_of(place, place.robot.camera, noise), image)

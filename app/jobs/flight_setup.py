@@ -7,7 +7,6 @@ import torch
 
 from app.jobs.fly_request import FlyRequest
 from app.jobs.plan import timing_for
-from app.jobs.robot_camera import CAMERA
 from app.jobs.simulated_world import camera_function, contact_function
 from app.places.derived import occupancy_of, planning_place, searcher_of
 from app.places.place import Place
@@ -19,22 +18,23 @@ from nerfnav.planner import planners
 def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     """Yield the steps of a flight in a simulator of the place. Raises NerfnavError for unknown names."""
     route, seen_as = request.route, planning_place(place, request.route.unknown)
+    robot, seen_with = place.robot, place.robot.camera
     estimator = estimators.load(request.estimator)
     occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
     planner = planners.load(route.planner).planner(
-        seen_as.field, place.robot, route.settings, route.again, occupancy
+        seen_as.field, robot, route.settings, route.again, occupancy
     )
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
         planner,
-        estimator.make(place.field, place.robot, CAMERA, config=config.filter),
-        searcher_of(place, CAMERA, config.filter.color_noise),
+        estimator.make(place.field, robot, seen_with, mount=robot.mount, config=config.filter),
+        searcher_of(place, seen_with, config.filter.color_noise),
     )
     camera, contact = camera_function(place), contact_function(place)
     simulator = Simulator(
-        place.robot, route.ends.start.state(), camera, generator, noise=config.noise, contact=contact
+        robot, route.ends.start.state(), camera, generator, robot.mount, noise=config.noise, contact=contact
     )
     mission = Mission(route.ends.goal.state(), route.steps, route.dt, request.plan, request.orders)
     return navigate(mission, simulator, pilot, config, generator)

@@ -34,7 +34,7 @@ def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
     return RunMetadata(
         place=place.name,
         source=request.source or place.name,
-        robot=place.robot.name,
+        robot=str(place.robot.file or place.robot.name),
         planner=route.planner,
         estimator=request.estimator,
         seed=request.seed,

@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry import Camera
+from nerfnav.geometry import Camera, read_camera
 
 
 def read_image(path: Path) -> UInt8[Tensor, "height width 3"]:
@@ -35,3 +35,17 @@ def camera_of(
     if not (fx > 0 and fy > 0):
         raise InvalidInputError(f"focal lengths are above 0 pixels, not {fx:g} and {fy:g}")
     return Camera(width, height, fx, fy, cx, cy)
+
+
+def calibrated(image: UInt8[Tensor, "height width 3"], calibration: Path) -> Camera:
+    """The calibrated camera at the resolution of the picture. Raises InvalidInputError for a picture of another shape.
+
+    Several resolutions of one camera are one camera, as long as the picture is not cut.
+    """
+    camera, (height, width, _) = read_camera(calibration), image.shape
+    if abs(camera.width * height - camera.height * width) > max(camera.width, width):  # a pixel of rounding
+        raise InvalidInputError(
+            f"{calibration} is the calibration of {camera.width} x {camera.height} pixels, and the picture has "
+            f"{width} x {height}: give one of the same proportions"
+        )
+    return camera.resized(width, height)

@@ -7,7 +7,7 @@ from pathlib import Path
 from torch import Tensor
 
 from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.given_picture import camera_of, read_image
+from app.jobs.given_picture import calibrated, camera_of, read_image
 from app.jobs.localize_summary import summary_of
 from app.places.opening import field_file
 from nerfnav.estimator import ColorNoise, Searcher
@@ -27,12 +27,17 @@ class LocalizeRequest:
     """Horizontal field of view of its camera [degrees]."""
     intrinsics: tuple[float, float, float, float] | None = None
     """fx, fy, cx, cy [pixels], in place of the field of view."""
+    calibration: Path | None = None
+    """File of the camera, in place of both."""
 
 
 def run(request: LocalizeRequest) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was. Raises NerfnavError for bad requests."""
     image = read_image(request.image)
-    camera = camera_of(image, request.fov_deg, request.intrinsics)
+    if request.calibration is not None:
+        camera = calibrated(image, request.calibration)
+    else:
+        camera = camera_of(image, request.fov_deg, request.intrinsics)
     field = load_field(field_file(request.place))
     return (yield from search(Searcher(field, camera, ColorNoise().measured(field.info.noise_std)), image))
 

@@ -1,6 +1,5 @@
 """Simulated world of a flight: the robot's camera and its contact with the ground truth of a place."""
 
-from app.jobs.robot_camera import CAMERA
 from app.places.place import Place
 from nerfnav.field import render_image
 from nerfnav.navigation import CameraFunction, ContactFunction
@@ -17,9 +16,10 @@ def contact_function(place: Place) -> ContactFunction | None:
 
 def camera_function(place: Place) -> CameraFunction:
     """Pictures of the ground truth; of the field where there is none."""
+    seen_with = place.robot.camera
     if place.scene is None:
-        return lambda pose: render_image(place.field, CAMERA, pose).image
+        return lambda pose: render_image(place.field, seen_with, pose).image
     from nerfnav.world import MeshRenderer  # slow to import, as above
 
     renderer = MeshRenderer(place.scene, supersample=2)  # as the photographs that the field learned from
-    return lambda pose: renderer.render(CAMERA, pose).image
+    return lambda pose: renderer.render(seen_with, pose).image

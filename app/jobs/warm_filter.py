@@ -7,7 +7,7 @@ import torch
 from app.places.place import Place
 from nerfnav.estimator import Belief, FastFilter, FilterStep
 from nerfnav.field import render_image
-from nerfnav.geometry import FORWARD_MOUNT, Camera
+from nerfnav.geometry import Camera
 from nerfnav.navigation import NavigateConfig
 from nerfnav.robots import RigidState
 
@@ -15,6 +15,6 @@ from nerfnav.robots import RigidState
 def first_update(place: Place, state: RigidState) -> Iterator[FilterStep]:
     """Correct a belief by a small picture of the field, taken where the robot believes to be."""
     camera = Camera.from_fov(64, 64, 90)
-    picture = render_image(place.field, camera, state.pose.compose(FORWARD_MOUNT)).image
+    picture = render_image(place.field, camera, state.pose.compose(place.robot.mount)).image
     belief, draws = Belief(state, NavigateConfig().initial.covariance()), torch.Generator().manual_seed(0)
-    yield from FastFilter(place.field, place.robot, camera).correct(belief, picture, draws)
+    yield from FastFilter(place.field, place.robot, camera, place.robot.mount).correct(belief, picture, draws)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nerfnav.field import StoredField
+from nerfnav.geometry import Camera
 from nerfnav.importers import Splats
 from nerfnav.robots import Robot, load
 from nerfnav.world import Task
@@ -47,8 +48,12 @@ class Place:
         return self.truth.tasks if self.truth is not None else ()
 
     def with_robot(self, name: str) -> "Place":
-        """The same place for another robot. Raises UnknownNameError, which lists the known ones."""
+        """The same place for another robot. See `nerfnav.robots.load` for names, files and errors."""
         return replace(self, robot=load(name))
+
+    def seen_with(self, camera: Camera) -> "Place":
+        """The same place for a robot that sees with another camera, at the same mount."""
+        return replace(self, robot=self.robot.with_camera(camera, self.robot.mount))
 
     @property
     def scene(self) -> "Scene | None":

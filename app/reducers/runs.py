@@ -7,7 +7,7 @@ from app.state.actions import RunChanged
 from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, RunAction, Scrub
 from app.state.runs import RunChange, Runs, StoredFlight
 from app.state.session import Session
-from nerfnav import robots
+from nerfnav.errors import NerfnavError
 
 
 def source_elsewhere(session: Session, name: str) -> str | None:
@@ -73,10 +73,11 @@ def opened(session: Session, stored: StoredFlight) -> Session:
     place, about = session.place, stored.entry.metadata
     if place is None or session.in_flight:
         return session
-    if about.robot not in robots.names():
-        return noticed(session, "Could not open", f"There is no robot called {about.robot!r} any more.", bad=True)
-    if place.robot.name != about.robot:
-        place = place.with_robot(about.robot)
+    if about.robot != session.choice.robot:
+        try:
+            place = place.with_robot(about.robot)
+        except NerfnavError as error:
+            return noticed(session, "Could not open", f"The robot of this flight is gone: {error}.", bad=True)
     timeline = session.runs.timeline.moved(stored.record, 0)
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,

@@ -12,7 +12,7 @@ class Choice:
     """What moves, what plans and what estimates."""
 
     robot: str = "quadrotor"
-    """One of `nerfnav.robots.names()`."""
+    """One of `nerfnav.robots.names()`, or the path of a robot's file."""
     planner: str = "fast"
     """One of `nerfnav.planner.planners.names()`."""
     estimator: str = "fast"

@@ -24,6 +24,7 @@ class RunMetadata:
     source: str
     """What was opened: scene name or field file."""
     robot: str
+    """Its name, or its file."""
     planner: str
     estimator: str
     seed: int

@@ -16,7 +16,7 @@ class EstimatorEntry:
     name: str
     """What they call it, as in `--estimator`."""
     make: Callable[..., Estimator]
-    """Makes it: (field, robot, camera, config=FilterConfig)."""
+    """Makes it: (field, robot, camera, mount=T_body_camera, config=FilterConfig)."""
 
 
 ESTIMATORS: Registry[EstimatorEntry] = Registry(

@@ -5,6 +5,7 @@ from .camera import R_BODY_CAMERA as R_BODY_CAMERA
 from .camera import Camera as Camera
 from .camera import Pose as Pose
 from .camera import look_at as look_at
+from .camera_file import read_camera as read_camera
 from .directions import spiral as spiral
 from .ellipsoid import ellipsoid_95 as ellipsoid_95
 from .grid import node_positions as node_positions

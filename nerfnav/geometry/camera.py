@@ -13,6 +13,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry.distortion import COUNTS, undistorted
+from nerfnav.geometry.fisheye import fisheye_directions
 from nerfnav.structs import TensorStruct
 
 R_BODY_CAMERA = torch.tensor([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -55,13 +56,18 @@ class Camera:
     cy: float
     """Principal point along v [pixels]."""
     distortion: tuple[float, ...] = ()
-    """OpenCV's k1, k2, p1, p2 and perhaps k3 (see geometry/distortion.py); none: straight lines stay straight."""
+    """OpenCV's k1, k2, p1, p2 and perhaps k3 (see geometry/distortion.py); none: straight lines stay straight.
+    Of a fisheye, k1, k2, k3, k4 (see geometry/fisheye.py)."""
+    fisheye: bool = False
+    """Whether the lens is a fisheye: a pixel tells an angle, not a point of a plane."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a distortion of another model."""
-        if len(self.distortion) not in COUNTS or not all(map(math.isfinite, self.distortion)):
+        counts = (4,) if self.fisheye else COUNTS
+        if len(self.distortion) not in counts or not all(map(math.isfinite, self.distortion)):
             raise InvalidInputError(
-                f"a distortion has 4 or 5 finite numbers, k1, k2, p1, p2 and perhaps k3, not {self.distortion}"
+                f"a distortion has 4 or 5 finite numbers, k1, k2, p1, p2 and perhaps k3, and a fisheye k1 to k4, "
+                f"not {self.distortion}"
             )
 
     @classmethod
@@ -83,7 +89,7 @@ class Camera:
         """The same view with so many pixels along each side."""
         along_u, along_v = width / self.width, height / self.height
         focal, center = (self.fx * along_u, self.fy * along_v), (self.cx * along_u, self.cy * along_v)
-        return Camera(width, height, *focal, *center, self.distortion)
+        return Camera(width, height, *focal, *center, self.distortion, self.fisheye)
 
     def pixels(self) -> Int[Tensor, "hw 2"]:
         """All pixels (u, v), row by row."""
@@ -94,6 +100,8 @@ class Camera:
         """Unit viewing directions of the pixels' centres in the camera's frame."""
         u, v = pixels[..., 0] + 0.5, pixels[..., 1] + 0.5
         flat = torch.stack([(u - self.cx) / self.fx, (v - self.cy) / self.fy], -1)
+        if self.fisheye:
+            return fisheye_directions(flat, self.distortion) * flat.new_tensor([1.0, -1.0, -1.0])
         x, down = (undistorted(flat, self.distortion) if self.distortion else flat).unbind(-1)
         return torch.nn.functional.normalize(torch.stack([x, -down, -torch.ones_like(x)], -1), dim=-1)
 

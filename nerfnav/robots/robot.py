@@ -9,11 +9,13 @@ from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots.body import Body
 from nerfnav.robots.flat_map import FlatMap, TorchFlatMap
 from nerfnav.robots.state import Motion, RigidState
@@ -32,9 +34,12 @@ class Limit:
     upper: float | None = None
     """Largest value allowed."""
 
+CAMERA = Camera.from_fov(200, 200, 90)
+"""What robots see with unless told otherwise: as wide as the bundled fields' own photographs."""
 _NO_PART_OF_THE_MAP = frozenset(
-    ("__init__", "hold", "steer", "encode", "free_scales", "check_ends", "settled", "with_body", "body_with_room")
-)
+    ("__init__", "hold", "steer", "encode", "free_scales", "check_ends", "settled", "with_body", "body_with_room",
+     "with_camera")
+)  # fmt: skip
 """What a robot may do in its own way, and still be moved by its parent's compiled map."""
 
 
@@ -55,11 +60,23 @@ class Robot(ABC):
     """Whether it stays at the height of its start, level."""
     bounds: tuple[Limit, ...] = ()
     """What it can do at most."""
+    camera: Camera = CAMERA
+    """What it sees with."""
+    mount: Pose = FORWARD_MOUNT
+    """T_body_camera."""
+    file: Path | None = None
+    """What describes it; None where its class alone does."""
 
     def with_body(self, body: Body) -> "Robot":
         """The same robot, mass and inertia included, in another shape."""
         other = copy(self)
         other.body = body
+        return other
+
+    def with_camera(self, camera: Camera, mount: Pose) -> "Robot":
+        """The same robot with another camera at `mount` T_body_camera."""
+        other = copy(self)
+        other.camera, other.mount = camera, mount
         return other
 
     def body_with_room(self, margin: float) -> Body:

@@ -1,15 +1,19 @@
-"""Robots by name, as users choose them."""
+"""Robots by name, as users choose them: the paper's in code, all others in files."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 from nerfnav.registry import Registry
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
-from nerfnav.robots.rooms import CART, QUADROTOR_25, SOFA
+from nerfnav.robots.robot_file import SUFFIXES, read_robot
+
+BUNDLED = Path(__file__).with_name("bundled")
+"""Where the robots lie that come with nerfnav as files."""
 
 
 @dataclass(frozen=True)
@@ -22,28 +26,42 @@ class RobotEntry:
     """Makes it with its default constants."""
 
 
+def _bundled(name: str) -> RobotEntry:
+    return RobotEntry(name, partial(read_robot, BUNDLED / f"{name}.yaml"))
+
+
 ROBOTS: Registry[RobotEntry] = Registry(
     "robot",
     (
         RobotEntry("quadrotor", Quadrotor),
         RobotEntry("couch", Couch),
         RobotEntry("diffdrive", DiffDrive),
-        RobotEntry(QUADROTOR_25.name, partial(Quadrotor, QUADROTOR_25)),
-        RobotEntry(SOFA.name, partial(Couch, SOFA)),
-        RobotEntry(CART.name, partial(DiffDrive, CART)),
+        *map(_bundled, ("quadrotor25", "sofa", "cart", "crazyflie", "x500", "turtlebot3")),
     ),
 )
 """Name to robot."""
 
 
 def names() -> tuple[str, ...]:
-    """What `load` knows."""
+    """What `load` knows by name."""
     return tuple(ROBOTS)
 
 
 def load(name: str) -> Robot:
-    """The robot of that name with its default constants; raises UnknownNameError that lists the known ones."""
-    return ROBOTS[name].make()
+    """The robot of that name with its default constants, or that of a file whose path ends with .yaml.
+
+    Raises UnknownNameError that lists the known names, and InvalidInputError for a file that describes no robot.
+    """
+    if not is_file(name):
+        return ROBOTS[name].make()
+    robot = read_robot(Path(name))
+    robot.file = Path(name)
+    return robot
+
+
+def is_file(name: str) -> bool:
+    """Whether users mean a robot's file by what they say: a name that ends as those do."""
+    return name not in ROBOTS and Path(name).suffix.lower() in SUFFIXES
 
 
 def register(entry: RobotEntry) -> None:

@@ -12,7 +12,6 @@ from app.jobs.events import Progress
 from app.jobs.find_robot import find
 from app.jobs.given_picture import camera_of, read_image
 from app.jobs.localize import LocalizeRequest, run
-from app.jobs.robot_camera import CAMERA as ROBOTS_CAMERA
 from app.places.derived import searcher_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseStep
@@ -20,6 +19,7 @@ from nerfnav.field.checkpoint import save_field
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.robots.robot import CAMERA as ROBOTS_CAMERA
 from nerfnav.robots.state import RigidState
 from tests.app.doubles import balls_place
 from tests.app.following import followed

@@ -1,0 +1,114 @@
+"""Calibrations of cameras as other programs write them: ROS, OpenCV, nerfstudio and instant-ngp.
+
+    ROS's camera_info (.yaml)      image_width, camera_matrix.data, distortion_model, distortion_coefficients.data
+    OpenCV's FileStorage (.yaml)   image_width, camera_matrix, distortion_coefficients
+    transforms.json                w, h, fl_x, fl_y, cx, cy, camera_model, k1, k2, p1, p2, k3, k4
+
+Models: none, Brown's (plumb_bob, OPENCV) and Kannala and Brandt's (equidistant, OPENCV_FISHEYE, KANNALA_BRANDT).
+"""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry.camera import Camera
+
+_FISHEYE = ("equidistant", "fisheye", "OPENCV_FISHEYE", "KANNALA_BRANDT", "kannala_brandt")
+_BROWN = ("plumb_bob", "rational_polynomial", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL",
+          "FULL_OPENCV", "PERSPECTIVE", "")  # fmt: skip
+_OPENCV = ("%YAML:1.0", "!!opencv-matrix")
+"""What tells OpenCV's own files, which other readers of YAML do not take."""
+
+
+def read_camera(path: Path) -> Camera:
+    """The camera of a calibration file. Raises InvalidInputError for a file without, or of another model."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise InvalidInputError(f"there is no calibration {path}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"{path} cannot be read as a calibration: {error}") from error
+    try:
+        if any(mark in text for mark in _OPENCV):
+            return _of_matrices(_stored(text))
+        told = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
+        if not isinstance(told, dict):
+            raise InvalidInputError("it holds no names with values")
+        return _of_transforms(told) if "fl_x" in told else _of_matrices(told)
+    except (InvalidInputError, ValueError, TypeError, yaml.YAMLError) as error:
+        raise InvalidInputError(f"{path} is no calibration of a camera: {' '.join(str(error).split())}") from error
+
+
+def _stored(text: str) -> dict[str, Any]:
+    """What a file of OpenCV's FileStorage holds of a camera, in the words of ROS."""
+    import cv2  # slow to import
+
+    try:
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except cv2.error as error:
+        raise InvalidInputError("it cannot be read as a file of OpenCV") from error
+    told: dict[str, Any] = {"distortion_model": storage.getNode("distortion_model").string()}
+    for name in ("image_width", "image_height"):
+        told[name] = None if storage.getNode(name).empty() else storage.getNode(name).real()
+    for name in ("camera_matrix", "distortion_coefficients"):
+        node = storage.getNode(name)
+        told[name] = None if node.empty() else node.mat()
+    if told["distortion_model"] == "" and not storage.getNode("fisheye_model").empty():
+        told["distortion_model"] = "fisheye" if storage.getNode("fisheye_model").real() else ""
+    storage.release()
+    return told
+
+
+def _of_matrices(told: dict[str, Any]) -> Camera:
+    matrix = _numbers(told, "camera_matrix")
+    if matrix.size != 9:
+        raise InvalidInputError(f"camera_matrix has 9 numbers, not {matrix.size}")
+    (fx, _, cx), (_, fy, cy), _ = matrix.reshape(3, 3).tolist()
+    lens = told.get("distortion_coefficients")
+    coefficients = () if lens is None else tuple(_numbers(told, "distortion_coefficients").ravel().tolist())
+    model = str(told.get("distortion_model") or "")
+    return _camera((told.get("image_width"), told.get("image_height")), (fx, fy, cx, cy), model, coefficients)
+
+
+def _of_transforms(told: dict[str, Any]) -> Camera:
+    focal = float(told["fl_x"])
+    size = told.get("w"), told.get("h")
+    center = (told.get("cx", 0.5 * float(size[0] or 0)), told.get("cy", 0.5 * float(size[1] or 0)))
+    model = str(told.get("camera_model", "OPENCV"))
+    names = ("k1", "k2", "k3", "k4") if model in _FISHEYE else ("k1", "k2", "p1", "p2", "k3")
+    coefficients = tuple(float(told.get(name, 0.0)) for name in names)
+    numbers = (focal, float(told.get("fl_y", focal)), float(center[0]), float(center[1]))
+    return _camera(size, numbers, model, coefficients)
+
+
+def _numbers(told: dict[str, Any], name: str) -> np.ndarray:
+    """The matrix of that name: a list, or what has its numbers as `data`."""
+    value = told.get(name)
+    value = value.get("data") if isinstance(value, dict) else value
+    if value is None:
+        raise InvalidInputError(f"{name} is missing")
+    return np.asarray(value, dtype=float)
+
+
+def _camera(
+    size: tuple[Any, Any], numbers: tuple[float, float, float, float], model: str, coefficients: tuple[float, ...]
+) -> Camera:
+    if model not in (*_FISHEYE, *_BROWN):
+        known = ", ".join((*_BROWN[:3], *_FISHEYE[:4]))
+        raise InvalidInputError(f"the lens model {model!r} is not known here; known are {known}")
+    if None in size or not all(float(edge) >= 1 and float(edge) == int(edge) for edge in size):
+        raise InvalidInputError("the picture's width and height are missing, or no whole numbers")
+    fx, fy, *center = numbers
+    if not (fx > 0 and fy > 0 and all(map(math.isfinite, numbers))):
+        raise InvalidInputError(f"focal lengths are above 0 pixels, not {fx:g} and {fy:g}")
+    if not any(coefficients[:4] if model in _FISHEYE else coefficients) and model not in _FISHEYE:
+        coefficients = ()
+    if model not in _FISHEYE and any(coefficients[5:]):
+        raise InvalidInputError("a lens of more than k1, k2, p1, p2 and k3 is not known here: calibrate with those")
+    kept = (*coefficients, 0.0, 0.0, 0.0, 0.0)[:4] if model in _FISHEYE else coefficients[:5]
+    return Camera(int(size[0]), int(size[1]), fx, fy, center[0], center[1], tuple(kept), model in _FISHEYE)

@@ -1,0 +1,146 @@
+"""The shape of a robot, as its file describes it [m]. One of:
+
+    box: [0.25, 0.25, 0.08]                       # edge lengths along x (forward), y, z (up)
+    cylinder: {radius: 0.2, height: 0.1}          # upright
+    spheres: [[0, 0, 0, 0.1], [0.2, 0, 0, 0.05]]  # x, y, z, radius
+    mesh: hull.stl                                # beside the file; closed, or its convex hull with `hull: true`
+    urdf: robot.urdf                              # the convex hull of its collision geometry
+
+All but a box have their origin in the middle of their bounding box. `spacing` says how far apart the points are at
+which density is asked for; a box may say how many they are along each edge: `points: [6, 6, 3]`.
+"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.extras import from_extra
+from nerfnav.robots.body import Body
+
+if TYPE_CHECKING:
+    import trimesh
+
+Vector = tuple[float, float, float]
+_SIDES, _MANY = 32, 3000
+"""Sides of a cylinder, and body points that are many."""
+
+
+class Cylinder(msgspec.Struct, forbid_unknown_fields=True):
+    """An upright cylinder."""
+
+    radius: float
+    height: float
+
+
+class BodyFile(msgspec.Struct, forbid_unknown_fields=True):
+    """What `body` may hold in a robot's file."""
+
+    box: Vector | None = None
+    cylinder: Cylinder | None = None
+    spheres: list[tuple[float, float, float, float]] | None = None
+    mesh: str | None = None
+    urdf: str | None = None
+    points: tuple[int, int, int] | None = None
+    spacing: float | None = None
+    hull: bool = False
+
+
+def body_of(told: BodyFile, folder: Path) -> tuple[Body, tuple[int, int, int]]:
+    """The body, and how many of its points lie along each edge of the box around it; meshes lie in `folder`.
+
+    Raises InvalidInputError for a shape that is none.
+    """
+    shapes = {name: getattr(told, name) for name in ("box", "cylinder", "spheres", "mesh", "urdf")}
+    given = {name: shape for name, shape in shapes.items() if shape is not None}
+    if len(given) != 1:
+        raise InvalidInputError(f"a body is one of {', '.join(shapes)}, and this one has {len(given)} of them")
+    if told.box is not None:
+        _check_lengths("box", *told.box)
+        counts = told.points or _counts(told.box, told.spacing or spacing_for(told.box))
+        if min(counts) < 1 or math.prod(counts) > 5000:
+            raise InvalidInputError(f"the points of a body are at least 1 along an edge and at most 5000, not {counts}")
+        return Body.box(told.box, counts), counts
+    if told.points is not None:
+        raise InvalidInputError("points are counted along the edges of a box: give a spacing")
+    mesh, hull = _mesh_of(told, folder)
+    spacing = told.spacing or spacing_for(tuple(mesh.extents))
+    body = Body.from_mesh(mesh, spacing, hull=hull)
+    return body, _counts(body.extents, spacing)
+
+
+def spacing_for(extents: Vector) -> float:
+    """Distance between body points [m] that suits a size: 2.5 cm at 10 cm, 5 cm at 25 cm, then 8 cm.
+
+    More in bodies of metres, which would have more points than planning can ask about.
+    """
+    longest = max(extents)
+    return max(min(max(0.2 * longest, min(0.25 * longest, 0.025)), 0.08), (math.prod(extents) / _MANY) ** (1 / 3))
+
+
+def _counts(extents: Vector, spacing: float) -> tuple[int, int, int]:
+    _check_lengths("spacing", spacing)
+    x, y, z = (max(2, math.ceil(edge / spacing - 1e-6) + 1) for edge in extents)
+    return x, y, z
+
+
+def _mesh_of(told: BodyFile, folder: Path) -> "tuple[trimesh.Trimesh, bool]":
+    """The closed surface, and whether its convex hull is wanted."""
+    import trimesh
+
+    if told.cylinder is not None:
+        _check_lengths("cylinder", told.cylinder.radius, told.cylinder.height)
+        return trimesh.creation.cylinder(told.cylinder.radius, told.cylinder.height, sections=_SIDES), False
+    if told.spheres is not None:
+        return _union(told.spheres), False
+    if told.mesh is not None:
+        return _loaded(folder / told.mesh), told.hull
+    return _collision_geometry(folder / str(told.urdf)), True
+
+
+def _union(spheres: list[tuple[float, float, float, float]]) -> "trimesh.Trimesh":
+    import trimesh
+
+    if not spheres:
+        raise InvalidInputError("a body of spheres has at least one: [x, y, z, radius]")
+    balls = []
+    for *middle, radius in spheres:
+        _check_lengths("sphere", radius, *(abs(number) + radius for number in middle))
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=radius)
+        balls.append(ball.apply_translation(middle))
+    return balls[0] if len(balls) == 1 else trimesh.boolean.union(balls)
+
+
+def _loaded(path: Path) -> "trimesh.Trimesh":
+    import trimesh
+
+    if not path.is_file():
+        raise InvalidInputError(f"there is no mesh {path}")
+    try:
+        return trimesh.load_mesh(path)
+    except Exception as error:  # whatever a reader raises for a file that is broken
+        raise InvalidInputError(f"{path} cannot be read as a mesh: {error}") from error
+
+
+def _collision_geometry(path: Path) -> "trimesh.Trimesh":
+    """All collision meshes and primitives of a URDF, its joints at zero."""
+    yourdfpy = from_extra("yourdfpy", "urdf", "a body from a URDF")
+    if not path.is_file():
+        raise InvalidInputError(f"there is no URDF {path}")
+    try:
+        urdf = yourdfpy.URDF.load(str(path), build_scene_graph=False, load_meshes=False,
+                                  build_collision_scene_graph=True, load_collision_meshes=True)  # fmt: skip
+        scene = urdf.collision_scene
+        mesh = scene.to_geometry() if scene is not None and scene.geometry else None
+    except Exception as error:  # whatever a reader raises for a file that is broken
+        raise InvalidInputError(f"{path} cannot be read as a URDF: {error}") from error
+    if mesh is None:
+        raise InvalidInputError(f"{path} has no collision geometry: give the body as a box")
+    return mesh
+
+
+def _check_lengths(what: str, *lengths: float) -> None:
+    if not all(0 < length < math.inf for length in lengths):
+        raise InvalidInputError(f"the lengths of a {what} are above 0 m")

@@ -1,0 +1,165 @@
+"""Robots in files: what moves, described in YAML, in SI units (kg, m, s, N, rad).
+
+    name: scout
+    kind: quadrotor                                    # quadrotor, couch or diffdrive
+    mass: 0.7
+    inertia: [4.0e-3, 4.0e-3, 7.3e-3]                  # quadrotors; left out: of a solid box
+    body: {box: [0.25, 0.25, 0.08]}                    # see robots/body_file.py
+    limits: {thrust: 16.8, tilt: 0.9, speed: 3.0}      # all may be left out
+    camera: {position: [0.1, 0, 0], pitch: 0.2, width: 200, height: 200, fov: 90}
+
+Limits that are left out are those of the bundled robot of the same kind, at the size and mass of this one: under the
+same thrust per weight a quadrotor L times as large turns L times as slowly (Froude scaling: angular accelerations go
+with 1 / L, body rates with 1 / sqrt(L)).
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.robots.body_file import BodyFile, Vector, body_of
+from nerfnav.robots.camera_file import CameraFile, seen_with
+from nerfnav.robots.couch import Couch
+from nerfnav.robots.couch_config import CouchConfig
+from nerfnav.robots.diffdrive import DiffDrive
+from nerfnav.robots.diffdrive_config import DiffDriveConfig
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.quadrotor_config import QuadrotorConfig
+from nerfnav.robots.robot import Robot
+
+SUFFIXES = (".yaml", ".yml")
+"""How the names of robots' files end."""
+
+
+class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
+    """What a robot's file may hold."""
+
+    name: str
+    kind: Literal["quadrotor", "couch", "diffdrive"]
+    body: BodyFile
+    mass: float | None = None
+    """[kg]; quadrotors and couches have one."""
+    inertia: Vector | None = None
+    """Diagonal of J [kg m^2]; quadrotors have one."""
+    limits: dict[str, float] = {}
+    """What it can do at most."""
+    camera: CameraFile | None = None
+    """What it sees with; left out: 200 x 200 pixels, 90 degrees, ahead."""
+
+
+def read_robot(path: Path) -> Robot:
+    """The robot that a file describes. Raises InvalidInputError for one that cannot be read, or cannot be."""
+    try:
+        told = msgspec.yaml.decode(path.read_bytes(), type=RobotFile, strict=False)  # "1e-3" is a number, too
+    except FileNotFoundError as error:
+        raise InvalidInputError(f"there is no robot file {path}") from error
+    except (OSError, msgspec.MsgspecError, RecursionError) as error:
+        raise InvalidInputError(f"{path} is no robot file: {' '.join(str(error).replace('`', '').split())}") from error
+    try:
+        return _robot_of(told, path.parent)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{path}: {error}") from error
+
+
+def _robot_of(told: RobotFile, folder: Path) -> Robot:
+    """Raises InvalidInputError for a robot that cannot be; `folder` is where its meshes lie."""
+    if not told.name.strip():
+        raise InvalidInputError("a robot needs a name")
+    body, counts = body_of(told.body, folder)
+    known = {"name": told.name, "extents": body.extents, "point_counts": counts}
+    robot = _MAKERS[told.kind](told, known)
+    return seen_with(robot.with_body(body), told.camera, folder)
+
+
+def _quadrotor(told: RobotFile, known: dict[str, Any]) -> Robot:
+    usual, mass = QuadrotorConfig(), _above_zero("mass", told.mass)
+    larger = math.dist(known["extents"], (0, 0, 0)) / math.dist(usual.extents, (0, 0, 0))
+    inertia = _inertia_of_box(mass, known["extents"]) if told.inertia is None else told.inertia
+    _check_inertia(inertia)
+    limits = _limits(
+        told,
+        thrust=usual.max_thrust / usual.weight * mass * usual.gravity,
+        tilt=usual.max_tilt,
+        speed=usual.max_speed,
+        body_rate=usual.max_rate / math.sqrt(larger),
+        angular_acceleration=usual.angular_acceleration / larger,
+    )
+    config = QuadrotorConfig(
+        mass=mass,
+        inertia=inertia,
+        max_thrust=limits["thrust"],
+        max_tilt=limits["tilt"],
+        max_speed=limits["speed"],
+        max_rate=limits["body_rate"],
+        angular_acceleration=limits["angular_acceleration"],
+        **known,
+    )
+    if config.max_thrust <= config.weight:
+        raise InvalidInputError(
+            f"a thrust of {config.max_thrust:g} N does not lift {mass:g} kg: more than {config.weight:.3g} N are needed"
+        )
+    if config.max_tilt >= math.pi / 2:
+        raise InvalidInputError(f"a tilt stays below pi/2 = 1.57 rad, not {config.max_tilt:g}: is it in degrees?")
+    return Quadrotor(config)
+
+
+def _couch(told: RobotFile, known: dict[str, Any]) -> Robot:
+    _refuse(told, "inertia")
+    usual, mass = CouchConfig(), _above_zero("mass", told.mass)
+    limits = _limits(
+        told, speed=usual.max_speed, yaw_rate=usual.max_yaw_rate, force=usual.max_force / usual.mass * mass
+    )
+    named = {f"max_{name}": value for name, value in limits.items()}
+    return Couch(CouchConfig(mass=mass, **named, **known))
+
+
+def _diffdrive(told: RobotFile, known: dict[str, Any]) -> Robot:
+    _refuse(told, "mass", "inertia")
+    usual = DiffDriveConfig()
+    names = ("speed", "yaw_rate", "acceleration", "yaw_acceleration")
+    limits = _limits(told, **{name: getattr(usual, f"max_{name}") for name in names})
+    return DiffDrive(DiffDriveConfig(**{f"max_{name}": value for name, value in limits.items()}, **known))
+
+
+_MAKERS: dict[str, Callable[[RobotFile, dict[str, Any]], Robot]] = {
+    "quadrotor": _quadrotor, "couch": _couch, "diffdrive": _diffdrive,
+}  # fmt: skip
+
+
+def _limits(told: RobotFile, **usual: float) -> dict[str, float]:
+    """The limits that were given, else the usual ones of the kind."""
+    unknown = told.limits.keys() - usual
+    if unknown:
+        raise InvalidInputError(f"a {told.kind} has no limit {sorted(unknown)[0]!r}; it has {', '.join(usual)}")
+    return {name: _above_zero(name, told.limits.get(name, value)) for name, value in usual.items()}
+
+
+def _refuse(told: RobotFile, *names: str) -> None:
+    for name in names:
+        if getattr(told, name) is not None:
+            raise InvalidInputError(f"a {told.kind} moves without {name}: leave it out")
+
+
+def _above_zero(name: str, value: float | None) -> float:
+    if value is None:
+        raise InvalidInputError(f"{name} is missing")
+    if not 0 < value < math.inf:
+        raise InvalidInputError(f"{name} is a number above 0, not {value:g}")
+    return value
+
+
+def _check_inertia(inertia: Vector) -> None:
+    """No mass distribution has a moment that is larger than the sum of the two others."""
+    for moment in inertia:
+        _above_zero("inertia", moment)
+    if 2 * max(inertia) > sum(inertia) * (1 + 1e-9):
+        raise InvalidInputError(f"no body has moments of inertia of {inertia}: none exceeds the sum of the two others")
+
+
+def _inertia_of_box(mass: float, extents: Vector) -> Vector:
+    x, y, z = (edge * edge for edge in extents)
+    return mass / 12 * (y + z), mass / 12 * (x + z), mass / 12 * (x + y)
