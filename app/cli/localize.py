@@ -7,6 +7,7 @@ from tyro.conf import Positional
 
 from app.cli.progress import follow
 from app.cli.terminal import show
+from app.jobs.given_picture import GivenCamera
 from app.jobs.localize import LocalizeRequest
 from app.jobs.localize import run as run_job
 
@@ -19,8 +20,9 @@ class Arguments:
     """Path of a field file, or name of a bundled scene."""
     image: Positional[Path]
     """The picture, PNG or JPEG."""
-    fov: float = 90.0
-    """Horizontal field of view of the camera [degrees]."""
+    fov: float | None = None
+    """Horizontal field of view of the camera [degrees]; by default that of the camera that the field was trained with,
+    else the picture's EXIF, else 90."""
     intrinsics: tuple[float, float, float, float] | None = None
     """fx fy cx cy [pixels], in place of --fov."""
     camera: Path | None = None
@@ -31,5 +33,7 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Search, and print the likeliest poses."""
-    request = LocalizeRequest(arguments.field, arguments.image, arguments.fov, arguments.intrinsics, arguments.camera)
+    request = LocalizeRequest(
+        arguments.field, arguments.image, GivenCamera(arguments.camera, arguments.intrinsics, arguments.fov)
+    )
     show(f"picture in {arguments.field}", follow(run_job(request)).summary, arguments.json)

@@ -1,14 +1,21 @@
 """A picture that somebody gives, and the camera that took it."""
 
+import math
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import torch
 from jaxtyping import UInt8
+from PIL import ExifTags, Image
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera, read_camera
+
+_DIAGONAL_35MM = 43.27
+"""Of 35 mm film [mm]."""
 
 
 def read_image(path: Path) -> UInt8[Tensor, "height width 3"]:
@@ -21,31 +28,52 @@ def read_image(path: Path) -> UInt8[Tensor, "height width 3"]:
     return torch.from_numpy(pixels[..., ::-1].copy())
 
 
-def camera_of(
-    image: UInt8[Tensor, "height width 3"], fov_deg: float, intrinsics: tuple[float, float, float, float] | None
-) -> Camera:
-    """The camera that took the picture: by fx, fy, cx, cy [pixels], else by its horizontal field of view [degrees].
+@dataclass(frozen=True)
+class GivenCamera:
+    """What is known of the camera that took a picture; of several, the first that is given counts."""
 
-    Raises InvalidInputError for numbers that no camera has.
+    calibration: Path | None = None
+    """Its calibration: see nerfnav/geometry/camera_file.py."""
+    intrinsics: tuple[float, float, float, float] | None = None
+    """fx, fy, cx, cy [pixels]."""
+    fov_deg: float | None = None
+    """Horizontal field of view [degrees]."""
+
+
+def camera_of(
+    image: UInt8[Tensor, "height width 3"],
+    given: GivenCamera,
+    remembered: tuple[float, ...] = (),
+    path: Path | None = None,
+) -> tuple[Camera, str]:
+    """The camera that took the picture, and in words where that was taken from.
+
+    Where nothing is given it is the one that the field remembers, if the picture has its proportions; else the focal
+    length in the picture's own EXIF; else 90 degrees. Raises InvalidInputError for numbers that no camera has.
     """
     height, width, _ = image.shape
-    if intrinsics is None:
-        return Camera.from_fov(width, height, fov_deg)
-    fx, fy, cx, cy = intrinsics
-    if not (fx > 0 and fy > 0):
-        raise InvalidInputError(f"focal lengths are above 0 pixels, not {fx:g} and {fy:g}")
-    return Camera(width, height, fx, fy, cx, cy)
+    if given.calibration is not None:
+        return read_camera(given.calibration).for_picture(width, height), f"calibration {given.calibration.name}"
+    if given.intrinsics is not None:
+        fx, fy, cx, cy = given.intrinsics
+        if not (fx > 0 and fy > 0):
+            raise InvalidInputError(f"focal lengths are above 0 pixels, not {fx:g} and {fy:g}")
+        return Camera(width, height, fx, fy, cx, cy), "the given intrinsics"
+    if given.fov_deg is not None:
+        return Camera.from_fov(width, height, given.fov_deg), "the given field of view"
+    if remembered:
+        with suppress(InvalidInputError):
+            return Camera.of_numbers(remembered).for_picture(width, height), "the camera of the field's photographs"
+    focal_mm = None if path is None else focal_35mm(path)
+    if focal_mm is not None:
+        focal = focal_mm * math.hypot(width, height) / _DIAGONAL_35MM
+        return Camera(width, height, focal, focal, width / 2, height / 2), f"guessed: {focal_mm:g} mm by EXIF"
+    return Camera.from_fov(width, height, 90), "guessed: 90 degrees"
 
 
-def calibrated(image: UInt8[Tensor, "height width 3"], calibration: Path) -> Camera:
-    """The calibrated camera at the resolution of the picture. Raises InvalidInputError for a picture of another shape.
-
-    Several resolutions of one camera are one camera, as long as the picture is not cut.
-    """
-    camera, (height, width, _) = read_camera(calibration), image.shape
-    if abs(camera.width * height - camera.height * width) > max(camera.width, width):  # a pixel of rounding
-        raise InvalidInputError(
-            f"{calibration} is the calibration of {camera.width} x {camera.height} pixels, and the picture has "
-            f"{width} x {height}: give one of the same proportions"
-        )
-    return camera.resized(width, height)
+def focal_35mm(path: Path) -> float | None:
+    """Focal length [mm] as on 35 mm film that a picture's EXIF tells; None where it tells none."""
+    with suppress(OSError, ValueError, SyntaxError), Image.open(path) as picture:
+        told = picture.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
+        return float(told) if told else None
+    return None

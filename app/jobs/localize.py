@@ -1,13 +1,13 @@
 """Localize: where was a picture taken?"""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from torch import Tensor
 
 from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.given_picture import calibrated, camera_of, read_image
+from app.jobs.given_picture import GivenCamera, camera_of, read_image
 from app.jobs.localize_summary import summary_of
 from app.places.opening import field_file
 from nerfnav.estimator import ColorNoise, Searcher
@@ -23,23 +23,17 @@ class LocalizeRequest:
     """Name of a bundled scene, or path of a field."""
     image: Path
     """The picture."""
-    fov_deg: float = 90.0
-    """Horizontal field of view of its camera [degrees]."""
-    intrinsics: tuple[float, float, float, float] | None = None
-    """fx, fy, cx, cy [pixels], in place of the field of view."""
-    calibration: Path | None = None
-    """File of the camera, in place of both."""
+    camera: GivenCamera = field(default_factory=GivenCamera)
+    """What is known of its camera."""
 
 
 def run(request: LocalizeRequest) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was. Raises NerfnavError for bad requests."""
     image = read_image(request.image)
-    if request.calibration is not None:
-        camera = calibrated(image, request.calibration)
-    else:
-        camera = camera_of(image, request.fov_deg, request.intrinsics)
-    field = load_field(field_file(request.place))
-    return (yield from search(Searcher(field, camera, ColorNoise().measured(field.info.noise_std)), image))
+    place = load_field(field_file(request.place))
+    camera, told = camera_of(image, request.camera, place.info.camera, request.image)
+    found = yield from search(Searcher(place, camera, ColorNoise().measured(place.info.noise_std)), image)
+    return replace(found, summary={**found.summary, "camera": told})
 
 
 def search(searcher: Searcher, image: Tensor) -> JobEvents:

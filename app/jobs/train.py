@@ -35,7 +35,7 @@ def run(request: TrainRequest) -> JobEvents:
         trained = yield from learn_networks(material, request, request.neural, generator)
     # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
     name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
-    told = replace(trained.info, source=name, seed=request.seed, guesses=material.guesses)
+    told = replace(trained.info, source=name, seed=request.seed, guesses=material.guesses, camera=material.camera)
     trained = replace(trained, info=told)
     yield Progress("judging", 1.0)
     freedom = freedom_of(trained, material)

@@ -45,6 +45,8 @@ class FieldInfo:
     baked_psnr_db: float | None = None
     """PSNR between this field and the one that it was baked from, on sample views [dB]; None if it was not baked."""
 
+    camera: tuple[float, ...] = ()
+    """What its photographs were taken with, as `Camera.numbers` has it; empty where nobody noted it."""
     guesses: tuple[str, ...] = ()
     """What was guessed of up, lengths and box when it was made, sentences; what was put right since is left out."""
 
@@ -53,4 +55,5 @@ class FieldInfo:
         """From names and values in a file; names that this version does not know are left out."""
         known = {field.name for field in fields(cls)}
         told = {name: value for name, value in stored.items() if name in known}
-        return cls(**{**told, "guesses": tuple(told.get("guesses", ()))})  # files have lists
+        listed = {name: tuple(told.get(name, ())) for name in ("guesses", "camera")}  # files have lists
+        return cls(**{**told, **listed})

@@ -81,6 +81,29 @@ class Camera:
         focal = 0.5 * width / math.tan(math.radians(horizontal_fov_deg) / 2)
         return cls(width, height, focal, focal, width / 2, height / 2)
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Width, height, fx, fy, cx, cy [pixels], then the distortion, as files keep a camera that is no fisheye."""
+        return self.width, self.height, self.fx, self.fy, self.cx, self.cy, *self.distortion
+
+    @classmethod
+    def of_numbers(cls, numbers: tuple[float, ...]) -> "Camera":
+        """The camera of `numbers`."""
+        width, height, fx, fy, cx, cy, *distortion = numbers
+        return cls(int(width), int(height), fx, fy, cx, cy, tuple(distortion))
+
+    def for_picture(self, width: int, height: int) -> "Camera":
+        """The same camera at the resolution of a picture [pixels]: several resolutions of one camera are one camera.
+
+        Raises InvalidInputError for a picture of other proportions, which was cut or turned.
+        """
+        if abs(self.width * height - self.height * width) > max(self.width, self.height, width, height):  # a pixel
+            raise InvalidInputError(
+                f"the camera was calibrated with {self.width} x {self.height} pixels, and the picture has "
+                f"{width} x {height}: give a picture of the same proportions, neither cut nor turned"
+            )
+        return self.resized(width, height)
+
     def scaled(self, factor: float) -> "Camera":
         """The same view with `factor` times as many pixels along each side."""
         return self.resized(max(1, round(self.width * factor)), max(1, round(self.height * factor)))

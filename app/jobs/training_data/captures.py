@@ -60,4 +60,5 @@ def _material(capture: ImportedCapture) -> TrainingData:
         voxel,
         ITERATIONS,
         capture.bounded,
+        capture.report.camera,
     )

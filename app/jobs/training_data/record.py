@@ -39,6 +39,9 @@ class TrainingData:
     bounded: bool = True
     """Whether all that the photographs show, but for the background's colour, lies in the box."""
 
+    camera: tuple[float, ...] = ()
+    """What took the photographs, as `Camera.numbers` has it; empty where that is not worth noting."""
+
     @property
     def guesses(self) -> tuple[str, ...]:
         """What was guessed, sentences."""

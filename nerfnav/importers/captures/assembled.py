@@ -28,7 +28,7 @@ def assembled(
 ) -> ImportedCapture:
     views, shots, maps = read
     world = world_of(views, config.placement)
-    known = _depths(views, shots, maps, world)
+    known, camera = _depths(views, shots, maps, world), _camera(shots[0])
     photographs, silhouettes = photographs_of(shots, world.poses)
     if known is not None:
         photographs = replace(photographs, depth=known, depth_noise=depths.NOISE)
@@ -49,9 +49,16 @@ def assembled(
         world.scale,
         _rounded(world.up),
         (_rounded(box.lower.numpy()), _rounded(box.upper.numpy())),
+        camera,
         world.guesses + guesses,
     )
     return ImportedCapture(learned, held_out, box, background, silhouettes is not None, report)
+
+
+def _camera(shot: Picture) -> tuple[float, ...]:
+    """What took a picture, its lens included; nothing where the lens has more numbers than k1, k2, p1, p2 and k3."""
+    lens = shot.distortion[:5]
+    return () if any(shot.distortion[5:]) else replace(shot.camera, distortion=lens if any(lens) else ()).numbers
 
 
 def _depths(

@@ -52,6 +52,8 @@ class CaptureReport:
     """The direction that is up, in the capture's own axes."""
     box: tuple[tuple[float, ...], tuple[float, ...]]
     """Lowest and highest corner of the field [m]."""
+    camera: tuple[float, ...]
+    """What the first photograph was taken with, as `Camera.numbers` has it; empty for lenses of more numbers."""
     guesses: tuple[str, ...]
     """What nobody said and the cameras do not tell for sure: one sentence each."""
 

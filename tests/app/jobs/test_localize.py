@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import cast
 
 import cv2
+import PIL.ExifTags
+import PIL.Image
 import pytest
 import torch
 
 from app.jobs.events import Progress
 from app.jobs.find_robot import find
-from app.jobs.given_picture import camera_of, read_image
+from app.jobs.given_picture import GivenCamera, camera_of, read_image
 from app.jobs.localize import LocalizeRequest, run
 from app.places.derived import searcher_of
 from nerfnav.errors import InvalidInputError
@@ -37,7 +39,7 @@ def request_here(tmp_path_factory: pytest.TempPathFactory) -> LocalizeRequest:
     color = render_image(voxel_balls(), CAMERA, TRUTH.pose.compose(FORWARD_MOUNT)).color
     pixels = (255 * color.clamp(0, 1)).round().to(torch.uint8).numpy()
     cv2.imwrite(str(folder / "photo.png"), pixels[..., ::-1])
-    return LocalizeRequest(str(folder / "balls.npz"), folder / "photo.png", fov_deg=80)
+    return LocalizeRequest(str(folder / "balls.npz"), folder / "photo.png", GivenCamera(fov_deg=80))
 
 
 def test_a_picture_is_found_in_a_field_file(request_here: LocalizeRequest) -> None:
@@ -68,10 +70,36 @@ def test_a_picture_of_the_robots_own_camera_is_found_in_an_open_place() -> None:
 
 def test_intrinsics_take_the_place_of_the_field_of_view(request_here: LocalizeRequest) -> None:
     image = read_image(request_here.image)
-    asked = LocalizeRequest("x", request_here.image, intrinsics=(50.0, 51.0, 47.0, 41.0))
-    assert camera_of(image, asked.fov_deg, asked.intrinsics) == Camera(96, 80, 50.0, 51.0, 47.0, 41.0)
+    given = GivenCamera(intrinsics=(50.0, 51.0, 47.0, 41.0), fov_deg=90.0)
+    assert camera_of(image, given)[0] == Camera(96, 80, 50.0, 51.0, 47.0, 41.0)
     with pytest.raises(InvalidInputError, match="focal lengths"):
-        camera_of(image, 90.0, (0.0, 51.0, 47.0, 41.0))
+        camera_of(image, GivenCamera(intrinsics=(0.0, 51.0, 47.0, 41.0)))
+
+
+def test_a_calibration_counts_at_each_resolution_of_its_camera(tmp_path: Path) -> None:
+    file = tmp_path / "camera.json"
+    file.write_text('{"w": 192, "h": 160, "fl_x": 200, "fl_y": 202, "cx": 95, "cy": 81, "k1": -0.1}')
+    small = torch.zeros(80, 96, 3, dtype=torch.uint8)
+    camera, told = camera_of(small, GivenCamera(file, fov_deg=20.0))
+    assert camera == Camera(96, 80, 100.0, 101.0, 47.5, 40.5, (-0.1, 0.0, 0.0, 0.0, 0.0)) and "camera.json" in told
+    with pytest.raises(InvalidInputError, match="same proportions"):
+        camera_of(torch.zeros(96, 80, 3, dtype=torch.uint8), GivenCamera(file))
+
+
+def test_a_picture_is_taken_for_one_of_the_fields_own_camera_where_nobody_says_otherwise(tmp_path: Path) -> None:
+    remembered = Camera(192, 160, 200.0, 202.0, 95.0, 81.0, (-0.1, 0.0, 0.0, 0.0)).numbers
+    camera, told = camera_of(torch.zeros(80, 96, 3, dtype=torch.uint8), GivenCamera(), remembered)
+    assert camera == Camera(96, 80, 100.0, 101.0, 47.5, 40.5, (-0.1, 0.0, 0.0, 0.0)) and "photographs" in told
+    other, told = camera_of(torch.zeros(96, 80, 3, dtype=torch.uint8), GivenCamera(), remembered)
+    assert other == Camera.from_fov(80, 96, 90) and told == "guessed: 90 degrees"
+
+
+def test_the_focal_length_in_a_pictures_exif_is_a_guess_that_is_told(tmp_path: Path) -> None:
+    exif = PIL.Image.Exif()
+    exif.get_ifd(PIL.ExifTags.IFD.Exif)[PIL.ExifTags.Base.FocalLengthIn35mmFilm] = 26
+    PIL.Image.new("RGB", (96, 80)).save(tmp_path / "a.jpg", exif=exif)
+    camera, told = camera_of(read_image(tmp_path / "a.jpg"), GivenCamera(), path=tmp_path / "a.jpg")
+    assert camera.fx == pytest.approx(26 / 43.27 * (96**2 + 80**2) ** 0.5) and told == "guessed: 26 mm by EXIF"
 
 
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
