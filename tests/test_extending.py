@@ -80,7 +80,7 @@ def nerfnav(capsys: pytest.CaptureFixture[str]) -> Callable[..., dict[str, Any]]
 def positions(folder: Path) -> np.ndarray:
     """What a plan wrote (times, 3) [m]."""
     rows = np.genfromtxt(folder / "trajectory.csv", delimiter=",", names=True)
-    return np.stack([rows[axis] for axis in "xyz"], -1)
+    return np.stack([rows[f"{axis}_m"] for axis in "xyz"], -1)
 
 
 # A planner ------------------------------------------------------------------------------------------------------------

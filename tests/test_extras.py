@@ -7,12 +7,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
 from nerfnav.errors import MissingExtraError
 from nerfnav.experiments import contenders
 from nerfnav.experiments.figures import panels
+from nerfnav.experiments.reflight_vehicles import FlownConfig, Track, Wish, fly_crazyflie, fly_quick
 from nerfnav.experiments.study import Study, run_trials
 from nerfnav.export.recording import Recording
 from nerfnav.export.ros.mcap import mcap
@@ -50,6 +52,7 @@ def depth(name: str, folder: Path) -> None:
     stored_depth(DepthFile(folder / name, size=(1, 1)))
 
 
+HOVER = Track(lambda _: Wish(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0), 0.1)
 _DEPTH = r"the depth of this capture \(--depth off learns from its pictures alone\)"
 USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
     "ompl": ("baselines", "the planner rrt", lambda _: require_ompl()),
@@ -63,6 +66,12 @@ USES: dict[str, tuple[str, str, Callable[[Path], Any]]] = {
     "OpenEXR": ("depth", _DEPTH, partial(depth, "0.exr")),
     "mcap": ("ros", "MCAP", lambda _: mcap(recording())),
     "rosbags": ("ros", "rosbag2", lambda _: rosbag2(recording())),
+    "rotorpy": ("reflight", "the experiment reflight", lambda _: fly_quick(HOVER, Quadrotor(), FlownConfig())),
+    "drone_controllers": (
+        "reflight",
+        "the experiment reflight",
+        lambda _: fly_crazyflie(HOVER, Quadrotor(), FlownConfig()),
+    ),
     "collada": ("meshes", r"a Collada mesh \(.dae\)", collada),
     "DracoPy": ("meshes", "a mesh with Draco compression", draco),
 }
@@ -93,14 +102,14 @@ def test_what_needs_a_package_says_which_extra_brings_it(
 
 @pytest.mark.parametrize("package", USES)
 def test_the_extra_that_is_named_brings_the_package(package: str) -> None:
-    listed = {"collada": "pycollada"}.get(package, package)
+    listed = {"collada": "pycollada", "drone_controllers": "drone-controllers"}.get(package, package)
     brought = PROJECT["optional-dependencies"][USES[package][0]]
     assert any(entry.startswith((f"{listed}>", f"{listed}=")) for entry in brought)
     assert not [entry for entry in PROJECT["dependencies"] if entry.startswith(listed)]
 
 
 def test_the_app_has_every_extra_that_it_offers() -> None:
-    extras = {extra for extra, *_ in USES.values()}
+    extras = {extra for extra, *_ in USES.values()} - {"reflight"}  # brings cvxopt, which is under the GPL
     assert PROJECT["optional-dependencies"]["app"] == [f"nerfnav[{','.join(sorted(extras))}]"]
 
 

@@ -14,7 +14,8 @@ LEVELS = (
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
     ("navigation",),
-    ("experiments", "export"),
+    ("export",),
+    ("experiments",),
     ("api",),
 )
 """Packages of nerfnav from the ground up; a package imports only from levels below its own, and itself."""

@@ -24,6 +24,10 @@ class Arguments:
     """Name of the format, as they are listed above."""
     out: Path
     """File to write."""
+    force: bool = False
+    """Write also what should not be flown, such as a plan beyond the robot's limits."""
+    datum: tuple[float, float, float] | None = None
+    """Latitude [deg], longitude [deg] and height [m] of the world's origin, for formats that count in degrees."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
@@ -38,5 +42,5 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
 
 def run(arguments: Arguments) -> None:
     """Export, and tell what was written."""
-    request = ExportRequest(arguments.run, arguments.format, arguments.out)
+    request = ExportRequest(arguments.run, arguments.format, arguments.out, arguments.force, arguments.datum)
     show("export", follow(run_job(request)).summary, arguments.json)

@@ -12,6 +12,7 @@ from app.storage.output_files import prepare_folder
 from nerfnav.errors import MissingExtraError
 from nerfnav.experiments import Arena, Results, Row, Study, TrialDone
 from nerfnav.world import Task
+from scenes import tasks_of
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,9 @@ def run(request: ExperimentRequest) -> JobEvents:
     open_here = partial(open_arena, place)
     tasks = _tasks(experiment, place, open_here())
     study = Study(open_here, tasks, request.trials, request.seed, request.jobs, request.ray)
+    further = experiment.beside if request.place is None else ()
+    others = [(partial(open_arena, name), tasks_of(name)) for name in further]
+    study = replace(study, beside=tuple(replace(study, open_arena=opened, tasks=own) for opened, own in others))
     results: Results | None = None
     for step in experiment.run(study):
         if isinstance(step, TrialDone):

@@ -11,6 +11,7 @@ from nerfnav.experiments import (
     estimation,
     ground_robots,
     planners,
+    reflight,
     relocalisation,
     tangent,
 )
@@ -33,6 +34,8 @@ class Experiment:
     """Where it happens unless another place is asked for: name of a scene, or path of a field."""
     tasks: tuple[Task, ...] | None = None
     """Flights in that place; None: those of its scene."""
+    beside: tuple[str, ...] = ()
+    """Further scenes that it happens in where no place is asked for."""
 
 
 EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
@@ -75,6 +78,12 @@ EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
         "tangent-plane",
         tangent.run,
         "Adam in the tangent of the last state against a single tangent plane: convergence (paper Eq. 8)",
+    ),
+    Experiment(
+        "reflight",
+        reflight.run,
+        "exports flown again by RotorPy and Mellinger's controller: clean on the mesh, tracking errors",
+        beside=("playground", "church"),
     ),
 ))  # fmt: skip
 """Name to experiment."""

@@ -1,6 +1,6 @@
 """Export: the trajectory of a stored plan or flight in another format."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from app.jobs.events import JobEvents, JobResult, Progress
@@ -24,23 +24,28 @@ class ExportRequest:
     """Name of the format."""
     out: Path
     """The file to write."""
+    force: bool = False
+    """Whether to write also what should not be flown."""
+    datum: tuple[float, float, float] | None = None
+    """Where on Earth the world's origin is: latitude, longitude [deg], height [m]."""
 
 
 def run(request: ExportRequest) -> JobEvents:
     """Write the file and return what it holds. Raises NerfnavError where run, format or file are wrong."""
     form = FORMATS[request.format]
     folder = _folder(request.run)
-    made = read_run(folder)
+    made = replace(read_run(folder), datum=request.datum)
     out = prepare_file(request.out)
     if form.shows_place and made.steps:
         yield Progress("shaping the surface of the place", 0.2)
         made = made.standing_in(_surface(folder))
-    exported = form.make(made)
+    exported = form.exported(made, request.force)
     write_bytes(out, exported.content)
     summary = {
         "format": request.format,
         "rows": made.table.values.shape[0],
         "columns": list(made.table.columns),
+        "outcome": made.outcome or None,
         **exported.info,
         "file": str(out),
         "file_bytes": out.stat().st_size,

@@ -20,7 +20,7 @@ def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
 
 def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
     """Write a flight's files into `folder`."""
-    table = episode_table(episode, place.robot.action_names, place.robot.name)
+    table = episode_table(episode, place.robot.action_names, place.robot.source)
     return (
         *episode.save(folder),
         write_text(folder / "trajectory.csv", csv_text(table)),
@@ -34,7 +34,7 @@ def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
     return RunMetadata(
         place=place.name,
         source=request.source or place.name,
-        robot=str(place.robot.file or place.robot.name),
+        robot=place.robot.source,
         planner=route.planner,
         estimator=request.estimator,
         seed=request.seed,

@@ -1,5 +1,6 @@
 """Report of a plan: its cost, what it asks of the robot, what it risks in the field, and the verdict of the mesh."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,8 @@ def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
 
 def save(folder: Path, motion: Motion, place: Place, summary: dict[str, Any]) -> tuple[Path, ...]:
     """Write a plan's three files into `folder`."""
-    table = motion_table(motion, place.robot.action_names, place.robot.name)
+    table = motion_table(motion, place.robot.action_names, place.robot.source)
+    table = replace(table, info=table.info | {"outcome": summary["outcome"]})
     return (
         write_text(folder / "trajectory.csv", csv_text(table)),
         write_text(folder / "trajectory.json", json_text(table)),

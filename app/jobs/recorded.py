@@ -21,9 +21,11 @@ def read_run(folder: Path) -> Recording:
     path = folder / TRAJECTORY
     try:
         table = table_of_json(path.read_text())
-        robot = str(table.info.get("robot", ""))
-        known = robot in robots.names()
-        return Recording(table, extents=robots.load(robot).body.extents) if known else Recording(table)
+        name = str(table.info.get("robot", ""))
+        if not robots.known(name):
+            return Recording(table)
+        robot = robots.load(name)
+        return Recording(table, extents=robot.body.extents, robot=robot)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InvalidInputError(
             f"{folder} is not the folder of a run (it has no {FILE} and no {TRAJECTORY}); "

@@ -42,6 +42,8 @@ class Study:
     """Trials at the same time; None: one, and on a cluster as many as it has cores."""
     ray: str | None = None
     """Address of a Ray cluster ("auto", "local", "ray://HOST:PORT"); None: this machine, without Ray."""
+    beside: "tuple[Study, ...]" = ()
+    """The same in further places, for experiments of more than one."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no study can have."""

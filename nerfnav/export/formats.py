@@ -3,16 +3,24 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from nerfnav.errors import InvalidInputError
+from nerfnav.export.ardupilot import ardupilot
 from nerfnav.export.crazyflie import crazyflie
 from nerfnav.export.gltf import gltf
-from nerfnav.export.px4 import px4
+from nerfnav.export.px4 import px4, px4_odometry
+from nerfnav.export.qgroundcontrol import qgroundcontrol
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.replay import replay
 from nerfnav.export.ros.mcap import mcap
 from nerfnav.export.ros.rosbag2 import rosbag2
 from nerfnav.export.table_text import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
+from nerfnav.navigation import EpisodeOutcome
+from nerfnav.planner import GOOD, PlanOutcome
 from nerfnav.registry import Registry
+
+_HURT = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)
+"""Outcomes of flights that no vehicle should repeat."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,38 @@ class ExportFormat:
     """Whether plans have nothing to put into it."""
     shows_place: bool = False
     """Whether the surface of the place goes into it."""
+    moves_vehicle: bool = False
+    """Whether a vehicle flies what it says."""
+    needs_datum: bool = False
+    """Whether it must know where on Earth the world is."""
+
+    def exported(self, recording: Recording, force: bool = False) -> Exported:
+        """The content of a file.
+
+        Raises InvalidInputError for what should not be flown, unless that is forced (`--force` on the command line),
+        and where the format cannot take the recording.
+        """
+        why = unsafe(_ending(recording), self)
+        if why and not force:
+            raise InvalidInputError(f"{why}; --force exports it all the same")
+        return self.make(recording)
+
+
+def unsafe(ended: PlanOutcome | EpisodeOutcome | None, form: ExportFormat) -> str:
+    """Why what ended so should not be flown, in words; empty where nothing is known against it.
+
+    A plan must have ended well whatever the format is; a flight is a record, and only what moves a vehicle repeats it.
+    """
+    if isinstance(ended, PlanOutcome) and ended not in GOOD:
+        return f"this plan is not to be flown: {ended.value}"
+    if form.moves_vehicle and ended in _HURT:
+        return f"this flight is not to be flown again: {ended.value}"
+    return ""
+
+
+def _ending(recording: Recording) -> PlanOutcome | EpisodeOutcome | None:
+    outcomes = EpisodeOutcome if recording.steps else PlanOutcome
+    return outcomes.__members__.get(recording.outcome.upper())
 
 
 def _csv(made: Recording) -> Exported:
@@ -46,8 +86,16 @@ FORMATS: Registry[ExportFormat] = Registry("format", (
     ExportFormat("json", "json", "the table with units and frames", _json),
     ExportFormat("tum", "tum", "the true path for trajectory evaluation", tum),
     ExportFormat("tum-estimate", "tum", "the estimated path for trajectory evaluation", tum_estimate, True),
-    ExportFormat("px4", "csv", "setpoints in NED for PX4's offboard mode", px4),
-    ExportFormat("crazyflie", "csv", "polynomials for the Crazyflie's high-level commander", crazyflie),
+    ExportFormat("px4", "csv", "setpoints in NED for PX4's offboard mode", px4, moves_vehicle=True),
+    ExportFormat("px4-odometry", "csv", "the estimate as vision for PX4's estimator", px4_odometry, True),
+    ExportFormat("ardupilot", "csv", "setpoints in NED for ArduPilot's guided mode", ardupilot, moves_vehicle=True),
+    ExportFormat(
+        "crazyflie", "csv", "polynomials for the Crazyflie's high-level commander", crazyflie, moves_vehicle=True
+    ),
+    ExportFormat(
+        "qgroundcontrol", "plan", "waypoints in degrees for QGroundControl, given the origin's place on Earth",
+        qgroundcontrol, moves_vehicle=True, needs_datum=True,
+    ),
     ExportFormat("mcap", "mcap", "ROS 2 messages for Foxglove and ros2 bag", mcap),
     ExportFormat("rosbag2", "zip", "a ROS 2 bag, zipped", rosbag2),
     ExportFormat("gltf", "glb", "the path and the moving robot for Blender", gltf),

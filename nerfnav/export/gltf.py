@@ -20,7 +20,7 @@ _COLORS = {"truth": (0.0, 0.84, 1.0), "belief": (1.0, 0.27, 0.0), "robot": (0.0,
 
 def gltf(recording: Recording) -> Exported:
     """The way, the believed way, and the moving robot."""
-    document = _Document()
+    document = _Document({"title": recording.title, "outcome": recording.outcome or "not known"})
     ways = {"truth": recording.position.numpy()}
     if recording.believed is not None:
         ways["belief"] = recording.believed[:, :3].numpy()
@@ -35,7 +35,8 @@ def gltf(recording: Recording) -> Exported:
 class _Document:
     """A glTF document that grows."""
 
-    def __init__(self) -> None:
+    def __init__(self, extras: dict[str, str]) -> None:
+        self._extras = extras
         half = math.sqrt(0.5)
         self._nodes: list[dict[str, Any]] = [{"name": "world_z_up", "rotation": [-half, 0, 0, half], "children": []}]
         self._meshes: list[dict[str, Any]] = []
@@ -62,9 +63,10 @@ class _Document:
         return len(self._nodes) - 1
 
     def animate(self, node: int, times: np.ndarray, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        """Move a node: positions [m] and quaternions (w, x, y, z) at times [s]."""
+        """Move a node: positions [m] and quaternions (w, x, y, z) at times [s]; it stands at the first of them."""
         clock = self._add_array(times)
         tracks = {"translation": positions, "rotation": wxyz[:, [1, 2, 3, 0]]}
+        self._nodes[node] |= {path: values[0].tolist() for path, values in tracks.items()}
         samplers = [{"input": clock, "output": self._add_array(values)} for values in tracks.values()]
         channels = [{"sampler": index, "target": {"node": node, "path": path}} for index, path in enumerate(tracks)]
         self._animations.append({"name": "motion", "samplers": samplers, "channels": channels})
@@ -72,7 +74,7 @@ class _Document:
     def packed(self) -> bytes:
         """The whole document as a file."""
         document = {
-            "asset": {"version": "2.0", "generator": "nerfnav"},
+            "asset": {"version": "2.0", "generator": "nerfnav", "extras": self._extras},
             "extensionsUsed": ["KHR_materials_unlit"],
             "scene": 0,
             "scenes": [{"nodes": [0]}],

@@ -1,45 +1,90 @@
-"""Setpoints for PX4's offboard mode, as CSV: one row for each `TrajectorySetpoint` message.
+"""Messages for PX4, as CSV with one row for each message and one column for each number of it.
 
-PX4 works in local NED axes (x north, y east, z down) and measures headings clockwise from north; the library works
-in ENU (x east, y north, z up), headings counter-clockwise from east. So
+The columns have the names of the fields of px4_msgs of PX4 1.16 and later (MESSAGE_VERSION 0 of both messages), arrays
+as ulog2csv and pandas have them: position[0], position[1], ... The first line begins with # and says so.
 
-    (north, east, down) = (y, x, -z)        yaw_ned = pi / 2 - yaw_enu, wrapped to (-pi, pi]
+    px4             TrajectorySetpoint   for offboard mode; kinematically consistent at every row
+    px4-odometry    VehicleOdometry      what the robot believed on a flight, for the topic vehicle_visual_odometry
 
-for positions [m], velocities [m/s] and accelerations [m/s^2] alike; the origin is that of the world, so the local
-frame of the vehicle must have its origin there. The acceleration is the one of the step that begins at the row.
+The world is taken for NED (see nerfnav.export.setpoints), the body for FRD (x forward, y right, z down).
 """
 
-import csv
-import io
-
+import numpy as np
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
+from nerfnav.export.setpoints import RATE_HZ, csv_of, ned_of_enu, ned_rows, setpoints_of, told
+from nerfnav.geometry import so3
+from nerfnav.navigation import NavigationStep
+from nerfnav.robots import ATTITUDE, POSITION, VELOCITY
 
-COLUMNS = ("t", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "yaw")
-"""Names of PX4's fields; t is the time from the start [s]."""
+MESSAGE_VERSION = 0
+"""Of TrajectorySetpoint and of VehicleOdometry."""
+_ARRAYS = ("position", "velocity", "acceleration", "jerk")
+SETPOINT_COLUMNS = ("timestamp", *(f"{name}[{axis}]" for name in _ARRAYS for axis in range(3)), "yaw", "yawspeed")
+"""Names of PX4's fields; the timestamp counts from the start [us]."""
+_POSE_FRAME_NED = _VELOCITY_FRAME_NED = 1
+_ODOMETRY_ARRAYS = {
+    "position": 3, "q": 4, "velocity": 3, "angular_velocity": 3, "position_variance": 3, "orientation_variance": 3,
+    "velocity_variance": 3,
+}  # fmt: skip
+ODOMETRY_COLUMNS = (
+    "timestamp", "timestamp_sample", "pose_frame", "velocity_frame",
+    *(f"{name}[{index}]" for name, size in _ODOMETRY_ARRAYS.items() for index in range(size)),
+    "reset_counter", "quality",
+)  # fmt: skip
+"""The same for odometry."""
+_FLIP = torch.diag(torch.tensor([1.0, -1.0, -1.0], dtype=torch.float64))
+_NED_OF_ENU = torch.tensor([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], dtype=torch.float64)
 
 
 def px4(recording: Recording) -> Exported:
-    """The states as setpoints."""
-    columns = [recording.times[:, None]]
-    columns += [ned_of_enu(part) for part in (recording.position, recording.velocity, recording.acceleration())]
-    rows = torch.cat([*columns, yaw_ned_of_enu(recording.yaw())[:, None]], -1).tolist()
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([f"{value:.9g}" for value in row] for row in rows)
-    return Exported(stream.getvalue().encode(), {"frame": "NED"})
+    """Setpoints along the smooth curve of a plan or a flight."""
+    curve, times = setpoints_of(recording)
+    rows = ned_rows(curve, times)
+    table = [times[:, None], *(rows[name] for name in _ARRAYS), rows["yaw"][:, None], rows["yawspeed"][:, None]]
+    comment = (
+        f"px4_msgs/msg/TrajectorySetpoint, MESSAGE_VERSION {MESSAGE_VERSION}; NED from the origin of the world; "
+        f"{RATE_HZ} Hz; of {curve.motion}; {_ending(recording)}"
+    )
+    content = csv_of(comment, SETPOINT_COLUMNS, np.concatenate(table, -1).tolist())
+    return Exported(content, {"message_version": MESSAGE_VERSION, **told(recording, curve)})
 
 
-def ned_of_enu(vectors: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-    """(x, y, z) in ENU as (north, east, down); its own inverse."""
-    return torch.stack([vectors[..., 1], vectors[..., 0], -vectors[..., 2]], -1)
+def px4_odometry(recording: Recording) -> Exported:
+    """What the robot believed, with variances: a flight as vision that PX4's estimator takes in.
+
+    Raises InvalidInputError for a plan.
+    """
+    if not recording.steps:
+        raise InvalidInputError("a plan has no estimate: export it as px4, or fly it first")
+    comment = (
+        f"px4_msgs/msg/VehicleOdometry, MESSAGE_VERSION {MESSAGE_VERSION}, for the topic vehicle_visual_odometry; "
+        f"pose and velocity in NED, body in FRD; what the robot believed; {_ending(recording)}"
+    )
+    rows = [_odometry(step) for step in recording.steps]
+    return Exported(csv_of(comment, ODOMETRY_COLUMNS, rows), {"message_version": MESSAGE_VERSION, "frame": "NED"})
 
 
-def yaw_ned_of_enu(yaw: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-    """A heading counter-clockwise from east as one clockwise from north, in (-pi, pi] [rad]; its own inverse."""
-    turned = torch.pi / 2 - yaw
-    return turned - 2 * torch.pi * torch.ceil((turned - torch.pi) / (2 * torch.pi))
+def _odometry(step: NavigationStep) -> list[float]:
+    mean, covariance = step.belief.mean, step.belief.covariance.double()
+    time_us = round(step.time * 10**6)
+    quaternion = so3.quaternion_from_matrix(_NED_OF_ENU @ mean.rotation.double() @ _FLIP)
+    variance = covariance.diagonal().clamp_min(0)
+    swapped = torch.tensor([1, 0, 2])  # the variances of north and east; those of up and down are one
+    parts = [
+        ned_of_enu(mean.position.double()),
+        quaternion * (1.0 if quaternion[0] >= 0 else -1.0),
+        ned_of_enu(mean.velocity.double()),
+        _FLIP @ mean.body_rate.double(),
+        variance[POSITION][swapped],
+        variance[ATTITUDE],  # about the body's axes, as the belief has it
+        variance[VELOCITY][swapped],
+    ]
+    numbers = torch.cat(parts).tolist()
+    return [time_us, time_us, _POSE_FRAME_NED, _VELOCITY_FRAME_NED, *numbers, 0, 0]
+
+
+def _ending(recording: Recording) -> str:
+    return f"outcome: {recording.outcome or 'not known'}"

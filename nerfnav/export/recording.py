@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.export.tables import Table, episode_table, motion_table
 from nerfnav.geometry import so3
 from nerfnav.navigation import Episode, NavigationStep
+from nerfnav.planner import PlanOutcome
 from nerfnav.robots import Motion, Robot, unwrapped
 
 
@@ -28,11 +28,18 @@ class Recording:
     """Edge lengths of the robot's body [m]."""
     surface: bytes | None = None
     """The place's surface as unlit binary glTF in world axes; None where it is not known."""
+    robot: Robot | None = None
+    """Who it is for; None where only its name is known."""
+    datum: tuple[float, float, float] | None = None
+    """Where on Earth the world's origin is: latitude and longitude [deg], height above the ellipsoid or sea [m]."""
 
     @classmethod
-    def of_plan(cls, motion: Motion, robot: Robot, title: str = "") -> "Recording":
-        """A plan."""
-        return cls(motion_table(motion, robot.action_names, robot.name), (), title, robot.body.extents)
+    def of_plan(
+        cls, motion: Motion, robot: Robot, title: str = "", outcome: PlanOutcome | None = None
+    ) -> "Recording":
+        """A plan, and how planning ended where that is known."""
+        table = motion_table(motion, robot.action_names, robot.name).telling(outcome)
+        return cls(table, (), title, robot.body.extents, robot=robot)
 
     @classmethod
     def of_flight(
@@ -40,11 +47,16 @@ class Recording:
     ) -> "Recording":
         """A flight, or the first steps of one."""
         table = episode_table(Episode.of(steps), robot.action_names, robot.name)
-        return cls(table, tuple(steps), title, robot.body.extents, surface)
+        return cls(table, tuple(steps), title, robot.body.extents, surface, robot)
 
     def standing_in(self, surface: bytes | None) -> "Recording":
         """The same in a place with this surface."""
         return replace(self, surface=surface)
+
+    @property
+    def outcome(self) -> str:
+        """How planning or flying ended, in one word; empty where that is not known."""
+        return str(self.table.info.get("outcome") or "")
 
     @property
     def times(self) -> Float[Tensor, " rows"]:
@@ -76,16 +88,6 @@ class Recording:
         """Believed position [m] and quaternion (w, x, y, z); None for a plan, which believes nothing."""
         names = tuple(f"belief_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
         return self.table.block(names) if names[0] in self.table.columns else None
-
-    def acceleration(self) -> Float[Tensor, "rows 3"]:
-        """Change of the velocity over the step that begins at each row [m/s^2]; the last row repeats the one before.
-
-        This is what an autopilot needs as feed-forward: constant over the step.
-        """
-        if len(self.times) < 2:
-            return torch.zeros_like(self.velocity)
-        steps = self.velocity.diff(dim=0) / self.times.diff()[:, None]
-        return torch.cat([steps, steps[-1:]])
 
     def yaw(self) -> Float[Tensor, " rows"]:
         """Heading of the body's x axis, counter-clockwise from east [rad]; unwrapped, so that it never jumps."""

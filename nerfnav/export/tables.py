@@ -1,12 +1,14 @@
 """Trajectories as tables: one row for each time, as CSV for spreadsheets and as JSON that says what it means.
 
-Row k holds the state at time k dt and the action that is applied from there on; the last row has no action, which
-is an empty cell in CSV and null in JSON. Axes are those of the library: world ENU (x east, y north, z up), body FLU
-(x forward, y left, z up), attitude as the quaternion (w, x, y, z) of R_world_body.
+Row k holds the position and attitude at time k dt, and the velocity, body rate and action that hold from there to the
+next row; the last row has no action, which is an empty cell in CSV and null in JSON. Axes are those of the library:
+world ENU (x east, y north, z up), body FLU (x forward, y left, z up), attitude as the quaternion (w, x, y, z) of
+R_world_body.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Any
 
 import torch
@@ -31,6 +33,10 @@ class Table:
     """float64; NaN where a cell has no value."""
     info: dict[str, Any] = field(default_factory=dict)
     """What the numbers alone do not say: time step, robot, names of the actions."""
+
+    def telling(self, outcome: Enum | None) -> "Table":
+        """The same with how it ended in `info`; None: that is not known."""
+        return self if outcome is None else replace(self, info=self.info | {"outcome": outcome.name.lower()})
 
     def column(self, name: str) -> Float[Tensor, " rows"]:
         """The numbers under `name`."""

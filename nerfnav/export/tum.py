@@ -16,14 +16,14 @@ _HEAD = "# timestamp tx ty tz qx qy qz qw"
 
 def tum(recording: Recording) -> Exported:
     """What truly happened, or the plan."""
-    return _text(recording.times, torch.cat([recording.position, recording.quaternion], -1))
+    return _text(recording, torch.cat([recording.position, recording.quaternion], -1))
 
 
 def tum_estimate(recording: Recording) -> Exported:
     """What the robot believed; to be compared with `tum`. Raises InvalidInputError for a plan."""
     if recording.believed is None:
         raise InvalidInputError("a plan has no estimate: export it as tum, or fly it first")
-    return _text(recording.times, recording.believed)
+    return _text(recording, recording.believed)
 
 
 def poses_of_tum(text: str) -> tuple[Float[Tensor, " rows"], Float[Tensor, "rows 3"], Float[Tensor, "rows 4"]]:
@@ -36,7 +36,8 @@ def poses_of_tum(text: str) -> tuple[Float[Tensor, " rows"], Float[Tensor, "rows
     return numbers[:, 0], numbers[:, 1:4], numbers[:, [7, 4, 5, 6]]
 
 
-def _text(times: Float[Tensor, " rows"], poses: Float[Tensor, "rows 7"]) -> Exported:
-    rows = torch.cat([times[:, None], poses[:, :3], poses[:, 4:], poses[:, 3:4]], -1).tolist()
+def _text(recording: Recording, poses: Float[Tensor, "rows 7"]) -> Exported:
+    rows = torch.cat([recording.times[:, None], poses[:, :3], poses[:, 4:], poses[:, 3:4]], -1).tolist()
     lines = [" ".join(f"{value:.9g}" for value in row) for row in rows]
-    return Exported(("\n".join([_HEAD, *lines]) + "\n").encode())
+    outcome = f"# outcome: {recording.outcome or 'not known'}"
+    return Exported(("\n".join([_HEAD, outcome, *lines]) + "\n").encode())

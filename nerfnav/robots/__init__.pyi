@@ -13,6 +13,7 @@ from .robot import Robot as Robot
 from .robots import ROBOTS as ROBOTS
 from .robots import RobotEntry as RobotEntry
 from .robots import is_file as is_file
+from .robots import known as known
 from .robots import load as load
 from .robots import names as names
 from .robots import register as register

@@ -38,7 +38,7 @@ CAMERA = Camera.from_fov(200, 200, 90)
 """What robots see with unless told otherwise: as wide as the bundled fields' own photographs."""
 _NO_PART_OF_THE_MAP = frozenset(
     ("__init__", "hold", "steer", "encode", "free_scales", "check_ends", "settled", "with_body", "body_with_room",
-     "with_camera")
+     "with_camera", "source")
 )  # fmt: skip
 """What a robot may do in its own way, and still be moved by its parent's compiled map."""
 
@@ -66,6 +66,11 @@ class Robot(ABC):
     """T_body_camera."""
     file: Path | None = None
     """What describes it; None where its class alone does."""
+
+    @property
+    def source(self) -> str:
+        """What `nerfnav.robots.load` makes it of again: its file, or its name."""
+        return str(self.file or self.name)
 
     def with_body(self, body: Body) -> "Robot":
         """The same robot, mass and inertia included, in another shape."""

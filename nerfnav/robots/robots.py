@@ -64,6 +64,11 @@ def is_file(name: str) -> bool:
     return name not in ROBOTS and Path(name).suffix.lower() in SUFFIXES
 
 
+def known(name: str) -> bool:
+    """Whether `load` finds a robot of that name, or the file."""
+    return Path(name).is_file() if is_file(name) else name in ROBOTS
+
+
 def register(entry: RobotEntry) -> None:
     """Make a robot known by its name. Raises NameTakenError where another one has it."""
     ROBOTS.register(entry)

@@ -45,7 +45,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
 
     rows = list(csv.DictReader(io.StringIO(tab.export("csv").read_text())))
     assert len(rows) == len(flight.steps)
-    truth = np.array([[float(row[name]) for name in "xyz"] for row in rows])
+    truth = np.array([[float(row[f"{name} [m]"]) for name in "xyz"] for row in rows])
     np.testing.assert_allclose(truth, tab.line("/flight/truth"), atol=1e-5)
     assert json.loads(tab.export("json").read_text())["format"].startswith("nerfnav")
 

@@ -119,6 +119,10 @@ def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(
     assert replay.locator("#time").text_content() == "1.60 s of 1.60 s"
     replay.locator("#at").fill("5")
     assert replay.locator("#time").text_content() == "0.50 s of 1.60 s"
+    assert replay.locator("#about").text_content() == "quadrotor: on the way, first touched at 0.30 s."
+    replay.locator("#at").fill("2")
+    assert replay.locator("#about").text_content() == "quadrotor: on the way."
+    replay.locator("#at").fill("5")
     # a pixel of the robot's colour shows that it is drawn
     shot = cv2.imdecode(np.frombuffer(replay.screenshot(), np.uint8), cv2.IMREAD_COLOR)
     assert shot is not None

@@ -6,6 +6,7 @@ from nerfnav.estimator.belief import Belief
 from nerfnav.export.recording import Recording
 from nerfnav.geometry import so3
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.planner import PlanOutcome
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 
@@ -31,7 +32,7 @@ def flown(steps: int = 16, size: int = 12) -> tuple[NavigationStep, ...]:
         truth = motion.states[index]
         factor = 0.02 * torch.randn(12, 12, generator=generator)
         belief = Belief(truth.retract(0.02 * torch.randn(12, generator=generator)), factor @ factor.T)
-        image = torch.full((size, size, 3), 7 * index, dtype=torch.uint8) if index else None
+        image = torch.full((size, size, 3), 7 * index % 256, dtype=torch.uint8) if index else None
         rest = Motion(motion.states[index:], motion.actions[index:], DT)
         outcome = EpisodeOutcome.COLLIDED if index == steps else None
         made.append(
@@ -43,11 +44,26 @@ def flown(steps: int = 16, size: int = 12) -> tuple[NavigationStep, ...]:
     return tuple(made)
 
 
-def flight(steps: int = 16) -> Recording:
+def flight(steps: int = 16, size: int = 12) -> Recording:
     """The flight as formats take it."""
-    return Recording.of_flight(flown(steps), Quadrotor(), "a helix")
+    return Recording.of_flight(flown(steps, size), Quadrotor(), "a helix")
 
 
 def plan(steps: int = 16) -> Recording:
     """The curve as a plan."""
     return Recording.of_plan(curve(steps), Quadrotor(), "a helix")
+
+
+def hover_to_hover(steps: int = 20) -> Recording:
+    """A plan between two states at rest, around a corner, a metre and a half in 2 s: as explicit Euler has it, the
+    first step does not move, and each velocity is that of the way to the next position."""
+    dt = max(DT, 2.0 / steps)
+    share = ((torch.arange(steps + 1) - 1).clamp_min(0) / (steps - 1))[:, None]
+    ease = share**4 * (35 - 84 * share + 70 * share**2 - 20 * share**3)
+    position = torch.tensor([0.0, 0.0, 0.5]) + ease * torch.tensor([1.2, 0.6, 0.4])
+    position = position + torch.tensor([0.0, 0.25, 0.1]) * torch.sin(torch.pi * ease)
+    velocity = torch.cat([position.diff(dim=0) / dt, torch.zeros(1, 3)])
+    yaw = 0.5 * ease[:, 0]
+    rate = torch.cat([torch.zeros(steps + 1, 2), torch.cat([yaw.diff() / dt, torch.zeros(1)])[:, None]], -1)
+    states = RigidState(position, velocity, so3.from_yaw(yaw), rate)
+    return Recording.of_plan(Motion(states, torch.zeros(steps, 4), dt), Quadrotor(), "a corner", PlanOutcome.CONVERGED)

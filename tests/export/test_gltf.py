@@ -42,6 +42,17 @@ def test_the_animation_reads_back_as_the_states_and_the_root_turns_up_to_y() -> 
     np.testing.assert_allclose(rotations, torch.stack([step.truth.rotation for step in steps]), atol=1e-6)
 
 
+def test_the_robot_stands_at_its_first_pose_where_nothing_is_played() -> None:
+    scene = trimesh.load(trimesh.util.wrap_as_stream(gltf(flight()).content), file_type="glb")
+    assert isinstance(scene, trimesh.Scene)
+    transform, _ = scene.graph["robot"]
+    y_up = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    np.testing.assert_allclose(transform[:3, 3], y_up @ flown()[0].truth.position.numpy(), atol=1e-6)
+    np.testing.assert_allclose(transform[:3, :3], y_up @ flown()[0].truth.rotation.numpy(), atol=1e-6)
+    document, _ = arrays_of(gltf(flight()).content)
+    assert document["asset"]["extras"] == {"title": "a helix", "outcome": "collided"}
+
+
 def test_another_reader_finds_the_paths_and_the_body_in_y_up_axes() -> None:
     scene = trimesh.load(trimesh.util.wrap_as_stream(gltf(flight()).content), file_type="glb")
     assert isinstance(scene, trimesh.Scene) and {"truth", "belief", "robot"} <= set(scene.graph.nodes_geometry)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,10 +83,10 @@ def test_a_plan_cannot_be_replayed() -> None:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_takes_a_flight_and_a_plan_or_says_why_not(name: str) -> None:
-    form = FORMATS[name]
-    assert form.make(flight()).content and form.purpose and form.ending
+    form, place = FORMATS[name], (47.4, 8.5, 500.0)
+    assert form.make(replace(flight(), datum=place)).content and form.purpose and form.ending
     if form.flights_only:
         with pytest.raises(InvalidInputError, match="plan"):
             form.make(plan())
     else:
-        assert form.make(plan()).content
+        assert form.make(replace(plan(), datum=place)).content

@@ -1,8 +1,11 @@
 """Trajectories survive the way into a file and back."""
 
+import io
 import json
 import math
 
+import numpy as np
+import pandas
 import pytest
 import torch
 
@@ -72,6 +75,14 @@ def test_json_gives_back_the_motion(motion: Motion) -> None:
     assert torch.equal(back.states.position, motion.states.position)
     assert torch.equal(back.states.body_rate, motion.states.body_rate)
     assert torch.allclose(back.states.rotation, motion.states.rotation, atol=1e-6)
+
+
+def test_pandas_reads_the_units_and_what_holds_until_the_next_row(motion: Motion) -> None:
+    read = pandas.read_csv(io.StringIO(csv_text(motion_table(motion, NAMES))))
+    assert list(read.columns[:5]) == ["t [s]", "x [m]", "y [m]", "z [m]", "vx [m/s until the next row]"]
+    assert "qw" in read.columns and "thrust_n [N until the next row]" in read.columns
+    np.testing.assert_array_equal(read["x [m]"].to_numpy(np.float32), motion.states.position[:, 0])
+    assert "v_k" in json.loads(json_text(motion_table(motion, NAMES)))["held"]["velocity"]
 
 
 def test_json_says_what_its_numbers_mean(motion: Motion) -> None:

@@ -17,7 +17,7 @@ def test_the_true_poses_read_back_with_the_quaternion_last_and_its_scalar_at_the
     np.testing.assert_allclose(positions, torch.stack([step.truth.position for step in steps]), atol=1e-6)
     rotations = torch.stack([step.truth.rotation for step in steps]).double()
     np.testing.assert_allclose(so3.matrix_from_quaternion(quaternions), rotations, atol=1e-6)
-    line = tum(recording).content.decode().splitlines()[1].split()
+    line = tum(recording).content.decode().splitlines()[2].split()
     assert float(line[-1]) == pytest.approx(float(quaternions[0, 0]), abs=1e-8)
 
 

@@ -13,7 +13,10 @@ from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
 from nerfnav.export import FORMATS, ExportFormat, Recording
+from nerfnav.export.formats import unsafe
 from nerfnav.geometry import picture_file
+from nerfnav.navigation import EpisodeOutcome
+from nerfnav.planner import PlanOutcome
 
 SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}
 """Of screenshots: width and height [pixels]."""
@@ -30,6 +33,7 @@ class ExportPanel:
         self._said = server.gui.add_html(note("Nothing to take away yet: plan or fly first."))
         self._format: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Format", list(FORMATS), visible=False)
         self._purpose = server.gui.add_html("", visible=False)
+        self._force = server.gui.add_checkbox("Export it all the same", False, visible=False)
         self._download = server.gui.add_button("Download", icon=viser.Icon.DOWNLOAD, visible=False)
         self._size: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Picture size", list(SIZES))
         self._shot = server.gui.add_button("Screenshot", icon=viser.Icon.CAMERA, hint="The scene as you see it now")
@@ -61,7 +65,11 @@ class ExportPanel:
 
     def _describe(self) -> None:
         form = FORMATS[self._format.value]
-        self._purpose.content = note(sentence(f"{form.purpose} (.{form.ending})"))
+        why = "" if self._session is None else unsafe(ended(self._session), form)
+        self._purpose.content = note(" ".join(map(sentence, filter(None, (f"{form.purpose} (.{form.ending})", why)))))
+        self._force.visible = bool(why)
+        if not why and self._force.value:
+            self._force.value = False
 
     def _send(self, event: viser.GuiEvent[Any]) -> None:
         """Send the file to the tab that asked; runs on a thread of the server's pool."""
@@ -72,8 +80,12 @@ class ExportPanel:
         if made is None:
             self._post(Tell("Nothing to take away", "Plan or fly first.", bad=True))
             return
+        why = unsafe(ended(session), FORMATS[name])
+        if why and not self._force.value:
+            self._post(Tell("Not exported", f"{sentence(why)} Tick what is below the format to have it.", bad=True))
+            return
         try:
-            content = FORMATS[name].make(made).content
+            content = FORMATS[name].exported(made, self._force.value).content
         except NerfnavError as error:
             self._post(Tell("Not exported", sentence(str(error)), bad=True))
             return
@@ -105,9 +117,18 @@ def subject(session: Session) -> str | None:
     return "plan" if session.plan is not None and session.plan.latest is not None else None
 
 
+def ended(session: Session) -> PlanOutcome | EpisodeOutcome | None:
+    """How what would be exported ended; None while it goes on, or where there is nothing."""
+    name = subject(session)
+    if name == "flight" and session.flight is not None:
+        return session.flight.outcome
+    return session.plan.outcome if name == "plan" and session.plan is not None else None
+
+
 def formats_for(subject: str | None) -> dict[str, ExportFormat]:
-    """The formats of a flight, or of a plan."""
-    return {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
+    """The formats of a flight, or of a plan; a page knows of no place on Earth."""
+    fitting = {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
+    return {name: form for name, form in fitting.items() if not form.needs_datum}
 
 
 def recording_of(session: Session) -> Recording | None:
@@ -119,7 +140,7 @@ def recording_of(session: Session) -> Recording | None:
     if session.flight is not None and len(session.flight.steps) > 1:
         return Recording.of_flight(session.flight.steps, place.robot, title, session.surface)
     if session.plan is not None and session.plan.latest is not None:
-        return Recording.of_plan(session.plan.latest.motion, place.robot, title)
+        return Recording.of_plan(session.plan.latest.motion, place.robot, title, session.plan.latest.outcome)
     return None
 
 

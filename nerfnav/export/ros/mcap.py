@@ -3,7 +3,7 @@
 import io
 
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.ros.messages import definition, messages, topics
+from nerfnav.export.ros.messages import about, definition, messages, quality_of, topics
 from nerfnav.extras import from_extra
 
 
@@ -15,9 +15,13 @@ def mcap(recording: Recording) -> Exported:
     stream, channels, count = io.BytesIO(), {}, 0
     writer = from_extra("mcap.writer", "ros", "MCAP").Writer(stream)
     writer.start(profile="ros2", library="nerfnav")
+    writer.add_metadata("nerfnav", about(recording))
+    dump = from_extra("rosbags.rosbag2.metadata", "ros", "MCAP").dump_qos_v8
     for topic, kind in topics(recording).items():
         schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
-        channels[topic] = writer.register_channel(topic, "cdr", schema)
+        channels[topic] = writer.register_channel(
+            topic, "cdr", schema, {"offered_qos_profiles": dump([quality_of(topic)])}
+        )
     for message in messages(recording):
         writer.add_message(channels[message.topic], message.time_ns, message.content, message.time_ns)
         count += 1

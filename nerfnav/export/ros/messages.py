@@ -3,11 +3,17 @@
 Axes are those of ROS (REP 103): world ENU, body FLU, so nothing is turned. Quaternions are (x, y, z, w). Stamps count
 from the start, 0 s.
 
+    /about       std_msgs/String                        what this is, how it ended, and what the numbers mean, as JSON
     /path        nav_msgs/Path                          all poses at once, at the start
     /odometry    nav_msgs/Odometry                      pose in `map`, velocities in the axes of `base_link`
+    /tf          tf2_msgs/TFMessage                     the same pose as the transform from `map` to `base_link`
     /estimate    geometry_msgs/PoseWithCovarianceStamped   of a flight: what the robot believed, with its covariance
+
+/about and /path come once, latched: their durability is transient_local. The odometry of a flight is what truly
+happened in the simulation, that of a plan what is intended: both are exact, which the zeros of their covariance say.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -23,16 +29,21 @@ from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION
 
 if TYPE_CHECKING:
+    from rosbags.interfaces import Qos
     from rosbags.typesys.store import Typestore
 
 WORLD, BODY = "map", "base_link"
 """Frames."""
 TOPICS = {
+    "/about": "std_msgs/msg/String",
     "/path": "nav_msgs/msg/Path",
     "/odometry": "nav_msgs/msg/Odometry",
+    "/tf": "tf2_msgs/msg/TFMessage",
     "/estimate": "geometry_msgs/msg/PoseWithCovarianceStamped",
 }
 """What is said under which name."""
+_LATCHED = ("/about", "/path")
+_FOREVER_S, _FOREVER_NS = 9223372036, 854775807
 
 
 @dataclass(frozen=True)
@@ -64,14 +75,39 @@ def topics(recording: Recording) -> dict[str, str]:
     return {topic: kind for topic, kind in TOPICS.items() if recording.steps or topic != "/estimate"}
 
 
+def about(recording: Recording) -> dict[str, str]:
+    """What readers should know of a recording besides its messages."""
+    exact = "the true state in the simulation" if recording.steps else "the plan"
+    return {
+        "made by": "nerfnav",
+        "title": recording.title,
+        "robot": str(recording.table.info.get("robot", "")),
+        "outcome": recording.outcome or "not known",
+        "odometry": f"{exact}, exact: its covariance is zero, not unknown",
+    }
+
+
+def quality_of(topic: str) -> "Qos":
+    """Quality of service that is offered: reliable, and for /about and /path latched."""
+    ros = from_extra("rosbags.interfaces", "ros", "exporting ROS messages")
+    durability = ros.QosDurability.TRANSIENT_LOCAL if topic in _LATCHED else ros.QosDurability.VOLATILE
+    for_ever, depth = ros.QosTime(_FOREVER_S, _FOREVER_NS), 1 if topic in _LATCHED else 10
+    return ros.Qos(
+        ros.QosHistory.KEEP_LAST, depth, ros.QosReliability.RELIABLE, durability, for_ever, for_ever,
+        ros.QosLiveliness.AUTOMATIC, for_ever, False,
+    )  # fmt: skip
+
+
 def messages(recording: Recording) -> Iterator[RosMessage]:
     """All messages in the order of their times."""
     made = _Maker(recording)
+    yield made.message("/about", 0, _new("std_msgs/msg/String", json.dumps(about(recording))))
     yield made.message("/path", 0, made.path())
     for row in range(len(recording.times)):
         yield made.message("/odometry", row, made.odometry(row))
+        yield made.message("/tf", row, made.transform(row))
         if recording.steps:
-            yield made.message("/estimate", row, made.estimate(recording.steps[row]))
+            yield made.message("/estimate", row, made.estimate(row))
 
 
 class _Maker:
@@ -83,6 +119,8 @@ class _Maker:
         rotation = so3.matrix_from_quaternion(recording.quaternion)
         self._velocity_body = (recording.velocity[:, None] @ rotation)[:, 0].tolist()
         self._rate = recording.body_rate.tolist()
+        self._believed = [] if recording.believed is None else recording.believed.tolist()
+        self._steps = recording.steps
 
     def message(self, topic: str, row: int, content: Any) -> RosMessage:
         cdr = bytes(typestore().serialize_cdr(content, TOPICS[topic]))
@@ -94,22 +132,28 @@ class _Maker:
         return _new("nav_msgs/msg/Path", self._header(0), poses)
 
     def odometry(self, row: int) -> Any:
-        unknown = np.zeros(36)
+        exact = np.zeros(36)
         twist = _new("geometry_msgs/msg/Twist", _vector(self._velocity_body[row]), _vector(self._rate[row]))
         return _new(
             "nav_msgs/msg/Odometry",
             self._header(row),
             BODY,
-            _new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), unknown),
-            _new("geometry_msgs/msg/TwistWithCovariance", twist, unknown),
+            _new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), exact),
+            _new("geometry_msgs/msg/TwistWithCovariance", twist, exact),
         )
 
-    def estimate(self, step: NavigationStep) -> Any:
-        mean = step.belief.mean
-        quaternion = so3.quaternion_from_matrix(mean.rotation.double()).tolist()
-        pose = _pose(mean.position.tolist(), quaternion)
-        covariance = _new("geometry_msgs/msg/PoseWithCovariance", pose, pose_covariance(step))
-        return _new("geometry_msgs/msg/PoseWithCovarianceStamped", _header(step.time), covariance)
+    def transform(self, row: int) -> Any:
+        pose = self._pose(row)
+        moved = _vector([pose.position.x, pose.position.y, pose.position.z])
+        transform = _new("geometry_msgs/msg/Transform", moved, pose.orientation)
+        stamped = _new("geometry_msgs/msg/TransformStamped", self._header(row), BODY, transform)
+        return _new("tf2_msgs/msg/TFMessage", [stamped])
+
+    def estimate(self, row: int) -> Any:
+        believed = self._believed[row]  # whose quaternions have no sign flips
+        covariance = pose_covariance(self._steps[row])
+        pose = _new("geometry_msgs/msg/PoseWithCovariance", _pose(believed[:3], believed[3:]), covariance)
+        return _new("geometry_msgs/msg/PoseWithCovarianceStamped", self._header(row), pose)
 
     def _header(self, row: int) -> Any:
         return _header(self._times[row])

@@ -6,7 +6,7 @@ import zipfile
 from pathlib import Path
 
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.ros.messages import messages, topics, typestore
+from nerfnav.export.ros.messages import about, messages, quality_of, topics, typestore
 from nerfnav.extras import from_extra
 
 _NAME = "nerfnav_bag"
@@ -21,8 +21,12 @@ def rosbag2(recording: Recording) -> Exported:
     with tempfile.TemporaryDirectory() as parent:
         folder, count = Path(parent) / _NAME, 0
         with make_writer(folder, version=8) as writer:
+            for name, value in about(recording).items():
+                writer.set_custom_data(name, value)
             connections = {
-                topic: writer.add_connection(topic, kind, typestore=typestore())
+                topic: writer.add_connection(
+                    topic, kind, typestore=typestore(), offered_qos_profiles=[quality_of(topic)]
+                )
                 for topic, kind in topics(recording).items()
             }
             for message in messages(recording):

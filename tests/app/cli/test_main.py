@@ -167,8 +167,8 @@ def test_plan_prints_the_numbers_of_its_contract_and_writes_its_files(
     assert plan["max_thrust_n"] > 1
     assert json.loads((tmp_path / "new" / "run" / "plan.json").read_text()) == plan
     rows = np.genfromtxt(tmp_path / "new" / "run" / "trajectory.csv", delimiter=",", names=True)
-    assert [rows[0][name] for name in "xyz"] == pytest.approx([-0.6, 0, 0.5])
-    assert [rows[-1][name] for name in "xyz"] == pytest.approx([0.6, 0.1, 0.5])
+    assert [rows[0][f"{name}_m"] for name in "xyz"] == pytest.approx([-0.6, 0, 0.5])
+    assert [rows[-1][f"{name}_m"] for name in "xyz"] == pytest.approx([0.6, 0.1, 0.5])
     assert 2 * np.arctan2(rows[-1]["qz"], rows[-1]["qw"]) == pytest.approx(1.57)
 
 
@@ -273,8 +273,8 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
     exported = printed(["export", str(tmp_path / "run"), "--format", "csv", "--out", str(out)], capsys)
     assert exported["rows"] == flight["steps"] + 1
     rows = np.genfromtxt(out, delimiter=",", names=True)
-    assert rows["t"][1] == pytest.approx(0.1)
-    error = np.linalg.norm([rows[-1]["x"] - 0.6, rows[-1]["y"] - 0.1, rows[-1]["z"] - 0.5])
+    assert rows["t_s"][1] == pytest.approx(0.1)
+    error = np.linalg.norm([rows[-1]["x_m"] - 0.6, rows[-1]["y_m"] - 0.1, rows[-1]["z_m"] - 0.5])
     assert error == pytest.approx(flight["final_position_error_m"], abs=1e-5)
 
 
@@ -379,7 +379,7 @@ def test_a_foreign_file_is_refused(tmp_path: Path, capsys: Capture) -> None:
 def test_an_unknown_format_is_refused(field_file: Path, tmp_path: Path, capsys: Capture) -> None:
     run(["plan", str(field_file), *FROM, *TO, *QUICK, "--out", str(tmp_path / "run")], capsys)
     words = ["export", str(tmp_path / "run"), "--format", "xml", "--out", str(tmp_path / "x.xml")]
-    assert "no format named 'xml'; known are: crazyflie, csv, " in refused(words, capsys)
+    assert "no format named 'xml'; known are: ardupilot, crazyflie, csv, " in refused(words, capsys)
     assert not (tmp_path / "x.xml").exists()
 
 

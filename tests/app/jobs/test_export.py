@@ -34,8 +34,12 @@ def exported(folder: Path, format: str, out: Path) -> dict:
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_stored_flight_can_be_had_in_every_format(tmp_path: Path, name: str) -> None:
     folder, out = put(RunStore(tmp_path), "flight"), tmp_path / "out" / f"flight.{FORMATS[name].ending}"
-    numbers = exported(folder, name, out)
-    assert numbers["rows"] == 17 and numbers["file_bytes"] == out.stat().st_size > 100
+    with pytest.raises(InvalidInputError, match="not to be flown again: the robot touched"):
+        list(run(ExportRequest(folder, "px4", out)))
+    last = result_of(run(ExportRequest(folder, name, out, force=True, datum=(47.4, 8.5, 500.0))))
+    numbers = last.summary
+    assert numbers["outcome"] == "collided" and numbers["rows"] == 17
+    assert numbers["file_bytes"] == out.stat().st_size > 100
 
 
 def test_a_format_from_outside_is_exported_under_its_name(tmp_path: Path) -> None:
@@ -76,8 +80,9 @@ def test_a_flight_can_be_named_as_the_shelf_has_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "runs"))
+    out = str(tmp_path / "x.csv")
     put(RunStore(), "my flight")
-    assert main(["export", "my flight", "--format", "px4", "--out", str(tmp_path / "x.csv"), "--json"]) == 0
+    assert main(["export", "my flight", "--format", "px4-odometry", "--out", out, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["frame"] == "NED"
     assert main(["export", "other", "--format", "px4", "--out", str(tmp_path / "x.csv")]) == 2
     assert "other is not the folder of a run" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """MCAP and rosbag2, read back by the readers that others use."""
 
 import io
+import json
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+import yaml
 from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 
 from nerfnav.estimator.belief import Belief
@@ -44,6 +48,12 @@ def bag_messages(recording: Recording, folder: Path) -> Messages:
             content = typestore().deserialize_cdr(data, connection.msgtype)
             found.setdefault(connection.topic, []).append((time, content))
     return found
+
+
+def decoded(recording: Recording, topic: str) -> list[Any]:
+    """Messages of a topic, as mcap-ros2-support reads them by the definitions in the file."""
+    reader = make_reader(io.BytesIO(mcap(recording).content), decoder_factories=[DecoderFactory()])
+    return [message for *_, message in reader.iter_decoded_messages(topics=[topic])]
 
 
 @pytest.fixture(params=["mcap", "rosbag2"])
@@ -94,4 +104,42 @@ def test_attitudes_spread_about_the_axes_of_the_world() -> None:
 
 
 def test_a_plan_has_no_estimate(tmp_path: Path) -> None:
-    assert set(mcap_messages(plan())) == set(bag_messages(plan(), tmp_path)) == {"/path", "/odometry"}
+    told = {"/about", "/path", "/odometry", "/tf"}
+    assert set(mcap_messages(plan())) == set(bag_messages(plan(), tmp_path)) == told
+
+
+def test_a_reader_of_ros_2_finds_the_transforms_from_map_to_base_link() -> None:
+    for message, step in zip(decoded(flight(), "/tf"), flown(), strict=True):
+        (stamped,) = message.transforms
+        assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "base_link")
+        t, q = stamped.transform.translation, stamped.transform.rotation
+        np.testing.assert_allclose([t.x, t.y, t.z], step.truth.position, atol=1e-6)
+        rotation = so3.matrix_from_quaternion(torch.tensor([q.w, q.x, q.y, q.z], dtype=torch.float64))
+        np.testing.assert_allclose(rotation, step.truth.rotation, atol=1e-6)
+
+
+def test_quaternions_of_the_estimate_do_not_flip_their_signs() -> None:
+    read = [message.pose.pose.orientation for message in decoded(flight(60, size=2), "/estimate")]
+    quaternions = np.array([[q.w, q.x, q.y, q.z] for q in read])
+    assert (quaternions[1:] * quaternions[:-1]).sum(-1).min() > 0.9
+
+
+def test_path_and_about_are_latched_and_say_what_the_odometry_is(tmp_path: Path) -> None:
+    with zipfile.ZipFile(io.BytesIO(rosbag2(flight()).content)) as packed:
+        packed.extractall(tmp_path)
+    with Reader(tmp_path / "nerfnav_bag") as reader:
+        offered = {one.topic: one.ext.offered_qos_profiles[0].durability for one in reader.connections}
+        custom = yaml.safe_load((tmp_path / "nerfnav_bag" / "metadata.yaml").read_text())
+    latched = {topic for topic, durability in offered.items() if durability is QosDurability.TRANSIENT_LOCAL}
+    assert latched == {"/path", "/about"}
+    read = make_reader(io.BytesIO(mcap(flight()).content))
+    summary = read.get_summary()
+    assert summary is not None
+    for channel in summary.channels.values():
+        durability = yaml.safe_load(channel.metadata["offered_qos_profiles"])[0]["durability"]
+        assert durability == (1 if channel.topic in latched else 2)
+    (about,) = decoded(flight(), "/about")
+    (metadata,) = read.iter_metadata()
+    told = custom["rosbag2_bagfile_information"]["custom_data"]
+    assert json.loads(about.data) == metadata.metadata == told
+    assert told["outcome"] == "collided" and "the true state in the simulation, exact" in told["odometry"]
