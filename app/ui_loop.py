@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from app.reducers.root import reduce
-from app.state.actions import Action, Reported, Tick
+from app.state.actions import Action, MoveEnd, Reported, Tick
 from app.state.session import Session
 
 _log = logging.getLogger(__name__)
@@ -92,6 +92,8 @@ class UiLoop:
         except Exception:
             _log.exception("a message of type %s was not understood", type(message).__name__)
         self._follow(self.session)
+        if isinstance(message, MoveEnd) and message.held and self.session.plan_follows:
+            return False  # the hand has moved the gizmo itself: what is worth a frame is the plan that follows
         # a command that was refused leaves the session alone, but its tab shows what was refused
         return self.session is not before or not isinstance(message, Reported)
 

@@ -23,23 +23,27 @@ def fine(text: str) -> str:
     return f'<div style="{_PADDING} color: {css(START)}">{escape(text)}</div>'
 
 
-def heading(title: str, text: str) -> str:
-    """A title with a quiet line below it."""
+def heading(title: str, text: str = "") -> str:
+    """A title, with a quiet line below it where there is a text."""
+    below = f'<div style="color: {MUTED}; font-size: 0.8125em">{escape(text)}</div>' if text else ""
     return (
-        f'<div style="padding: 0.25em 0.75em 0.5em 0.75em; line-height: 1.4">'
-        f'<div style="font-weight: 600; font-size: 0.95em">{escape(title)}</div>'
-        f'<div style="color: {MUTED}; font-size: 0.8125em">{escape(text)}</div></div>'
+        f'<div style="padding: 0.25em 0.75em {0.5 if text else 0.1}em 0.75em; line-height: 1.4">'
+        f'<div style="font-weight: 600; font-size: 0.95em">{escape(title)}</div>{below}</div>'
     )
 
 
-def table(rows: Iterable[tuple[str, str]]) -> str:
-    """Names on the left, values with their units on the right."""
+def table(rows: Iterable[tuple[str, ...]]) -> str:
+    """Names on the left, values with their units on the right; a third text is the term of the field, as a tooltip."""
     cells = "".join(
-        f'<div style="color: {MUTED}">{escape(name)}</div>'
-        f'<div style="text-align: right; font-variant-numeric: tabular-nums">{escape(value)}</div>'
-        for name, value in rows
+        f'<div style="color: {MUTED}"{_tooltip(*term)}>{escape(name)}</div>'
+        f'<div style="text-align: right; font-variant-numeric: tabular-nums"{_tooltip(*term)}>{escape(value)}</div>'
+        for name, value, *term in rows
     )
     return f'<div style="{_PADDING} display: grid; grid-template-columns: auto auto; gap: 0.05em 1em">{cells}</div>'
+
+
+def _tooltip(text: str = "") -> str:
+    return f' title="{escape(text)}"' if text else ""
 
 
 def columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -9,6 +9,7 @@ from app.queries.end_fit import EndFitQuery
 from app.queries.experiments import ExperimentsQuery
 from app.queries.field_view import FieldViewQuery
 from app.queries.following_plan import FollowingPlanQuery
+from app.queries.more_time import MoreTimeQuery
 from app.queries.query import Query
 from app.queries.robot_view import RobotViewQuery
 from app.queries.run_list import RunListQuery
@@ -23,8 +24,9 @@ _KINDS: list[type[Query[Any]]] = [
     RunListQuery,
     ClickLandingQuery,
     SurfacePointQuery,
-    EndFitQuery,
     FollowingPlanQuery,
+    EndFitQuery,
+    MoreTimeQuery,
     DensitySliceQuery,
     SpaceQuery,
     FieldViewQuery,
@@ -32,6 +34,10 @@ _KINDS: list[type[Query[Any]]] = [
     ClearanceQuery,
     ExperimentsQuery,
 ]
+
+
+_WHILE_HELD = (FollowingPlanQuery, EndFitQuery)
+"""What is asked while a hand moves an end: the rest waits until it rests, for nothing must come in between."""
 
 
 def register(kind: type[Query[Any]]) -> None:
@@ -51,4 +57,5 @@ def pending_queries(session: Session) -> tuple[Query[Any], ...]:
     """What is not known yet, the most urgent first."""
     if session.place is None:
         return ()
-    return tuple(query for kind in _KINDS for query in kind.pending(session))
+    kinds = _WHILE_HELD if session.held and session.plan is not None else _KINDS
+    return tuple(query for kind in kinds for query in kind.pending(session))

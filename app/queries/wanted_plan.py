@@ -1,16 +1,30 @@
-"""The plan that a session wants: as a request, and carried out."""
+"""The plan that a session wants: as a request, carried out with its verdict, or as a draft for a hand that moves."""
 
-from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app.jobs import plan
 from app.jobs.events import JobRun
 from app.jobs.plan_request import PlanRequest
+from app.places.derived import occupancy_of, planning_place
 from app.places.ends import Ends
 from app.places.place import Place
 from app.state.plan_settings import PlanSettings
 from nerfnav.errors import NerfnavError
-from nerfnav.planner import PlannerConfig, PlanStep
+from nerfnav.planner import FollowingPlanner, PlannerConfig, PlanStep, Route, last_step, planners
+from nerfnav.robots import Motion
+
+
+@dataclass(frozen=True)
+class WantedPlan:
+    """A plan that was made for a session, or why there is none."""
+
+    steps: tuple[PlanStep, ...] = field(default=(), compare=False)
+    """Its iterations, the last with the outcome; empty where there is no plan."""
+    summary: dict[str, Any] = field(default_factory=dict, compare=False)
+    """The job's numbers; none of a draft."""
+    refusal: str = ""
+    """Why there is no plan."""
 
 
 def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> PlanRequest:
@@ -19,16 +33,40 @@ def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerC
     return request.lasting(settings.duration_s)
 
 
-def planned(
-    settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None, place: Place
-) -> tuple[tuple[PlanStep, ...], dict[str, Any]]:
-    """Plan as the job does: the iterations and the job's numbers, as far as it came before it was refused."""
-    steps: list[PlanStep] = []
-    summary: dict[str, Any] = {}
-    with suppress(NerfnavError):  # the ends are shown with what is wrong with them
-        planning = JobRun(plan.run(plan_request(settings, ends, planner, own), place))
-        for event in planning:
-            if isinstance(event, PlanStep):
-                steps.append(event)
-        summary = planning.result.summary
-    return tuple(steps), summary
+def planned(request: PlanRequest, place: Place) -> WantedPlan:
+    """Plan as the job does, verdict included."""
+    planning = JobRun(plan.run(request, place))
+    try:
+        steps = tuple(event for event in planning if isinstance(event, PlanStep))
+    except NerfnavError as error:
+        return WantedPlan(refusal=str(error))
+    return WantedPlan(steps, planning.result.summary)
+
+
+def drafted(request: PlanRequest, place: Place, last: Motion | None = None) -> WantedPlan:
+    """Plan as quickly as can be with the `last` plan as warm start, and without the verdict of the mesh.
+
+    Where a duration is to be found, the draft is as fast as the last plan: how long it must take is found at the end.
+    """
+    seen_as = planning_place(place, request.unknown)
+    occupancy = occupancy_of(seen_as, request.settings.occupancy, request.ends.start.position[2])
+    finder = planners.load(request.planner).planner(seen_as.field, place.robot, request.settings, occupancy=occupancy)
+    start, goal = request.ends.start.state(), request.ends.goal.state()
+    if request.shortest and last is not None:
+        request = replace(request, steps=len(last.actions), dt=last.dt * _stretch(last, request.ends))
+    route = Route(start, goal, request.steps, request.dt)
+    if last is not None and isinstance(finder, FollowingPlanner):
+        steps = finder.follow(last, route)
+    else:
+        steps = finder.plan(route)
+    try:
+        return WantedPlan((last_step(steps),))
+    except NerfnavError as error:
+        return WantedPlan(refusal=str(error))
+
+
+def _stretch(last: Motion, ends: Ends) -> float:
+    """How many times as far apart the ends are now, within a factor of two."""
+    before = (last.states.position[-1] - last.states.position[0]).norm().item()
+    now = (ends.goal.state().position - ends.start.state().position).norm().item()
+    return min(max(now / max(before, 1e-3), 0.5), 2.0)

@@ -14,15 +14,18 @@ _NOTICES_KEPT = 5
 
 
 def noticed(session: Session, title: str, body: str, bad: bool = False) -> Session:
-    """The session with one more notice."""
+    """The session with one more notice; what went wrong is said once, as long as it has the same cause."""
     number = session.notices[-1].id + 1 if session.notices else 0
-    notice = Notice(number, title, without_paths(body), bad, session.jobs_begun)
+    notice = Notice(number, title, without_paths(body), bad, session.asked)
+    if bad and session.trouble is not None and replace(session.trouble, id=number) == notice:
+        return session
     return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])
 
 
-def moved(session: Session, place: Place, which: Which, end: End) -> Session:
-    """The session with one end somewhere else, kept inside the box."""
+def moved(session: Session, place: Place, which: Which, end: End, held: bool = False) -> Session:
+    """The session with one end somewhere else, kept inside the box; `held` while a hand still moves it."""
     end = end.kept_inside(place.field.box, margin=place.robot.body.radius)
+    session = session if session.held == held else replace(session, held=held)
     if end == session.ends.of(which):
         return session
     ends = session.ends.moved(which, end)

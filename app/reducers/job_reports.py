@@ -6,17 +6,18 @@ from app.jobs import events as e
 from app.places.place import Place
 from app.places.sources import without_folder
 from app.reducers.common import noticed, settled
-from app.reducers.jobs import given_up
+from app.reducers.jobs import begun, given_up
 from app.reducers.placing import placed
 from app.state.downloads import Download
 from app.state.job import Job, JobKind
+from app.state.plan_settings import PlanSettings
 from app.state.records import PlanRecord, SearchRecord
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
 from nerfnav.importers.placement import ONE_UNIT, size_doubt
-from nerfnav.navigation import EpisodeOutcome, NavigationStep
-from nerfnav.planner import PlanOutcome, PlanStep
+from nerfnav.navigation import NavigationStep
+from nerfnav.planner import PlanStep
 
 
 def reported(session: Session, event: e.JobReport) -> Session:
@@ -26,10 +27,8 @@ def reported(session: Session, event: e.JobReport) -> Session:
     match event:
         case e.PlaceOpened(place):
             opened = _doubted(settled(session, place), place)
-            if place.tasks:
-                return opened
-            # how long ways take there, nobody knows
-            return replace(opened, plan_settings=replace(opened.plan_settings, shortest=True))
+            shortest = opened.plan_settings.shortest or PlanSettings.of(place).shortest
+            return replace(opened, plan_settings=replace(opened.plan_settings, shortest=shortest))
         case e.SurfaceShaped(glb):
             return replace(session, surface=glb)
         case e.PlannerCompared(result):
@@ -75,8 +74,21 @@ def _step(session: Session, job: Job, event: PlanStep | FilterStep | NavigationS
     if isinstance(event, FilterStep) or flight.steps or planned:
         return replace(session, flight=flight.with_iteration(event))
     # a flight that begins without a plan makes one: that is a plan like any other
-    plan = session.plan if session.plan is not None else PlanRecord(job.ends)
-    return replace(session, plan=plan.with_step(event), flight=replace(flight, plan=event.motion))
+    plan = session.plan or PlanRecord(job.ends, session.choice.planner, session.plan_settings)
+    plan = plan.with_step(event)
+    if plan.is_unsafe and not job.anyway:
+        return _grounded(session, plan)
+    return replace(session, plan=plan, flight=replace(flight, plan=event.motion))
+
+
+def _grounded(session: Session, plan: PlanRecord) -> Session:
+    """The session whose flight does not take off with its first plan: where that took a guess for its duration, the
+    duration is found before it flies; else the person is asked."""
+    session = replace(session, job=None, plan=plan, flight=None)
+    if not plan.settings.shortest:
+        return replace(session, doubt=plan if plan.leads else None)
+    planning = begun(session, JobKind.PLAN)
+    return planning if planning.job is None else replace(planning, job=replace(planning.job, then_fly=True))
 
 
 def _finished(session: Session, job: Job, result: e.JobResult) -> Session:
@@ -85,21 +97,15 @@ def _finished(session: Session, job: Job, result: e.JobResult) -> Session:
     if job.kind is JobKind.PLAN and session.plan is not None:
         quick = result.summary.get("wall_s", PlanRecord.QUICK_S) < PlanRecord.QUICK_S
         plan = replace(session.plan, summary=result.summary, replayed=0.0 if quick else None)
-        session, outcome = replace(session, plan=plan), plan.outcome
-        if outcome in (PlanOutcome.NO_PATH, PlanOutcome.DIVERGED):
-            return noticed(session, "No plan", sentence(outcome.value), bad=True)
-        if outcome in (PlanOutcome.LIKELY_COLLISION, PlanOutcome.TOUCHES_MESH):
-            return noticed(session, "Not safe to fly", sentence(outcome.value), bad=True)
+        session = replace(session, plan=plan)
+        if job.then_fly and session.fresh_plan is not None:
+            return begun(session, JobKind.FLY)
+        return replace(session, doubt=plan) if job.then_fly and plan.is_unsafe and plan.leads else session
     if job.kind is JobKind.PLACE:
         return placed(session, result)
     if job.kind is JobKind.FIND:
         found = result.summary["outcome"] == RelocaliseOutcome.FOUND.name.lower()
         return noticed(session, "Found" if found else "Not found", sentence(result.summary["advice"]), bad=not found)
     if job.kind is JobKind.FLY and session.flight is not None:
-        flight = replace(session.flight, summary=result.summary)
-        session = replace(session, flight=flight)
-        if flight.outcome is not None:
-            happy = flight.outcome is EpisodeOutcome.REACHED
-            title = "Arrived" if happy else "Flight ended"
-            return noticed(session, title, sentence(flight.outcome.value), bad=not happy)
+        return replace(session, flight=replace(session.flight, summary=result.summary))
     return session

@@ -3,16 +3,31 @@
 from dataclasses import replace
 
 from app.places.ends import opening_ends
+from app.places.place import Place
 from app.reducers.common import noticed
 from app.state import actions as m
+from app.state.choice import Choice
 from app.state.downloads import MapWish
 from app.state.experiments import StartExperiment
+from app.state.flight_settings import FlightSettings
 from app.state.job import Job, JobKind
+from app.state.plan_actions import AllowTime, PlanAction, RestoreWeights, StayDown
+from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord
 from app.state.session import Session
+from app.state.view_settings import ViewSettings
+from nerfnav.planner import CostWeights
 
 JobCommand = (
-    m.StartComparison | m.StartPlan | m.StartFlight | m.FindRobot | m.TakeMap | m.Cancel | m.Reset | StartExperiment
+    m.StartComparison
+    | m.StartPlan
+    | m.StartFlight
+    | PlanAction
+    | m.FindRobot
+    | m.TakeMap
+    | m.Cancel
+    | m.Reset
+    | StartExperiment
 )
 
 
@@ -23,8 +38,15 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return begun(session, JobKind.COMPARE)
         case m.StartPlan():
             return begun(session, JobKind.PLAN)
-        case m.StartFlight():
-            return begun(session, JobKind.FLY)
+        case m.StartFlight(anyway):
+            return _flown(session, anyway)
+        case StayDown():
+            return replace(session, doubt=None)
+        case AllowTime(seconds):
+            return begun(replace(session, plan_settings=session.plan_settings.lasting(seconds)), JobKind.PLAN)
+        case RestoreWeights():
+            weighed = replace(session.plan_settings, weights=CostWeights())
+            return begun(replace(session, plan_settings=weighed), JobKind.PLAN)
         case StartExperiment():
             asked = replace(session, experiments=session.experiments.commanded(command))
             return begun(asked, JobKind.EXPERIMENT)
@@ -36,26 +58,49 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return cancelled(session)
         case m.Reset():
             assert session.place is not None, "nothing is reset before a place is open"
-            ends = opening_ends(session.place, session.home) or session.ends
-            stopped = replace(cancelled(session), plan=None, flight=None, comparison=(), search=None)
-            return replace(stopped, task=session.home, ends=ends, problems={})
+            return _reset(session, session.place)
 
 
-def begun(session: Session, kind: JobKind, map: MapWish | None = None) -> Session:
-    """The session that wants a job of this kind, on a fresh record; a notice where another one runs."""
+def begun(
+    session: Session, kind: JobKind, map: MapWish | None = None, anyway: PlanRecord | None = None
+) -> Session:
+    """The session that wants a job of this kind, on a fresh record; a notice where another one runs.
+
+    A flight begins with the plan that is there, or with one that is to be flown `anyway`.
+    """
     if not session.may_begin:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
-    job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
-    job = replace(job, pace=session.flight_settings.pace, map=map)
+    job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, map=map)
+    if kind is JobKind.FLY:
+        job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)
     fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
     if kind is JobKind.COMPARE:
         return replace(fresh, comparison=())
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.PLACE):
         return fresh
-    fresh = replace(fresh, flight=None, comparison=(), search=None)
+    fresh = replace(fresh, flight=None, doubt=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
-        return replace(fresh, plan=PlanRecord(session.ends))
-    return replace(fresh, plan=session.fresh_plan, flight=FlightRecord(session.ends))
+        return replace(fresh, plan=PlanRecord(session.ends, session.choice.planner, session.plan_settings))
+    return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends))
+
+
+def _flown(session: Session, anyway: bool) -> Session:
+    """The session that flies, or that asks first, where the plan is known not to be safe."""
+    unsafe = session.unsafe_plan
+    if unsafe is None or not unsafe.leads or not session.may_begin:
+        return begun(session, JobKind.FLY)  # which looks for a way itself, where none was found
+    return begun(session, JobKind.FLY, anyway=unsafe) if anyway else replace(session, doubt=unsafe)
+
+
+def _reset(session: Session, place: Place) -> Session:
+    """The session as it was once the place was open, the robot and the task that were chosen since excepted."""
+    ends = opening_ends(place, session.home) or session.ends
+    stopped = replace(cancelled(session), plan=None, flight=None, doubt=None, comparison=(), search=None)
+    return replace(
+        stopped, task=session.home, ends=ends, problems={}, offers={}, held=False, aiming=None, clicked=None,
+        choice=Choice(session.choice.robot), plan_settings=PlanSettings.of(place), flight_settings=FlightSettings(),
+        view_settings=ViewSettings().where(splats=place.splats is not None),
+    )  # fmt: skip
 
 
 def _sought(session: Session) -> Session:

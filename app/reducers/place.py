@@ -20,8 +20,8 @@ PlaceCommand = m.MoveEnd | m.ChooseTask | m.OpenPlace | m.Choose | m.Aim | m.Poi
 def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Session:
     """The session after such a command, where `place` is open."""
     match command:
-        case m.MoveEnd(which, end):
-            return moved(session, place, which, end)
+        case m.MoveEnd(which, end, held):
+            return moved(session, place, which, end, held)
         case m.ChooseTask(name):
             ends = opening_ends(place, name)
             return session if ends is None else replace(session, task=name, home=name, ends=ends, problems={})
@@ -60,7 +60,8 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
         return chosen
     # plans and flights are those of another body
     other = place.with_robot(choice.robot)
-    return settled(replace(cancelled(chosen), plan=None, flight=None, comparison=(), search=None), other)
+    forgotten = replace(cancelled(chosen), plan=None, flight=None, doubt=None, comparison=(), search=None)
+    return settled(forgotten, other)
 
 
 def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:

@@ -10,6 +10,7 @@ from app.state.choice import Choice
 from app.state.downloads import MapWish
 from app.state.experiments import ExperimentAction
 from app.state.placing import PlacingAction
+from app.state.plan_actions import PlanAction
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange
 from app.state.session import Session, Vector
@@ -22,6 +23,8 @@ class MoveEnd:
 
     which: Which
     end: End
+    held: bool = False
+    """Whether a hand still moves it."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +130,9 @@ class StartPlan:
 class StartFlight:
     """Fly from start to goal with the camera alone, replanning at every step."""
 
+    anyway: bool = False
+    """Whether to fly a plan that is not safe: else the person is asked first."""
+
 
 @dataclass(frozen=True)
 class TakeMap:
@@ -157,7 +163,7 @@ class StepOnce:
 
 @dataclass(frozen=True)
 class Reset:
-    """Stop, forget plan and flight, and put the ends back where the task has them."""
+    """Stop, forget plan and flight, put the ends back where the task has them, and all settings as they were."""
 
 
 @dataclass(frozen=True)
@@ -185,6 +191,7 @@ Command = (
     | FindRobot
     | StartPlan
     | StartFlight
+    | PlanAction
     | TakeMap
     | Cancel
     | Pause

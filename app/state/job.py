@@ -33,6 +33,10 @@ class Job:
     """Between which start and goal."""
     first_plan: PlanRecord | None = None
     """For a flight: a finished plan between these ends, to begin with."""
+    anyway: bool = False
+    """For a flight: whether it is wanted though its plan is not safe."""
+    then_fly: bool = False
+    """For a plan: whether it is to be flown, if it is good."""
     label: str = ""
     """What is being done, for the user."""
     fraction: float | None = None

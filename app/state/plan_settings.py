@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, field, fields, replace
 
+from app.places.place import Place
 from nerfnav.errors import InvalidInputError
 from nerfnav.planner import CostWeights, PlannerConfig, planners
 
-_SHORTEST_S, _LONGEST_S = 0.5, 600.0
+_SHORTEST_S, LONGEST_S = 0.5, 600.0
 _HEAVIEST, _MOST_SAMPLES, _WIDEST_M = 1e6, 16, 0.2
 
 
@@ -20,10 +21,19 @@ class PlanSettings:
     weights: CostWeights = field(default_factory=CostWeights)
     """What the terms of J weigh."""
 
+    @classmethod
+    def of(cls, place: Place) -> "PlanSettings":
+        """With what plans begin in a place: without tasks, nobody knows how long its ways take."""
+        return cls(shortest=not place.tasks)
+
+    def lasting(self, seconds: float) -> "PlanSettings":
+        """The same with this duration [s], and none to be found."""
+        return replace(self, duration_s=seconds, shortest=False)
+
     def check(self) -> None:
         """Raise InvalidInputError for numbers that no plan can have: they are typed, and the notice tells the range."""
-        if not _SHORTEST_S <= self.duration_s <= _LONGEST_S:
-            raise InvalidInputError(f"the duration must be from {_SHORTEST_S:g} to {_LONGEST_S:g} s")
+        if not _SHORTEST_S <= self.duration_s <= LONGEST_S:
+            raise InvalidInputError(f"the duration must be from {_SHORTEST_S:g} to {LONGEST_S:g} s")
         most = {"samples_per_step": _MOST_SAMPLES, "margin": _WIDEST_M}
         for part in fields(self.weights):
             value, largest = getattr(self.weights, part.name), most.get(part.name, _HEAVIEST)

@@ -4,10 +4,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from app.places.ends import Ends
+from app.state.plan_settings import PlanSettings
 from nerfnav.estimator import FilterStep, RelocaliseStep
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
-from nerfnav.planner import PlanCost, PlanOutcome, PlanStep
+from nerfnav.planner import GOOD, PlanCost, PlanOutcome, PlanStep
 from nerfnav.robots import Motion, RigidState
+
+NOWHERE = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
+"""Outcomes of plans that are no way from start to goal."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,14 @@ class PlanRecord:
 
     ends: Ends
     """What it was asked to join."""
+    planner: str = "fast"
+    """Who was asked."""
+    settings: PlanSettings = field(default_factory=PlanSettings)
+    """How it was asked to be."""
+    draft: bool = False
+    """Whether it only follows a hand that still moves an end: nobody has judged it."""
+    refusal: str = ""
+    """Why there is none for what was asked later."""
     latest: PlanStep | None = None
     """The last iteration so far."""
     trail: tuple[Motion, ...] = ()
@@ -65,6 +77,21 @@ class PlanRecord:
     def outcome(self) -> PlanOutcome | None:
         """None while it is computed, or when it was stopped."""
         return None if self.latest is None else self.latest.outcome
+
+    @property
+    def is_good(self) -> bool:
+        """Whether it is finished and nothing is known against flying it."""
+        return self.outcome in GOOD and not self.draft
+
+    @property
+    def is_unsafe(self) -> bool:
+        """Whether it has ended with something that is not to be flown."""
+        return self.outcome is not None and self.outcome not in GOOD
+
+    @property
+    def leads(self) -> bool:
+        """Whether it is a way from start to goal at all, be it a bad one."""
+        return self.latest is not None and self.outcome not in NOWHERE
 
     @property
     def shown(self) -> PlanStep | None:
@@ -146,5 +173,5 @@ class FlightRecord:
         if isinstance(step, RelocaliseStep):
             return replace(self, doing="looking for the robot everywhere")
         if isinstance(step, FilterStep):
-            return replace(self, guess=step.mean, doing=f"filtering, iteration {step.iteration + 1}")
-        return replace(self, plan=step.motion, doing=f"replanning, iteration {step.iteration + 1}")
+            return replace(self, guess=step.mean, doing="comparing its picture with the field")
+        return replace(self, plan=step.motion, doing="planning the rest of the way")

@@ -24,7 +24,6 @@ from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord, SearchRecord
 from app.state.runs import Runs
 from app.state.view_settings import Eye, ViewSettings
-from nerfnav.planner import GOOD
 
 Vector = tuple[float, float, float]
 
@@ -51,8 +50,8 @@ class Notice:
     body: str
     bad: bool = False
     """Whether something failed."""
-    jobs_begun: int = 0
-    """How many jobs had begun by then: the next one makes it old news."""
+    cause: Hashable = None
+    """What a person had asked for by then, `Session.asked`: once that is something else, it is old news."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +80,8 @@ class Session:
     """What keeps the robot from an end, None where nothing does; absent while it is being looked at."""
     offers: dict[Which, End] = field(default_factory=dict)
     """Where the robot would fit near an end at which it does not."""
+    held: bool = False
+    """Whether a hand moves an end now."""
     aiming: Which | None = None
     """Which end the next click into the scene puts down."""
     clicked: Click | None = None
@@ -99,6 +100,8 @@ class Session:
     """How many jobs there were."""
     plan: PlanRecord | None = None
     """The last plan."""
+    doubt: PlanRecord | None = None
+    """A plan that is not safe, which a person has asked to fly: whether it is flown anyway is not said yet."""
     comparison: tuple[PlannerResult, ...] = ()
     """What the planners of the last comparison have found, as far as it has come."""
     flight: FlightRecord | None = None
@@ -124,20 +127,46 @@ class Session:
 
     @property
     def fresh_plan(self) -> PlanRecord | None:
-        """The plan, if it is finished and joins the ends as they are now."""
+        """The plan, if it is finished and safe, and what is asked for now."""
         plan = self.plan
-        return plan if plan is not None and plan.outcome in GOOD and plan.ends == self.ends else None
+        return plan if plan is not None and plan.is_good and not self.plan_is_stale else None
+
+    @property
+    def unsafe_plan(self) -> PlanRecord | None:
+        """The plan, if it is what is asked for now and not to be flown."""
+        plan = self.plan
+        return plan if plan is not None and plan.is_unsafe and not self.plan_is_stale else None
+
+    @property
+    def asked(self) -> Hashable:
+        """What a person has asked for: whatever goes wrong is caused by that."""
+        opening = self.job is not None and self.job.kind is JobKind.OPEN and self.place is not None
+        job = None if self.job is None or opening else self.job.id
+        settings = self.choice, self.ends, self.plan_settings, self.flight_settings
+        return self.what, settings, self.placing, self.aiming, self.runs.asked, self.experiments, self.jobs_begun, job
 
     @property
     def trouble(self) -> Notice | None:
-        """What failed last, until the next job begins."""
-        last = self.notices[-1] if self.notices else None
-        return last if last is not None and last.bad and last.jobs_begun == self.jobs_begun else None
+        """What failed last, until something else is asked for."""
+        last = next((notice for notice in reversed(self.notices) if notice.bad), None)
+        return last if last is not None and last.cause == self.asked else None
 
     @property
     def plan_is_stale(self) -> bool:
-        """Whether start or goal have moved since the plan was asked for."""
-        return self.plan is not None and self.plan.ends != self.ends
+        """Whether something else is asked for than when the plan was made: other ends, settings or planner."""
+        plan = self.plan
+        asked = self.ends, self.choice.planner, self.plan_settings
+        return plan is not None and (plan.ends, plan.planner, plan.settings) != asked
+
+    @property
+    def plan_follows(self) -> bool:
+        """Whether the plan is a moment behind a hand that moves an end."""
+        return self.held and self.plan is not None and self.plan.draft and not self.plan.refusal
+
+    @property
+    def flight_is_shown(self) -> bool:
+        """Whether there is a flight in place of the plan, be it under way: until start or goal move after it."""
+        return self.flight is not None and bool(self.flight.steps) and (self.in_flight or not self.flight_is_stale)
 
     @property
     def replaying(self) -> bool:
@@ -192,7 +221,7 @@ class Session:
         """After a tab was closed: what was rendered for it alone is forgotten."""
         eyes = {tab: eye for tab, eye in self.eyes.items() if tab != client}
         kept = {slot: pair for slot, pair in self.results.items() if getattr(pair[0], "client", None) != client}
-        return replace(self, eyes=eyes, results=kept)
+        return replace(self, eyes=eyes, results=kept, held=False)  # perhaps by its hand
 
     @property
     def steps_reported(self) -> int:

@@ -13,6 +13,7 @@ from .optimize import PlanConfig as PlanConfig
 from .optimize import plan as plan
 from .optimize import replan as replan
 from .planner import FieldPlanner as FieldPlanner
+from .planner import FollowingPlanner as FollowingPlanner
 from .planner import Planner as Planner
 from .planner import PlannerConfig as PlannerConfig
 from .planner import PlannerEntry as PlannerEntry

@@ -37,6 +37,15 @@ class Planner(Protocol):
 
 
 @runtime_checkable
+class FollowingPlanner(Planner, Protocol):
+    """A planner that is quick enough to plan again while a hand still holds an end."""
+
+    def follow(self, last: Motion, route: Route) -> Iterator[PlanStep]:
+        """Plan with `last`, a plan between ends that were near, as warm start; the last step has the outcome."""
+        ...
+
+
+@runtime_checkable
 class PlannerConfig(Protocol):
     """A frozen dataclass that says how a planner plans."""
 

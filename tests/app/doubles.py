@@ -10,10 +10,12 @@ from app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress
 from app.places.place import Place
 from app.queries.end_fit import EndFit, EndFitQuery
 from app.queries.experiments import Experiments, ExperimentsQuery
+from app.queries.following_plan import FollowingPlanQuery
 from app.queries.query import Query, Resources
 from app.queries.robot_view import RobotViewQuery
 from app.queries.run_list import RunListQuery
 from app.queries.stored_run import StoredRunQuery
+from app.queries.wanted_plan import WantedPlan
 from app.state.actions import RunChanged
 from app.state.job import Job, JobKind
 from app.state.runs import RunChange
@@ -134,6 +136,8 @@ class ScriptedWork:
         self.asked.append(query)
         if isinstance(query, EndFitQuery):
             return EndFit(None)
+        if isinstance(query, FollowingPlanQuery):
+            return WantedPlan(refusal="nobody plans here")
         assert isinstance(query, RobotViewQuery), f"nobody has scripted an answer to {query}"
         return tuple(np.full((20, 20, 3), 90, np.uint8) for _ in query.states)
 

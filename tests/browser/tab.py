@@ -46,7 +46,7 @@ _TAB_OF_BUTTON = {
     **dict.fromkeys(("start", "goal"), "Scene"),
     **dict.fromkeys(("Plan", "Cancel", "Compare planners"), "Plan"),
     **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop", "Gust"), "Fly"),
-    **dict.fromkeys(("Find the robot", "Carry it away"), "Estimate"),
+    **dict.fromkeys(("Find the robot", "Put it elsewhere"), "Estimate"),
     **dict.fromkeys(("Open", "Compare", "End comparison", "Rename", "Delete"), "Runs"),
     **dict.fromkeys(("Download", "Download map", "Screenshot", "Reset"), "Export"),
 }
@@ -171,6 +171,11 @@ class Tab:
         """Open a folder of the side panel."""
         self.turn_to(title)
         self.page.get_by_text(folder, exact=True).click()
+
+    def on_screen(self, point: np.ndarray) -> tuple[float, float]:
+        """Where a world point is in the page [pixels]."""
+        x, y = self.page.evaluate(_TO_SCREEN, point.tolist())
+        return x, y
 
     def click_at(self, point: tuple[float, float, float]) -> None:
         """Click into the scene where a world point is."""

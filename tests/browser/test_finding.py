@@ -57,7 +57,7 @@ def test_a_robot_is_found_and_carried_away_in_flight_and_found_after_it(serve: S
     step_until(tab, lambda: last_search(app) is not None, "the page was not told what the search found")
     tab.until(lambda: tab.is_visible("/search/ghosts"), "no candidate is shown")
 
-    tab.press("Carry it away")
+    tab.press("Put it elsewhere")
     step_until(tab, lambda: max(moves(app)) > 0.45, "it was not carried away")
     tab.press("Stop")
     tab.until(lambda: app.session.job is None, "it flies on", 60)

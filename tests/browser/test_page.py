@@ -122,7 +122,7 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
         tab.until(
             lambda tab=tab, goal=goal: np.allclose(tab.line("/plan/line")[-1], goal, atol=1e-4), "it ends elsewhere"
         )
-    first.until(lambda: first.says("The cost has settled."), "the page does not say how it ended")
+    first.until(lambda: first.says("The plan cannot be improved any more."), "the page does not say how it ended")
 
 
 def test_a_plan_turns_grey_when_an_end_moves(serve: Serve, open_tab: OpenTab) -> None:
@@ -133,7 +133,7 @@ def test_a_plan_turns_grey_when_an_end_moves(serve: Serve, open_tab: OpenTab) ->
     fresh = tab.property("/plan/line", "colors")
     tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
     tab.until(lambda: tab.property("/plan/line", "colors") != fresh, "a stale plan looks fresh")
-    tab.until(lambda: tab.says("this plan leads to the earlier ones"), "the page does not say that it is stale")
+    tab.until(lambda: tab.says("this is the earlier plan"), "the page does not say that it is stale")
 
 
 def test_cancel_stops_a_plan_and_the_next_one_can_begin(serve: Serve, open_tab: OpenTab) -> None:
@@ -142,7 +142,7 @@ def test_cancel_stops_a_plan_and_the_next_one_can_begin(serve: Serve, open_tab: 
     tab.until(lambda: tab.says("Optimising 50 %"), "no progress is shown")
     tab.press("Cancel")
     tab.until(lambda: tab.app.session.job is None, "the plan went on")
-    tab.until(lambda: tab.says("Stopped before it had settled."), "the page does not say that it stopped")
+    tab.until(lambda: tab.says("Stopped before it was done."), "the page does not say that it stopped")
     assert tab.is_visible("/plan/line")
     tab.press("Plan")
     tab.until(lambda: tab.app.session.job is not None, "no second plan began")
@@ -153,11 +153,12 @@ def test_a_failed_job_is_told_and_the_app_goes_on(serve: Serve, open_tab: OpenTa
     app = serve(work)
     tab = open_tab(app)
     tab.press("Plan")
-    popup = tab.page.locator(".mantine-Notification-root", has_text="the goal is inside a stone")
-    popup.wait_for()
+    tab.until(lambda: tab.says("Could not plan: the goal is inside a stone"), "nobody says why")
+    assert tab.page.locator(".mantine-Notification-root", has_text="inside a stone").count() == 0, "it is said twice"
     work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
     tab.press("Plan")
     tab.until(lambda: tab.is_visible("/plan/line"), "the app did not go on")
+    tab.until(lambda: not tab.says("inside a stone"), "the error has outlived its cause")
 
 
 def test_a_flight_can_be_paused_stepped_and_stopped(serve: Serve, open_tab: OpenTab) -> None:

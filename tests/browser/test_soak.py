@@ -86,7 +86,7 @@ class Crowd:
         page.keyboard.press("f")
         page.get_by_role("tab", name="Estimate").click()
         # can be pressed once the robot flies, before which a new machine compiles its kernels
-        page.get_by_role("button", name="Carry it away").click(timeout=4000 * PATIENCE_S)
+        page.get_by_role("button", name="Put it elsewhere").click(timeout=4000 * PATIENCE_S)
         page.wait_for_timeout(10_000)
 
     def act(self) -> str:

@@ -80,7 +80,7 @@ class _Handle:
     async def _moved(self, event: viser.TransformControlsEvent) -> None:
         """Runs on the server's event loop, so that moves keep their order."""
         self._dragged = event.phase != "end"
-        self._post(MoveEnd(self._which, End(_vector(event.target.position), self._end.yaw)))
+        self._post(MoveEnd(self._which, End(_vector(event.target.position), self._end.yaw), held=self._dragged))
 
     def show(self, end: End, blocked: bool) -> None:
         """Put the handle at `end`; while a user drags it, that user's hand is ahead of the session."""

@@ -31,6 +31,13 @@ def segments(points: np.ndarray) -> np.ndarray:
     return np.stack([points[:-1], points[1:]], axis=1)
 
 
+def dashes(points: np.ndarray, count: int = 20) -> np.ndarray:
+    """A line through points (n, 3) as so many dashes of equal length, with gaps as long (count, 2, 3)."""
+    along = np.r_[0.0, np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()]
+    at = np.linspace(0, along[-1], 2 * count)
+    return np.stack([np.interp(at, along, axis) for axis in points.T], -1).reshape(count, 2, 3)
+
+
 class Line:
     """A line through points, in one colour; hidden while there are fewer than two points."""
 
@@ -38,9 +45,12 @@ class Line:
         """`thickness` is in metres."""
         self._fan = Fan(server, name, color, thickness)
 
-    def show(self, points: np.ndarray | None, color: Rgb | None = None) -> None:
+    def show(self, points: np.ndarray | None, color: Rgb | None = None, dashed: bool = False) -> None:
         """Draw the line through `points` (n, 3) [m], or nothing."""
-        self._fan.show(segments(points) if points is not None and len(points) > 1 else None, color)
+        if points is None or len(points) < 2:
+            self._fan.show(None)
+        else:
+            self._fan.show(dashes(points) if dashed else segments(points), color)
 
 
 class Fan:
@@ -110,6 +120,10 @@ class Bodies:
         """Draw bodies of another shape from now on."""
         self._node.vertices = shape.vertices
         self._node.faces = shape.faces
+
+    def paint(self, color: Rgb) -> None:
+        """Draw bodies in another colour from now on."""
+        self._node.batched_colors = np.array(color, dtype=np.uint8)
 
     def show(self, centers: np.ndarray, wxyzs: np.ndarray, scales: np.ndarray | None = None) -> None:
         """Draw a body at each of `centers` (n, 3) [m], or none where n is 0; `scales` (n, 3) are along its axes."""

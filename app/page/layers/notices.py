@@ -1,8 +1,8 @@
-"""Notices that pop up once in every tab."""
+"""Good news that pop up once in every tab; what went wrong is said in the status line alone, until it is put right."""
 
 import viser
 
-from app.page.theme import HIT, START
+from app.page.theme import START
 from app.state.session import Session
 
 _SECONDS = 8.0
@@ -21,10 +21,7 @@ class NoticesLayer:
             if notice.id <= self._shown:
                 continue
             self._shown = notice.id
+            if notice.bad:
+                continue
             for client in self._server.get_clients().values():
-                client.add_notification(
-                    notice.title,
-                    notice.body,
-                    color=HIT if notice.bad else START,
-                    auto_close_seconds=None if notice.bad else _SECONDS,
-                )
+                client.add_notification(notice.title, notice.body, color=START, auto_close_seconds=_SECONDS)

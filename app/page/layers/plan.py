@@ -1,15 +1,17 @@
 """The plan: its line as it is now, a few earlier iterations, and the body along it."""
 
+from enum import Enum
+
 import numpy as np
 import viser
 
 from app.jobs.events import PlannerResult
 from app.page.layers.nodes import Bodies, Line, Trail, positions, quaternions
 from app.page.layers.shapes import robot_shape
-from app.page.theme import PLAN, STALE
-from app.state.records import PlanRecord
+from app.page.theme import HIT, PLAN, STALE
+from app.state.records import NOWHERE, PlanRecord
 from app.state.session import Session
-from nerfnav.planner import PLANNERS
+from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
 from nerfnav.robots import Motion, Robot
 
 _THICKNESS = 0.017  # [m]
@@ -28,40 +30,76 @@ class PlanLayer:
         }
         self._compared: tuple[PlannerResult, ...] = ()
         self._robot: Robot | None = None
-        self._shown: tuple[int, bool, bool] | None = None
+        self._plan: PlanRecord | None = None
+        self._shown: tuple[Look, bool] | None = None
 
     def show(self, session: Session) -> None:
-        """Draw the plan; greyed where the ends have moved since, hidden where a flight shows its own."""
+        """Draw the plan as `look_of` says."""
         self._compare(session.comparison)
-        flying = session.flight is not None and bool(session.flight.steps)
-        plan = None if flying else session.plan
-        stale, busy = session.plan_is_stale, session.job is not None
-        if session.place is None or self._shown == (id(plan), stale, busy):
+        plan, shown = session.plan, (look_of(session), session.job is not None or session.held)
+        if session.place is None or (plan is self._plan and shown == self._shown):
             return
-        self._shown = id(plan), stale, busy
+        self._plan, self._shown = plan, shown
         if self._robot is not session.place.robot:
             self._robot = session.place.robot
             self._bodies.shape(robot_shape(self._robot.body.extents))
-        step, replaying = (None, False) if plan is None else (plan.shown, plan.replayed is not None)
-        motion = None if step is None else step.motion
         with self._server.atomic():
-            self._line.show(None if motion is None else positions(motion.states), STALE if stale else PLAN)
-            self._trail.show(_beside(plan, moving=busy or replaying) if plan is not None and not stale else ())
-            bodies = motion if motion is not None and not (busy or replaying or stale) else None
-            if bodies is None:
-                self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
-            else:
-                self._bodies.show(positions(bodies.states), quaternions(bodies.states))
+            self._draw(plan if shown[0] is not Look.HIDDEN else None, *shown)
+
+    def _draw(self, plan: PlanRecord | None, look: "Look", busy: bool) -> None:
+        """Draw what there is of a plan; the bodies along it only once it rests."""
+        motion = None if plan is None or plan.shown is None else plan.shown.motion
+        moving = busy or (plan is not None and plan.replayed is not None)
+        self._line.show(
+            None if motion is None else positions(motion.states), _COLORS.get(look), dashed=look is Look.UNSAFE
+        )
+        self._trail.show(_beside(plan, moving) if plan is not None and look is Look.WANTED else ())
+        if motion is None or moving or look is Look.STALE:
+            self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
+        else:
+            self._bodies.paint(_COLORS[look])
+            self._bodies.show(positions(motion.states), quaternions(motion.states))
 
     def _compare(self, comparison: tuple[PlannerResult, ...]) -> None:
         """Draw the plans of a comparison."""
         if comparison is self._compared:
             return
         self._compared = comparison
-        motions = {result.planner: result.motion for result in comparison}
+        results = {result.planner: result for result in comparison}
         for name, line in self._comparison.items():
-            motion = motions.get(name)
-            line.show(None if motion is None else positions(motion.states))
+            motion, outcome = _found(results.get(name))
+            points = None if motion is None or outcome in NOWHERE else positions(motion.states)
+            line.show(points, dashed=outcome is not None and outcome not in GOOD)
+
+
+class Look(Enum):
+    """How a plan is drawn."""
+
+    HIDDEN = "not at all: it leads nowhere, or a flight shows its own"
+    WANTED = "as what is asked for now, or as near to that as it could follow"
+    STALE = "greyed: something else is asked for now"
+    UNSAFE = "in red dashes: not to be flown"
+
+
+_COLORS = {Look.WANTED: PLAN, Look.STALE: STALE, Look.UNSAFE: HIT}
+
+
+def look_of(session: Session) -> Look:
+    """How the plan of a session is drawn."""
+    plan = session.plan
+    if plan is None or session.flight_is_shown or not plan.leads:
+        return Look.HIDDEN
+    if session.plan_is_stale and not session.plan_follows:
+        return Look.STALE
+    return Look.UNSAFE if plan.is_unsafe else Look.WANTED
+
+
+def _found(result: PlannerResult | None) -> tuple[Motion | None, PlanOutcome | None]:
+    """What a planner of a comparison has found, and how it ended."""
+    if result is None or result.motion is None:
+        return None, None
+    name = result.summary.get("outcome")
+    return result.motion, None if name is None else PlanOutcome[name.upper()]
 
 
 def _beside(plan: PlanRecord, moving: bool) -> tuple[Motion, ...]:

@@ -94,7 +94,7 @@ def entries() -> Iterator[Shortcut]:
     yield Shortcut("Pause or resume", _hold, "space", icon=icons.PLAYER_PAUSE)
     yield Shortcut("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step")
     yield Shortcut("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
-    yield Shortcut("Carry it away", _when_flying(CarryAway()), icon=icons.HAND_GRAB, hint="Put it down elsewhere")
+    yield Shortcut("Put it elsewhere", _when_flying(CarryAway()), icon=icons.HAND_GRAB, hint="Kidnapped robot")
     yield Shortcut("Find the robot", lambda session: FindRobot() if session.may_find else None, icon=icons.MAP_SEARCH,
                 hint="Look for it everywhere by its last picture alone")  # fmt: skip
     yield Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)

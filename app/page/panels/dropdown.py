@@ -9,6 +9,17 @@ from app.state.actions import Choose, Command
 from app.state.session import Session
 from app.text import capital
 
+_LABELS = {
+    "planner": {
+        "fast": "quick",
+        "paper": "as in the paper, slow",
+        "minsnap": "minimum snap",
+        "rrt": "random tree (RRT)",
+    },
+    "estimator": {"fast": "quick", "paper": "as in the paper, slow"},
+}
+"""What people read in place of a name; names that are not here are read as they are."""
+
 
 class ChoiceList:
     """The dropdown of one field of `Choice`."""
@@ -19,16 +30,19 @@ class ChoiceList:
         """`field` is the name of the field, whose values are among `names`; `post` takes what the user asks."""
         self._field, self._post = field, post
         self._session: Session | None = None
+        labels = _LABELS.get(field, {})
+        self._names = {labels.get(name, name): name for name in names}
+        self._labels = {name: label for label, name in self._names.items()}
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-            capital(field), list[str](names), hint=hint
+            capital(field), list[str](self._names), hint=hint
         )
         self._list.on_update(self._take)
 
     async def _take(self, event: viser.GuiEvent) -> None:
         if event.client is not None and self._session is not None:
-            self._post(Choose(replace(self._session.choice, **{self._field: str(self._list.value)})))
+            self._post(Choose(replace(self._session.choice, **{self._field: self._names[str(self._list.value)]})))
 
     def show(self, session: Session) -> None:
         """Show what is chosen."""
         self._session = session
-        self._list.value = getattr(session.choice, self._field)
+        self._list.value = self._labels[getattr(session.choice, self._field)]

@@ -12,7 +12,7 @@ from app.state.session import Session
 from app.text import capital, sentence
 from nerfnav.geometry import Box
 
-_BY_HAND = "put by hand"
+_BY_HAND = "my own"
 
 
 class EndsPanel:

@@ -29,8 +29,8 @@ class EstimatePanel:
             hint="Look for it everywhere by its last picture alone, as if nothing were known",
         )  # fmt: skip
         self._carry = server.gui.add_button(
-            "Carry it away", color="gray", icon=viser.Icon.HAND_GRAB, visible=False,
-            hint="Put the flying robot down somewhere else, without telling it",
+            "Put it elsewhere", color="gray", icon=viser.Icon.HAND_GRAB, visible=False,
+            hint="Kidnapped robot: the flying robot is put down somewhere else, without being told",
         )  # fmt: skip
         self._found = server.gui.add_html("", visible=False)
         self._numbers = server.gui.add_html(note("Opening…"))

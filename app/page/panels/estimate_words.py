@@ -18,12 +18,13 @@ def describe(flight: FlightRecord | None) -> str:
         return note("Nothing is estimated yet: press Fly, and the robot finds its way by its camera.")
     last = flight.steps[-1]
     error, deviation = last.truth.local(last.belief.mean), last.belief.covariance.diagonal().clamp_min(0).sqrt()
+    nees = nees_of_pose(last.belief, last.truth)
     rows = [
         ("Position error", number(100 * error[POSITION].norm().item(), "cm")),
-        ("Standard deviations", _three(100 * deviation[POSITION].numpy(), "cm")),
+        ("Expected along x · y · z", _three(100 * deviation[POSITION].numpy(), "cm"), "Standard deviations"),
         ("Attitude error", number(np.rad2deg(error[ATTITUDE].norm().item()), "°")),
-        ("Standard deviations", _three(np.rad2deg(deviation[ATTITUDE].numpy()), "°")),
-        ("NEES of the pose (6 where honest)", number(nees_of_pose(last.belief, last.truth), "")),
+        ("Expected about x · y · z", _three(np.rad2deg(deviation[ATTITUDE].numpy()), "°"), "Standard deviations"),
+        ("Error against expectation", _times(nees), f"NEES of the pose: {nees:.3g}; 6 on average where it is honest"),
         *_of_update(last),
     ]
     words = last.update.outcome.value if last.update is not None and last.update.outcome is not None else ""
@@ -74,6 +75,11 @@ def _of_update(step: NavigationStep) -> list[tuple[str, str]]:
         ("Pixels", f"{used} of {count}" if used < count else str(count)),
         ("Filter", number(step.filter_ms, "ms")),
     ]
+
+
+def _times(nees: float) -> str:
+    """How many times as large the error of the pose is as the covariance expects: the root of its mean square."""
+    return f"{max(nees / 6, 0.0) ** 0.5:.2g} × as expected"
 
 
 def _three(values: np.ndarray, unit: str) -> str:

@@ -67,11 +67,11 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool) -> str:
     rows = [
         ("Time", number(last.time, "s")),
         ("Position error", number(100 * error[POSITION].norm().item(), "cm")),
-        ("Expected from the covariance", number(100 * deviation, "cm")),
+        ("Expected position error", number(100 * deviation, "cm"), "Root of the trace of the position's covariance"),
         ("Attitude error", number(np.rad2deg(error[ATTITUDE].norm().item()), "°")),
         ("Filter", number(last.filter_ms, "ms")),
         ("Replanning", number(last.replan_ms, "ms")),
-        ("Steps that touched the mesh", str(sum(step.touched for step in flight.steps))),
+        ("Time steps in contact", str(sum(step.touched for step in flight.steps)), "With the ground-truth mesh"),
     ]
     words = sentence(flight.outcome.value) if flight.outcome is not None else ""
     if not words and not flying:

@@ -20,11 +20,13 @@ class PlanCharts:
         """Put the charts up below what is there."""
         self._cost = Chart(server, "iteration", _TERMS, logarithmic=True)
         self._room = Chart(server, "time [s]", ((START, "clearance [cm]"),))
-        self._risk = Chart(server, "time [s]", ((HIT, "bound on the probability of a collision [%]"),))
+        self._risk = Chart(server, "time [s]", ((HIT, "risk of a hit in a step, at most [%]"),))
         self._history: CostHistory | None = None
 
     def show(self, session: Session) -> None:
-        """Draw the plan of the session."""
+        """Draw the plan of the session; one that follows a hand is drawn once the hand lets go."""
+        if session.held:
+            return
         history = session.plan.history if session.plan is not None else CostHistory()
         if history is not self._history:
             self._history = history

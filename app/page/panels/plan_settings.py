@@ -23,7 +23,7 @@ class PlanningPanel:
         gui = server.gui
         self._duration = gui.add_number("Duration [s]", 2.0, step=0.1, hint="From start to goal, rest to rest")
         self._shortest = gui.add_checkbox(
-            "Shortest", False, hint="Find the shortest duration that keeps the robot's limits"
+            "Find the shortest duration", False, hint="Minimum time: the least in which the robot keeps its limits"
         )
         bind, weigh = Binder(Settings.PLAN, post), Binder(Settings.WEIGHTS, post)
         bind(self._duration, "duration_s", float)

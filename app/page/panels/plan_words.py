@@ -1,12 +1,45 @@
 """Plans in words and numbers, as HTML."""
 
+import math
 from typing import Any
 
 from app.jobs.events import PlannerResult
 from app.page.html import legend, note, table, warning
 from app.state.records import PlanRecord
-from app.text import capital, number, sentence
-from nerfnav.planner import PLANNERS
+from app.text import capital, number
+from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
+
+_IN_WORDS = {
+    PlanOutcome.CONVERGED: "The plan cannot be improved any more.",
+    PlanOutcome.ITERATION_LIMIT: "The plan could still be improved.",
+    PlanOutcome.NO_PATH: "No way from start to goal was found: move one of them.",
+    PlanOutcome.TIME_LIMIT: "No way was found in time: allow more time, or move start or goal.",
+    PlanOutcome.IN_COLLISION: "The robot would hit something: move start or goal, or take a smaller robot.",
+    PlanOutcome.OVER_LIMITS: "The robot cannot do what this plan asks of it: allow more time.",
+    PlanOutcome.TOO_RISKY: "The risk of a hit stays above what you accept: accept more, or move start or goal.",
+    PlanOutcome.LIKELY_COLLISION: "The robot is likely to hit something: keep start and goal away from walls and from "
+    "what no photograph shows, or take a smaller robot.",
+    PlanOutcome.TOUCHES_MESH: "The robot would touch the true surface, which the field does not show well enough: "
+    "train it longer, or move start or goal.",
+    PlanOutcome.DIVERGED: "The search for a plan failed: allow more time, or restore the weights.",
+}
+
+
+def outcome_in_words(outcome: PlanOutcome) -> str:
+    """How planning ended, and what helps, in plain words."""
+    return _IN_WORDS[outcome]
+
+
+def duration_of(plan: PlanRecord) -> float:
+    """How long a plan takes [s]."""
+    assert plan.latest is not None, "only plans with iterations take any time"
+    return len(plan.latest.motion.actions) * plan.latest.motion.dt
+
+
+def percent(share: float) -> str:
+    """An upper bound of a probability as a person reads it, rounded up."""
+    tenths = math.ceil(1000 * share - 1e-6)
+    return f"{tenths / 10:g} %" if tenths < 100 else f"{math.ceil(100 * share - 1e-6)} %"
 
 
 def compared(comparison: tuple[PlannerResult, ...]) -> str:
@@ -32,14 +65,16 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
     cost = plan.latest.cost
     rows = [
         ("Iteration", _iteration(plan)),
-        ("Cost: collision", number(cost.collision, "")),
-        ("Cost: control", number(cost.control, "")),
-        ("Cost: total", number(cost.total, "")),
+        ("Cost: collision", number(cost.collision, ""), "Sum over time of density × distance travelled (Eq. 2)"),
+        ("Cost: effort", number(cost.control, ""), "Control effort: sum of u' Γ u (Eq. 2)"),
+        ("Cost: all", number(cost.total, ""), "J"),
         *_judgement(plan),
     ]
-    ended = sentence(plan.outcome.value) if plan.outcome is not None else ""
-    words = ended if ended or planning else "Stopped before it had settled."
-    remark = warning("Start or goal have moved since: this plan leads to the earlier ones.") if stale else ""
+    # what is wrong with a plan is said once, in the status line
+    words = outcome_in_words(plan.outcome) if plan.outcome in GOOD and plan.outcome is not None else ""
+    if plan.outcome is None and not planning:
+        words = "Stopped before it was done."
+    remark = warning("Something was changed since: this is the earlier plan.") if stale else ""
     return table(rows) + (note(words) if words else "") + remark
 
 
@@ -51,14 +86,16 @@ def _iteration(plan: PlanRecord) -> str:
     return f"{shown.iteration + 1} of {latest.iteration + 1}, shown again slowly"
 
 
-def _judgement(plan: PlanRecord) -> list[tuple[str, str]]:
-    summary, rows = plan.summary, []
+def _judgement(plan: PlanRecord) -> list[tuple[str, ...]]:
+    summary, rows = plan.summary, list[tuple[str, ...]]()
     if summary.get("wall_s") is not None:
         rows.append(("Computed in", number(summary["wall_s"], "s")))
     if summary.get("collision_probability_bound") is not None:
-        rows.append(("Collision probability at most", number(summary["collision_probability_bound"], "")))
+        risk, term = percent(summary["collision_probability_bound"]), "Upper bound of the collision probability (Eq. 1)"
+        rows.append(("Risk of a hit, at most", risk, term))
     if summary.get("mesh_overlap_m3") is not None:
-        rows.append(("Overlap with the true mesh", number(1e6 * summary["mesh_overlap_m3"], "cm³")))
+        overlap = number(1e6 * summary["mesh_overlap_m3"], "cm³")
+        rows.append(("Overlap with the true surface", overlap, "Largest volume that body and ground-truth mesh share"))
     if summary.get("max_thrust_n") is not None:
         rows.append(("Largest thrust", number(summary["max_thrust_n"], "N")))
     if summary.get("duration_s") is not None:
@@ -71,13 +108,10 @@ def _judgement(plan: PlanRecord) -> list[tuple[str, str]]:
 
 
 def _used(use: dict[str, Any]) -> str:
-    """How much of a limit is used."""
-    lower, upper, unit = use["lower"], use["upper"], use["unit"]
-    parts = [f"{_rounded(use['least'])} to {number(_rounded(use['most']), unit)}"]
-    parts += [f"at least {lower:.3g}"] if lower is not None else []
-    parts += [f"at most {upper:.3g}"] if upper is not None else []
+    """How much of a limit is used; angles in degrees."""
+    scale, unit = (math.degrees(1), use["unit"].replace("rad", "°")) if "rad" in use["unit"] else (1.0, use["unit"])
+    least, most = (round(scale * use[end], 3) for end in ("least", "most"))
+    parts = [f"{number(least, '')} to {number(most, unit)}"]
+    parts += [f"at least {scale * use['lower']:.3g}"] if use["lower"] is not None else []
+    parts += [f"at most {scale * use['upper']:.3g}"] if use["upper"] is not None else []
     return ", ".join(parts) + (" ✗" if use["violated"] else "")
-
-
-def _rounded(value: float) -> float:
-    return round(value, 3)

@@ -134,10 +134,10 @@ def numbers_of(metrics: dict[str, Any]) -> list[tuple[str, str]]:
     estimation, timing = metrics.get("estimation") or {}, metrics.get("timing_ms") or {}
     known = (
         ("Missed the goal by", metrics.get("final_position_error_m"), 100, "cm"),
-        ("Steps that touched the mesh", metrics.get("mesh_collision_steps"), 1, ""),
+        ("Time steps in contact", metrics.get("mesh_collision_steps"), 1, ""),
         ("Position RMSE", estimation.get("position_rmse_m"), 100, "cm"),
         ("Attitude RMSE", estimation.get("rotation_rmse_rad"), 57.2958, "°"),
-        ("NEES (12 is honest)", estimation.get("nees_mean"), 1, ""),
+        ("Squared error against expectation (12 is right)", estimation.get("nees_mean"), 1, ""),
         ("Filter, median", timing.get("filter_p50"), 1, "ms"),
         ("Replanning, median", timing.get("replan_p50"), 1, "ms"),
     )

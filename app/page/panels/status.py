@@ -4,13 +4,14 @@ from collections.abc import Callable
 
 import viser
 
-from app.page.html import heading, legend, warning
+from app.page.html import heading, legend
+from app.page.panels.status_words import NEXT, asks, next_step, status
 from app.page.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from app.places.sources import title_of
 from app.state.actions import Cancel, Command, StartFlight, StartPlan
 from app.state.job import JobKind
+from app.state.plan_actions import StayDown
 from app.state.session import Session
-from app.text import capital
 
 _MEANINGS = (
     (START, "start"),
@@ -20,71 +21,43 @@ _MEANINGS = (
     (BELIEF, "estimate, 95 % covariance"),
     (HIT, "hit"),
 )
-_NEXT = {JobKind.PLAN: "Plan the way", JobKind.FLY: "Fly it"}
 
 
 class StatusPanel:
-    """The place's name, the job in progress, and the last thing that went wrong."""
+    """The place's name, one line on what is done or how it ended, and the button for what comes next."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._title = server.gui.add_html(heading("nerfnav", "…"))
-        self._next = server.gui.add_button(_NEXT[JobKind.PLAN], icon=viser.Icon.PLAYER_PLAY, disabled=True)
+        self._title = server.gui.add_html(heading("nerfnav"))
+        self._status = server.gui.add_html("")
+        self._next = server.gui.add_button(NEXT[JobKind.PLAN], icon=viser.Icon.PLAYER_PLAY, disabled=True)
+        self._anyway = server.gui.add_button("Fly all the same", color="red", visible=False)
+        self._stay = server.gui.add_button("Do not fly", color="gray", visible=False)
         self._wanted: Command = StartPlan()
         self._progress = server.gui.add_progress_bar(0.0, visible=False, animated=True)
         self._legend = server.gui.add_html(legend(_MEANINGS))
-        self._trouble = server.gui.add_html("", visible=False)
 
         @self._next.on_click
         async def _(_: viser.GuiEvent) -> None:
             post(self._wanted)
 
+        @self._anyway.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(StartFlight(anyway=True))
+
+        @self._stay.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(StayDown())
+
     def show(self, session: Session) -> None:
         """Say what is open and what is being done."""
-        job = session.job
-        name = session.place.name if session.place is not None else title_of(session.what)
-        self._title.content = heading(name, activity(session))
+        job, now = session.job, status(session)
+        self._title.content = heading(session.place.name if session.place is not None else title_of(session.what))
+        self._status.content = now.html(now.text)
         self._progress.visible = job is not None and not job.paused
         self._progress.value = 100 * (job.fraction or 0.0) if job is not None else 0.0
         self._wanted, self._next.label = next_step(session)
         self._next.disabled = session.place is None
         self._next.color = "gray" if isinstance(self._wanted, Cancel) else None
-        trouble = session.trouble
-        self._trouble.visible = trouble is not None
-        if trouble is not None:
-            self._trouble.content = warning(f"{trouble.title}: {trouble.body}")
-
-
-def next_step(session: Session) -> tuple[Command, str]:
-    """What a person most likely wants now, and what to call it."""
-    if session.job is not None and session.job.kind is not JobKind.OPEN:
-        return Cancel(), "Stop now"
-    if session.fresh_plan is not None:
-        return StartFlight(), _NEXT[JobKind.FLY]
-    return StartPlan(), _NEXT[JobKind.PLAN]
-
-
-def activity(session: Session) -> str:
-    """One line on what the app is doing."""
-    job = session.job
-    if job is None:
-        if session.place is None:
-            return "could not be opened"
-        return "Move start and goal, plan, then fly."
-    if job.paused:
-        return f"Paused after time step {max(0, session.steps_reported - 1)}"
-    if job.kind is JobKind.FLY and session.flight is not None and session.flight.steps:
-        doing = f": {session.flight.doing}" if session.flight.doing else ""
-        return f"Time step {session.steps_reported}{doing}"
-    percent = "" if job.fraction is None else f" {100 * job.fraction:.0f} %"
-    default = {
-        JobKind.OPEN: "Opening",
-        JobKind.PLAN: "Planning",
-        JobKind.FLY: "Planning the flight",
-        JobKind.COMPARE: "Comparing",
-        JobKind.EXPERIMENT: "Doing the experiment",
-        JobKind.FIND: "Looking for the robot",
-        JobKind.MAP: "Making the map",
-        JobKind.PLACE: "Putting the place right",
-    }[job.kind]
-    return capital(job.label or default) + percent
+        self._next.visible = not asks(session)
+        self._anyway.visible = self._stay.visible = asks(session)

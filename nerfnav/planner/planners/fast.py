@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.moved_ends import MovedEndsConfig, follow_ends
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.route import Route
@@ -31,6 +32,10 @@ class FastPlanner(FieldPlanner):
     def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
         """See Planner."""
         return carry_on(self.rest(last, route), last, executed, self.again, self.occupancy)
+
+    def follow(self, last: Motion, route: Route) -> Iterator[PlanStep]:
+        """See FollowingPlanner."""
+        return follow_ends(self.problem(route), last, MovedEndsConfig(self.first), self.occupancy)
 
 
 FAST = PlannerEntry("fast", FastPlanner, FastPlanConfig, real_time=True, color=(70, 84, 255))

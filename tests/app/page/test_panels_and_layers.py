@@ -7,13 +7,13 @@ import trimesh
 
 from app.page.html import table
 from app.page.layers.flight import cone, ellipsoids
-from app.page.layers.nodes import quaternions, segments
+from app.page.layers.nodes import dashes, quaternions, segments
 from app.page.layers.shapes import Shape, ball, robot_shape
 from app.page.panels import ends as ends_panel
 from app.page.panels import flight as fly_panel
 from app.page.panels import plan_charts, plan_words
 from app.page.panels.export import recording_of, subject
-from app.page.panels.status import activity
+from app.page.panels.status_words import activity
 from app.page.theme import branded, linear
 from app.places.ends import End, Ends
 from app.places.surface_glb import dressed, unlit_glb, without_specks
@@ -74,6 +74,15 @@ def test_segments_join_each_point_with_the_next() -> None:
     assert joined.shape == (3, 2, 3)
     np.testing.assert_array_equal(joined[:, 0], points[:-1])
     np.testing.assert_array_equal(joined[:, 1], points[1:])
+
+
+def test_a_line_in_dashes_begins_and_ends_where_it_did_and_has_gaps() -> None:
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 3, 0]])
+    drawn = dashes(points, count=3)
+    np.testing.assert_allclose(drawn[0, 0], points[0])
+    np.testing.assert_allclose(drawn[-1, 1], points[-1])
+    lengths = np.linalg.norm(drawn[:, 1] - drawn[:, 0], axis=1)
+    np.testing.assert_allclose(lengths, [0.8, 0.8, 0.8])
 
 
 def test_the_robot_is_drawn_as_large_as_its_body_with_a_nose_forward() -> None:

@@ -14,7 +14,6 @@ from app.places.place import Truth
 from app.queries.catalog import pending_queries
 from app.queries.end_fit import EndFit, EndFitQuery
 from app.queries.field_view import FieldView, FieldViewQuery
-from app.queries.following_plan import FollowingPlan, FollowingPlanQuery
 from app.queries.robot_view import RobotViewQuery
 from app.reducers.root import reduce
 from app.state import actions as m
@@ -102,7 +101,7 @@ def test_a_flight_begins_with_the_plan_at_hand_and_collects_its_time_steps(opene
     arrived = flight_step(ends, 2, EpisodeOutcome.REACHED)
     session = reports(session, arrived, JobFinished("fly", JobResult({"steps": 2})))
     assert session.flight is not None and session.flight.outcome is EpisodeOutcome.REACHED
-    assert session.job is None and session.notices[-1].title == "Arrived" and not session.notices[-1].bad
+    assert session.job is None and session.flight_is_shown
 
 
 def test_planning_within_a_flight_is_shown_as_the_plan_before_the_first_step_only(opened: Session) -> None:
@@ -148,18 +147,6 @@ def test_a_failed_job_becomes_a_notice_and_the_app_goes_on(opened: Session) -> N
     assert session.job is None and session.notices[-1].bad
     assert session.notices[-1].title == "Could not plan" and session.notices[-1].body == "the goal is in a stone"
     assert after(session, m.StartPlan()).job is not None
-
-
-def test_a_plan_without_a_way_is_told_with_advice(opened: Session) -> None:
-    session = after(opened, m.StartPlan())
-    session = reports(session, plan_step(session.ends, 0, PlanOutcome.NO_PATH), JobFinished("plan"))
-    assert session.notices[-1].bad and "move one of them" in session.notices[-1].body
-    assert session.fresh_plan is None
-
-
-def test_reset_forgets_plan_and_flight_and_stops_the_job(opened: Session) -> None:
-    session = after(planned(opened), m.MoveEnd(Which.START, End((0.3, 0.7, 0.3))), m.StartFlight(), m.Reset())
-    assert session.plan is None and session.flight is None and session.job is None
 
 
 def test_the_page_asks_about_ends_and_views_until_it_is_answered(opened: Session) -> None:
@@ -209,9 +196,9 @@ def test_iterations_within_a_time_step_move_guess_and_plan_until_the_step_is_don
     session = after(planned(opened), m.StartFlight())
     session = reports(session, flight_step(session.ends, 0), filter_step(session.ends, 11))
     assert session.flight is not None and session.flight.guess is not None
-    assert session.flight.doing == "filtering, iteration 12"
+    assert session.flight.doing == "comparing its picture with the field"
     session = reports(session, plan_step(session.ends, 4))
-    assert session.flight is not None and session.flight.doing == "replanning, iteration 5"
+    assert session.flight is not None and session.flight.doing == "planning the rest of the way"
     session = reports(session, flight_step(session.ends, 1))
     assert session.flight is not None and session.flight.guess is None and session.flight.doing == ""
 
@@ -282,34 +269,6 @@ def test_a_plan_that_was_made_in_an_instant_is_shown_again_slowly(opened: Sessio
     assert shown == [0, 0, 1, 1, 2, 2, 3, 3]
     assert session.plan is not None and session.plan.shown is session.plan.latest
     assert not planned(opened).replaying, "a plan that took long was watched while it was made"
-
-
-def test_a_plan_follows_its_moved_end_once_the_robot_is_known_to_fit(opened: Session) -> None:
-    moved = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    asked = FollowingPlanQuery(moved.ends, moved.choice, moved.plan_settings)
-    assert asked not in pending_queries(moved)
-    fits = after(moved, *(m.QueryAnswered(EndFitQuery(which, moved.ends.of(which)), EndFit(None)) for which in Which))
-    assert asked in pending_queries(fits)
-    step = plan_step(moved.ends, 0, PlanOutcome.CONVERGED)
-    again = after(fits, m.QueryAnswered(asked, FollowingPlan((step,), {"wall_s": 0.02})))
-    assert again.plan is not None and again.plan.latest is step and not again.plan_is_stale
-    assert asked not in pending_queries(again) and not again.replaying
-
-
-def test_a_plan_for_earlier_ends_comes_too_late(opened: Session) -> None:
-    first = after(quickly_planned(opened), m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    query = FollowingPlanQuery(first.ends, first.choice, first.plan_settings)
-    late = m.QueryAnswered(query, FollowingPlan((plan_step(first.ends, 0),), {}))
-    second = after(first, m.MoveEnd(Which.GOAL, End((0.4, -0.5, 0.4))))
-    assert after(second, late) is second
-
-
-def test_slow_planners_do_not_follow_the_hand(opened: Session) -> None:
-    session = after(quickly_planned(opened), m.Choose(replace(opened.choice, planner="paper")))
-    session = after(session, m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4))))
-    ends = [EndFitQuery(which, session.ends.of(which)) for which in Which]
-    session = after(session, *(m.QueryAnswered(query, EndFit(None)) for query in ends))
-    assert not any(isinstance(query, FollowingPlanQuery) for query in pending_queries(session))
 
 
 def test_the_pace_counts_at_once_and_noise_from_the_next_flight_on(opened: Session) -> None:

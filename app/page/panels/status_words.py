@@ -1,0 +1,151 @@
+"""The status line: what is being done, or how it ended, in plain words, and what a person may do about it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from app.page.html import fine, note, warning
+from app.page.panels.plan_words import duration_of, outcome_in_words, percent
+from app.places.ends import Which
+from app.queries.more_time import MoreTimeQuery
+from app.state.actions import Cancel, Command, StartFlight, StartPlan
+from app.state.job import JobKind
+from app.state.plan_actions import AllowTime, RestoreWeights
+from app.state.records import NOWHERE, FlightRecord, PlanRecord
+from app.state.session import Session
+from app.text import capital, sentence
+from nerfnav.navigation import EpisodeOutcome
+from nerfnav.planner import CostWeights, PlanOutcome, planners
+
+NEXT = {JobKind.PLAN: "Plan the way", JobKind.FLY: "Fly it"}
+
+
+@dataclass(frozen=True)
+class Status:
+    """What the status line says."""
+
+    text: str
+    """One or two sentences."""
+    html: Callable[[str], str] = note
+    """As what it is shown: a quiet remark, good or bad news."""
+
+
+def status(session: Session) -> Status:
+    """What matters most: what is being done, else what went wrong, else how it ended, else what to do."""
+    trouble, flight, plan = session.trouble, session.flight, session.plan
+    if trouble is not None:
+        return Status(f"{trouble.title}: {trouble.body}", warning)
+    if session.job is not None or session.place is None:
+        return Status(activity(session))
+    if flight is not None and session.flight_is_shown and flight.outcome is not None:
+        return Status(landed(flight), fine if flight.outcome is EpisodeOutcome.REACHED else warning)
+    blocked = [which.value for which in Which if session.problems.get(which) is not None]
+    if blocked:
+        return Status(f"The robot does not fit at the {' and the '.join(blocked)}: move it into free space.", warning)
+    if asks(session) and plan is not None:
+        return Status(f"{unsafe(plan, session)} Fly it all the same?", warning)
+    if plan is not None and plan.latest is not None and not session.flight_is_shown:
+        return _of_plan(plan, session)
+    return Status("Move start and goal, plan, then fly.")
+
+
+def _of_plan(plan: PlanRecord, session: Session) -> Status:
+    if session.plan_follows:
+        return Status("The plan follows your hand.")
+    if session.plan_is_stale or plan.draft:
+        if plan.refusal:
+            return Status(f"No plan for this: {sentence(plan.refusal)}", warning)
+        if planners.load(session.choice.planner).real_time:
+            return Status("Planning again…")
+        return Status("Something was changed since this plan was made: plan again.", warning)
+    if plan.is_unsafe:
+        return Status(unsafe(plan, session), warning)
+    return Status(planned(plan), fine) if plan.is_good else Status("Planning was stopped too early: plan again.")
+
+
+def planned(plan: PlanRecord) -> str:
+    """How good a plan is, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
+    parts, safety = [f"Planned: {duration_of(plan):.1f} s"], plan.summary.get("safety", {})
+    if safety.get("min_clearance_m") is not None:
+        parts.append(f"{100 * safety['min_clearance_m']:.1f} cm clearance")
+    if plan.summary.get("collision_probability_bound") is not None:
+        parts.append(f"risk at most {percent(plan.summary['collision_probability_bound'])}")
+    return ", ".join(parts)
+
+
+def unsafe(plan: PlanRecord, session: Session) -> str:
+    """Why a plan is not to be flown, and what helps."""
+    assert plan.outcome is not None, "only a plan that has ended is unsafe"
+    if plan.outcome is PlanOutcome.OVER_LIMITS:
+        seconds = MoreTimeQuery.seconds_for(plan, session)
+        helps = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
+        return f"Too fast for {duration_of(plan):.1f} s: {helps}."
+    if plan.settings.weights != CostWeights() and plan.outcome not in NOWHERE:
+        return f"{outcome_in_words(plan.outcome).split(':')[0]}, with these weights: restore them."
+    return outcome_in_words(plan.outcome)
+
+
+def landed(flight: FlightRecord) -> str:
+    """How a flight ended, such as "Arrived after 2.4 s, 5 cm from the goal"."""
+    last = flight.steps[-1]
+    apart = (last.truth.position - flight.ends.goal.state().position).norm().item()
+    far = f"{100 * apart:.0f} cm" if apart < 1 else f"{apart:.1f} m"
+    hit = next((step.time for step in flight.steps if step.touched), last.time)
+    words = {
+        EpisodeOutcome.REACHED: f"Arrived after {last.time:.1f} s, {far} from the goal",
+        EpisodeOutcome.COLLIDED: f"Hit something at {hit:.1f} s; the flight ended {far} from the goal",
+        EpisodeOutcome.DIVERGED: f"Lost at {last.time:.1f} s: the robot did not know where it was, {far} from the goal",
+        EpisodeOutcome.TIMEOUT: f"Not arrived after {last.time:.1f} s: {far} from the goal",
+        EpisodeOutcome.NO_PLAN: "Did not take off: no way to the goal was found",
+        EpisodeOutcome.STOPPED: f"Stopped at {last.time:.1f} s, {far} from the goal",
+    }
+    return words[last.outcome] if last.outcome is not None else words[EpisodeOutcome.STOPPED]
+
+
+def asks(session: Session) -> bool:
+    """Whether a person is asked if a plan is to be flown though it is not safe."""
+    return session.doubt is not None and session.doubt is session.unsafe_plan
+
+
+def remedy(session: Session) -> tuple[Command, str] | None:
+    """What helps against a plan that is not to be flown, and what to call it; None where the page cannot help."""
+    plan = session.unsafe_plan
+    if plan is None or session.job is not None:
+        return None
+    if plan.outcome is PlanOutcome.OVER_LIMITS:
+        seconds = MoreTimeQuery.seconds_for(plan, session)
+        return None if seconds is None else (AllowTime(seconds), f"Allow {seconds:.1f} s")
+    return (RestoreWeights(), "Restore the weights") if plan.settings.weights != CostWeights() else None
+
+
+def next_step(session: Session) -> tuple[Command, str]:
+    """What a person most likely wants now, and what to call it."""
+    if session.job is not None and session.job.kind is not JobKind.OPEN:
+        return Cancel(), "Stop now"
+    plan = session.unsafe_plan
+    if session.fresh_plan is not None or (plan is not None and plan.leads):
+        return remedy(session) or (StartFlight(), NEXT[JobKind.FLY])
+    return StartPlan(), NEXT[JobKind.PLAN]
+
+
+def activity(session: Session) -> str:
+    """One line on what the app is doing."""
+    job = session.job
+    if job is None:
+        return "could not be opened"
+    if job.paused:
+        return f"Paused after time step {max(0, session.steps_reported - 1)}"
+    if job.kind is JobKind.FLY and session.flight is not None and session.flight.steps:
+        doing = f": {session.flight.doing}" if session.flight.doing else ""
+        return f"Flying, time step {session.steps_reported}{doing}"
+    done = "" if job.fraction is None else f" {100 * job.fraction:.0f} %"
+    default = {
+        JobKind.OPEN: "Opening",
+        JobKind.PLAN: "Planning",
+        JobKind.FLY: "Planning the flight",
+        JobKind.COMPARE: "Comparing",
+        JobKind.EXPERIMENT: "Doing the experiment",
+        JobKind.FIND: "Looking for the robot",
+        JobKind.MAP: "Making the map",
+        JobKind.PLACE: "Putting the place right",
+    }[job.kind]
+    return capital(job.label or default) + done

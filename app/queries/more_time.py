@@ -1,0 +1,59 @@
+"""Query: how much time must a plan have that asks too much of the robot?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from app.queries.query import Query, Resources
+from app.queries.wanted_plan import drafted, plan_request
+from app.state.plan_settings import LONGEST_S
+from app.state.records import PlanRecord
+from app.state.session import Session
+from nerfnav.planner import GOOD, PlanOutcome
+
+_GROWTH, _TRIALS = 1.3, 7
+"""By how much longer each plan is than the one before, and how many are tried: up to six times as long."""
+
+
+@dataclass(frozen=True)
+class MoreTimeQuery(Query[float | None]):
+    """How long may a plan take so that the robot keeps its limits? The result is in seconds, None where more time
+    does not help."""
+
+    plan: PlanRecord = field(compare=False)
+    """What asks too much."""
+
+    def __eq__(self, other: object) -> bool:
+        """Plans are told apart as objects: `plan` is kept, so that no other one can take its address."""
+        return isinstance(other, MoreTimeQuery) and self.plan.latest is other.plan.latest
+
+    def __hash__(self) -> int:
+        return hash((MoreTimeQuery, id(self.plan.latest)))
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["MoreTimeQuery"]:
+        """Of a plan that is too fast, while nothing else is computed."""
+        plan = session.unsafe_plan
+        if plan is None or session.job is not None or plan.draft or plan.settings.shortest:
+            return
+        if plan.outcome is PlanOutcome.OVER_LIMITS and not (query := cls(plan)).is_answered(session):
+            yield query
+
+    @classmethod
+    def seconds_for(cls, plan: PlanRecord, session: Session) -> float | None:
+        """The result, if it is that of this plan."""
+        asked = cls.asked_in(session)
+        return cls.result_in(session) if asked is not None and asked.plan.latest is plan.latest else None
+
+    def answer(self, resources: Resources) -> float | None:
+        """Plan with more and more time, as a person would."""
+        plan = self.plan
+        own, seconds = resources.plan_configs.get(plan.planner), plan.settings.duration_s
+        for _ in range(_TRIALS):
+            seconds = round(_GROWTH * seconds + 0.05, 1)
+            if seconds > LONGEST_S:
+                return None
+            request = plan_request(plan.settings.lasting(seconds), plan.ends, plan.planner, own)
+            steps = drafted(request, resources.place).steps
+            if not steps or steps[-1].outcome is not PlanOutcome.OVER_LIMITS:
+                return seconds if steps and steps[-1].outcome in GOOD else None
+        return None
