@@ -7,6 +7,7 @@ from nerfnav.experiments import (
     ExperimentStep,
     Study,
     basin,
+    closed_loop,
     correlation,
     estimation,
     ground_robots,
@@ -33,9 +34,17 @@ class Experiment:
     """Where it happens unless another place is asked for: name of a scene, or path of a field."""
     tasks: tuple[Task, ...] | None = None
     """Flights in that place; None: those of its scene."""
+    flies: bool = False
+    """Whether it takes the options of whole flights (Study.flights)."""
 
 
 EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
+    Experiment(
+        "flights",
+        closed_loop.run,
+        "whole flights by camera, of the tasks and between random ends: how many arrive, errors, honesty, times",
+        flies=True,
+    ),
     Experiment(
         "planners",
         planners.run,
