@@ -23,6 +23,7 @@ from nerfnav.navigation import (
     Pilot,
     Simulator,
     navigate,
+    world_generator,
 )
 from nerfnav.planner import FastPlanConfig, FastPlanner, PlanProblem, PlanStep, last_step, plan_fast, with_room
 from nerfnav.planner.duration import shortest_plan, timing_of
@@ -80,7 +81,7 @@ def fly(
     )
     contact = None if scene is None else contact_check(scene, robot.body)
     look = _pictures(problem, scene, camera)
-    simulator = Simulator(robot, problem.start, look, generator, noise=config.noise, contact=contact)
+    simulator = Simulator(robot, problem.start, look, world_generator(seed), noise=config.noise, contact=contact)
     mission = Mission(problem.goal, problem.steps, problem.dt)
     events = navigate(mission, simulator, pilot, config, generator)
     return Episode.of([event for event in events if isinstance(event, NavigationStep)])

@@ -11,6 +11,8 @@ from app.cli.terminal import note, show
 from app.jobs.experiment import ExperimentRequest
 from app.jobs.experiment import run as run_job
 from app.jobs.experiment_catalog import EXPERIMENTS
+from nerfnav.experiments import EndsChoice, FlightOptions
+from nerfnav.navigation import WorldName
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,14 @@ class Arguments:
     place: str | None = None
     """Scene or field file to do it in; by default the experiment's own scene."""
     out: Path | None = None
-    """Folder for results.json, the table as CSV and the figures as PNG."""
+    """Folder for results.json, the table as CSV and the figures as PNG; the same command goes on where an experiment
+    in it was interrupted."""
+    ends: EndsChoice | None = None
+    """Of flights: between the ends of the place's tasks in turn, random ones, or both by turns (the default)."""
+    world: WorldName | None = None
+    """Of flights: the paper's noise (the default), or a physical world with motors, drag, wind and late pictures."""
+    truth: bool = False
+    """Of flights: fly each a second time with the state known, which says what noise alone costs."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
@@ -44,8 +53,17 @@ def run(arguments: Arguments) -> None:
         jobs=arguments.jobs,
         ray=arguments.ray,
         out=arguments.out,
+        flights=_options(arguments),
     )
     finished = follow(run_job(request))
     show(f"experiment {arguments.name}", finished.summary, arguments.json)
     for path in finished.files:
         note(f"wrote {path}")
+
+
+def _options(arguments: Arguments) -> FlightOptions | None:
+    """The options of whole flights; None where none was given."""
+    if arguments.ends is None and arguments.world is None and not arguments.truth:
+        return None
+    own = FlightOptions()
+    return FlightOptions(arguments.ends or own.ends, arguments.world or own.world, arguments.truth)

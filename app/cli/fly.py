@@ -13,7 +13,7 @@ from app.jobs.fly import run as run_job
 from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
 from nerfnav.geometry import read_camera
-from nerfnav.navigation import NavigateConfig
+from nerfnav.navigation import PATIENCE, NavigateConfig, WorldName
 from nerfnav.planner import planners
 
 
@@ -30,6 +30,11 @@ class Arguments(Route):
     """What the robot sees with: a calibration by ROS, OpenCV or nerfstudio; by default the robot's own camera."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
+    world: WorldName = "paper"
+    """The paper's noise at each time step, or a physical world with motors, drag, wind and late pictures (quadrotors
+    alone), where flights take twice as long unless --steps says otherwise."""
+    realtime: bool = False
+    """Let the world go on while filter and planner compute: steps that take longer than dt are late, and counted."""
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
     out: Path | None = None
@@ -60,11 +65,16 @@ def run(arguments: Any) -> None:
     again = None if asked.replan == entry.again(entry.config()) else asked.replan  # unsaid, it follows the first plan
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
+    route = replace(arguments.request(place, asked.plan), again=again)
+    if arguments.world == "physical" and arguments.steps is None and not route.shortest:
+        route = replace(route, steps=PATIENCE * route.steps)
     request = FlyRequest(
-        replace(arguments.request(place, asked.plan), again=again),
+        route,
         estimator=arguments.estimator,
         open_loop=arguments.open_loop,
         seed=arguments.seed,
+        world=arguments.world,
+        realtime=arguments.realtime,
         config=config,
         source=arguments.place,
         task=arguments.task_name(place),

@@ -9,8 +9,9 @@ from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
 from app.jobs.result_files import png_of, save_results
 from app.storage.output_files import prepare_folder
-from nerfnav.errors import MissingExtraError
-from nerfnav.experiments import Arena, Results, Row, Study, TrialDone
+from nerfnav import __version__
+from nerfnav.errors import InvalidInputError, MissingExtraError
+from nerfnav.experiments import Arena, FlightOptions, Journal, Results, Row, Study, TrialDone
 from nerfnav.world import Task
 from scenes import tasks_of
 
@@ -32,21 +33,31 @@ class ExperimentRequest:
     ray: str | None = None
     """Address of a Ray cluster that does the trials; None: this machine."""
     out: Path | None = None
-    """Folder for results.json, the table and the figures; None writes nothing."""
+    """Folder for results.json, the table and the figures, and for trials.jsonl, which lets an experiment that was
+    interrupted go on where it was; None writes nothing."""
+    flights: FlightOptions | None = None
+    """Options of the experiment on whole flights; None: its own, and for all others."""
 
 
 def run(request: ExperimentRequest) -> JobEvents:
     """Yield how far it is; return the summary and what was written. Raises NerfnavError for bad requests."""
     experiment = EXPERIMENTS[request.name]
+    if request.flights is not None and not experiment.flies:
+        flying = ", ".join(name for name, other in EXPERIMENTS.items() if other.flies)
+        raise InvalidInputError(f"the experiment {request.name} takes no options of whole flights, only {flying} does")
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("opening the field", 0.0)
     place = request.place or experiment.place
     open_here = partial(open_arena, place)
     tasks = _tasks(experiment, place, open_here())
-    study = Study(open_here, tasks, request.trials, request.seed, request.jobs, request.ray)
+    about = f"{request.name}, seed {request.seed}, {request.flights}, {__version__}, in"
+    journal = None if out is None else Journal(out / "trials.jsonl", f"{about} {place}")
+    study = Study(
+        open_here, tasks, request.trials, request.seed, request.jobs, request.ray,
+        request.flights or FlightOptions(), journal,
+    )  # fmt: skip
     further = experiment.beside if request.place is None else ()
-    others = [(partial(open_arena, name), tasks_of(name)) for name in further]
-    study = replace(study, beside=tuple(replace(study, open_arena=opened, tasks=own) for opened, own in others))
+    study = replace(study, beside=tuple(_elsewhere(study, name, about) for name in further))
     results: Results | None = None
     for step in experiment.run(study):
         if isinstance(step, TrialDone):
@@ -59,6 +70,8 @@ def run(request: ExperimentRequest) -> JobEvents:
         figures, left_out = _drawn(results)
         results = replace(results, summary=_with_left_out(results.summary, left_out))
     files = () if out is None else save_results(out, request.name, results, figures)
+    if journal is not None:
+        journal.path.unlink(missing_ok=True)
     return JobResult(results.summary, files)
 
 
@@ -73,6 +86,12 @@ def _drawn(results: Results) -> tuple[dict[str, bytes], Row]:
 def _with_left_out(summary: Row, left_out: Row) -> Row:
     """A summary that says under `left_out` what was not done, and why."""
     return {**summary, "left_out": {**summary.get("left_out", {}), **left_out}} if left_out else summary
+
+
+def _elsewhere(study: Study, place: str, about: str) -> Study:
+    """The same study in another scene."""
+    journal = None if study.journal is None else replace(study.journal, about=f"{about} {place}")
+    return replace(study, open_arena=partial(open_arena, place), tasks=tasks_of(place), journal=journal)
 
 
 def _tasks(experiment: Experiment, place: str, arena: Arena) -> tuple[Task, ...]:

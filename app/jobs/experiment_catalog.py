@@ -7,6 +7,7 @@ from nerfnav.experiments import (
     ExperimentStep,
     Study,
     basin,
+    closed_loop,
     correlation,
     estimation,
     ground_robots,
@@ -36,9 +37,17 @@ class Experiment:
     """Flights in that place; None: those of its scene."""
     beside: tuple[str, ...] = ()
     """Further scenes that it happens in where no place is asked for."""
+    flies: bool = False
+    """Whether it takes the options of whole flights (Study.flights)."""
 
 
 EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
+    Experiment(
+        "flights",
+        closed_loop.run,
+        "whole flights by camera, of the tasks and between random ends: how many arrive, errors, honesty, times",
+        flies=True,
+    ),
     Experiment(
         "planners",
         planners.run,

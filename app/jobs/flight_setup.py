@@ -8,10 +8,22 @@ import torch
 from app.jobs.fly_request import FlyRequest
 from app.jobs.plan import timing_for
 from app.jobs.simulated_world import camera_function, contact_function
+from app.jobs.warm_filter import first_update
 from app.places.derived import occupancy_of, planning_place, searcher_of
 from app.places.place import Place
 from nerfnav.estimator import ColorNoise, FilterConfig, estimators
-from nerfnav.navigation import LoopEvent, Mission, Pilot, Simulator, navigate
+from nerfnav.navigation import (
+    PATIENCE,
+    LoopEvent,
+    Mission,
+    Pilot,
+    Simulator,
+    expecting_physics,
+    in_physical_world,
+    navigate,
+    with_late_pictures,
+    world_generator,
+)
 from nerfnav.planner import planners
 
 
@@ -25,6 +37,7 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
         seen_as.field, robot, route.settings, route.again, occupancy
     )
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
+    config = expecting_physics(config) if request.world == "physical" else config
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
@@ -34,9 +47,17 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     )
     camera, contact = camera_function(place), contact_function(place)
     simulator = Simulator(
-        robot, route.ends.start.state(), camera, generator, robot.mount, noise=config.noise, contact=contact
-    )
-    mission = Mission(route.ends.goal.state(), route.steps, route.dt, request.plan, request.orders)
+        robot, route.ends.start.state(), camera, world_generator(request.seed), robot.mount,
+        noise=config.noise, contact=contact,
+    )  # fmt: skip
+    if request.world == "physical":
+        simulator = in_physical_world(simulator)
+        pilot = with_late_pictures(pilot, simulator, config.filter)
+    goal = route.ends.goal.state()
+    if request.realtime:  # the first update of a process takes seconds, which no robot waits for on the ground
+        for _ in first_update(place, simulator.state):
+            pass
+    mission = Mission(goal, route.steps, route.dt, request.plan, request.orders, request.realtime)
     return navigate(mission, simulator, pilot, config, generator)
 
 
@@ -50,7 +71,8 @@ def timed(request: FlyRequest, place: Place) -> FlyRequest:
     seen_as = planning_place(place, route.unknown)
     occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
     timing = timing_for(route, seen_as, occupancy, keep_dt=True)  # the loop looks around at each step
-    return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
+    steps = timing.steps * (PATIENCE if request.world == "physical" else 1)
+    return replace(request, route=replace(route, steps=steps, dt=timing.dt))
 
 
 def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:

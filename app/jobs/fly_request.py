@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from app.jobs.plan_request import PlanRequest
-from nerfnav.navigation import NavigateConfig, Orders
+from nerfnav.navigation import NavigateConfig, Orders, WorldName
 from nerfnav.robots import Motion
 
 
@@ -23,6 +23,10 @@ class FlyRequest:
     """Fly the first plan blindly."""
     seed: int = 0
     """Seed of everything random: noise, first belief, choice of pixels."""
+    world: WorldName = "paper"
+    """The paper's noise, or the physical world, which has no use for the noise of `config`."""
+    realtime: bool = False
+    """Whether the world goes on while filter and planner compute."""
     config: NavigateConfig = field(default_factory=NavigateConfig)
     """How the flight is flown."""
     orders: Callable[[], Orders] = Orders

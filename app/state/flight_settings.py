@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from nerfnav.estimator import StateNoise
+from nerfnav.navigation import WorldName
 
 GUST = StateNoise(position_m=0.05, velocity_mps=0.3, attitude_rad=0.05, body_rate_radps=0.3)
 """What one gust of wind does to the robot."""
@@ -22,6 +23,10 @@ class FlightSettings:
     """The same of the attitude [rad]; velocity and body rate are disturbed by half as much in their units."""
     open_loop: bool = False
     """Fly the first plan blindly."""
+    world: WorldName = "paper"
+    """The paper's noise, or the physical world, whose disturbances are its own."""
+    realtime: bool = False
+    """Whether the world goes on while filter and planner compute."""
     pace: float = 0.0
     """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
 

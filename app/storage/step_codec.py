@@ -1,7 +1,7 @@
 """Step codec: a time step of a flight to a line of JSON, and back.
 
 steps.jsonl     index, time [s], action, truth and belief as 18 numbers (position, velocity, rotation row by row, body
-                rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery
+                rate), covariance (144 numbers), plan (states, actions), what it took, outcome, recovery, late
 pictures/       the camera's picture of each step as JPEG
 
 Numbers have nine digits, which is every bit of a float32. What the filter compared is not kept.
@@ -46,6 +46,7 @@ def content_of(step: NavigationStep) -> dict[str, Any]:
         "replan_ms": step.replan_ms,
         "outcome": None if step.outcome is None else step.outcome.name.lower(),
         "recovery": None if step.recovery is None else step.recovery.name.lower(),
+        "late": step.late,
     }
 
 
@@ -77,6 +78,7 @@ def step_of(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         replan_ms=float(content["replan_ms"]),
         outcome=None if outcome is None else EpisodeOutcome[outcome.upper()],
         recovery=None if recovery is None else Recovery[recovery.upper()],
+        late=bool(content.get("late", False)),
     )
 
 

@@ -77,6 +77,8 @@ class JobStarter:
             estimator=session.choice.estimator,
             open_loop=flying.open_loop,
             seed=flying.seed,
+            world=flying.world,
+            realtime=flying.realtime,
             config=replace(self.navigate, noise=flying.noise),
             orders=orders.orders,
             source=session.what,

@@ -1,4 +1,6 @@
 from .arena import Arena as Arena
+from .flight_options import EndsChoice as EndsChoice
+from .flight_options import FlightOptions as FlightOptions
 from .freedom import Freedom as Freedom
 from .freedom import freedom_alone as freedom_alone
 from .freedom import freedom_noted as freedom_noted
@@ -7,6 +9,7 @@ from .freedom import freedom_on_mesh as freedom_on_mesh
 from .freedom import in_words as in_words
 from .geometry import GeometryReport as GeometryReport
 from .geometry import measure_geometry as measure_geometry
+from .journal import Journal as Journal
 from .study import ExperimentStep as ExperimentStep
 from .study import Results as Results
 from .study import Row as Row

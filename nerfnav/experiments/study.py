@@ -5,7 +5,7 @@ To add one: write a file here with such a function, and name it in the app's tab
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,6 +13,8 @@ import torch
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.flight_options import FlightOptions
+from nerfnav.experiments.journal import Journal
 from nerfnav.extras import from_extra
 from nerfnav.world import Task
 
@@ -42,6 +44,10 @@ class Study:
     """Trials at the same time; None: one, and on a cluster as many as it has cores."""
     ray: str | None = None
     """Address of a Ray cluster ("auto", "local", "ray://HOST:PORT"); None: this machine, without Ray."""
+    flights: FlightOptions = field(default_factory=FlightOptions)
+    """Of the experiment on whole flights."""
+    journal: Journal | None = None
+    """Where trials are noted that are done, which are not done again; None: nowhere."""
     beside: "tuple[Study, ...]" = ()
     """The same in further places, for experiments of more than one."""
 
@@ -91,15 +97,20 @@ def run_trials(
 ) -> Generator[TrialDone, None, list[Answer]]:
     """Do a trial with every item, in any number of processes; returns the answers in the order of the items.
 
-    `trial` and the items travel between processes: a function of a module, and plain values.
+    `trial` and the items travel between processes: a function of a module, and plain values. With a journal the
+    answers must be plain values too, and come back as JSON has them.
     """
-    answers: list[Answer] = []
-    yield TrialDone(label, 0, len(items))
-    calls = [partial(_in_arena, trial, study.open_arena, item) for item in items]
-    for answer in _answers(study, calls):
-        answers.append(answer)
+    journal = None if study.journal is None else replace(study.journal, about=f"{study.journal.about}, {label}")
+    answers: dict[int, Answer] = {} if journal is None else journal.answers(items)
+    yield TrialDone(label, len(answers), len(items))
+    left = [index for index in range(len(items)) if index not in answers]
+    calls = [partial(_in_arena, trial, study.open_arena, items[index]) for index in left]
+    for index, answer in zip(left, _answers(study, calls), strict=True):
+        answers[index] = answer
+        if journal is not None:
+            journal.add(index, items[index], answer)
         yield TrialDone(label, len(answers), len(items))
-    return answers
+    return [answers[index] for index in range(len(items))]
 
 
 def _answers(study: Study, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:

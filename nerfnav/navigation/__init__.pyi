@@ -1,5 +1,7 @@
 from .episode import Episode as Episode
 from .orders import Orders as Orders
+from .physical.config import PATIENCE as PATIENCE
+from .physical.config import PhysicalConfig as PhysicalConfig
 from .recovery import Recovery as Recovery
 from .replan import Mission as Mission
 from .replan import NavigateConfig as NavigateConfig
@@ -8,6 +10,11 @@ from .replan import navigate as navigate
 from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction
 from .simulator import Simulator as Simulator
+from .simulator import world_generator as world_generator
 from .steps import EpisodeOutcome as EpisodeOutcome
 from .steps import LoopEvent as LoopEvent
 from .steps import NavigationStep as NavigationStep
+from .worlds import WorldName as WorldName
+from .worlds import expecting_physics as expecting_physics
+from .worlds import in_physical_world as in_physical_world
+from .worlds import with_late_pictures as with_late_pictures

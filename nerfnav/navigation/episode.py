@@ -54,6 +54,8 @@ class Episode:
     """How it ended."""
     recoveries: tuple[Recovery | None, ...] = ()
     """What was done at each time where the picture disagreed with the belief; shorter where nothing ever was."""
+    late: tuple[int, ...] = ()
+    """Time steps that passed while filter and planner were still at an earlier one, in real time."""
 
     @classmethod
     def of(cls, steps: Sequence[NavigationStep]) -> "Episode":
@@ -73,6 +75,7 @@ class Episode:
             steps[0].plan.dt,
             steps[-1].outcome or EpisodeOutcome.STOPPED,
             tuple(step.recovery for step in steps),
+            tuple(step.index for step in steps if step.late),
         )
 
     @property
@@ -109,6 +112,7 @@ class Episode:
             "steps": len(self.actions),
             "final_position_error_m": (self.truth.position[-1] - self.goal.position).norm().item(),
             "mesh_collision_steps": int(self.touched.sum()),
+            "late_steps": len(self.late),
             "recoveries": {kind.name.lower(): self.recoveries.count(kind) for kind in Recovery},
             "estimation": self._estimation(),
             "timing_ms": self._timing_ms(),
@@ -121,9 +125,10 @@ class Episode:
         return {name: _number(value) for name, value in (rmse | {"nees_mean": nees.mean()}).items()}
 
     def _timing_ms(self) -> dict[str, float | None]:
+        seen = [index for index in range(1, len(self.touched)) if index not in self.late]
         parts = {"replan": self.replan_ms, "filter": self.filter_ms, "step": self.replan_ms + self.filter_ms}
         return {
-            f"{name}_p{percent}": _number(times[1:].quantile(percent / 100)) if len(times) > 1 else None
+            f"{name}_p{percent}": _number(times[seen].quantile(percent / 100)) if seen else None
             for name, times in parts.items()
             for percent in (50, 95)
         }
@@ -144,6 +149,7 @@ class Episode:
         }
         about = {"format": FORMAT, "version": VERSION, "dt": self.dt, **self.metrics()}
         about["recovery_of_step"] = [None if kind is None else kind.name.lower() for kind in self.recoveries]
+        about["late"] = list(self.late)
         numbers, words = folder / "episode.npz", folder / "episode.json"
         write_npz(numbers, {name: value.numpy() for name, value in arrays.items()})
         with replacing(words) as stream:
@@ -181,6 +187,7 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
         dt,
         EpisodeOutcome[about["outcome"].upper()],
         tuple(None if name is None else Recovery[name.upper()] for name in about.get("recovery_of_step", ())),
+        tuple(about.get("late", ())),
     )
 
 

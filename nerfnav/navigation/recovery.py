@@ -89,7 +89,7 @@ class Lookout:
     """T_body_camera."""
 
     def recover(
-        self, belief: Belief, image: Tensor, lost: int, at_once: bool = False
+        self, belief: Belief, image: Tensor | None, lost: int, at_once: bool = False
     ) -> Generator[RelocaliseStep, None, tuple[Belief, Recovery]]:
         """The belief to go on with after `lost` pictures in a row disagreed, and what was done.
 
@@ -118,9 +118,10 @@ class Lookout:
             return not sees or spread > self.config.sure
         return not sees and spread > self.config.widest
 
-    def search(self, belief: Belief, image: Tensor) -> Generator[RelocaliseStep, None, Belief | None]:
-        """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right."""
-        if self.relocaliser is None:
+    def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
+        """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no
+        picture came."""
+        if self.relocaliser is None or image is None:
             return None
         step = None
         for step in self.relocaliser.relocalise(image):

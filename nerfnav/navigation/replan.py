@@ -8,6 +8,7 @@ While pictures disagree with the belief, the plan is to come to rest (see naviga
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
+from time import perf_counter
 
 import torch
 from torch import Tensor
@@ -15,6 +16,7 @@ from torch import Tensor
 from nerfnav.estimator import Belief, Estimator, FilterConfig, FilterOutcome, FilterStep, StateNoise
 from nerfnav.estimator.predict import predict
 from nerfnav.navigation.orders import Course, Orders
+from nerfnav.navigation.realtime import Clock, Overrun
 from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, Relocaliser, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
@@ -64,6 +66,10 @@ class Mission:
     """A first plan that is already made, from the start to the goal; None: plan now."""
     orders: Callable[[], Orders] = Orders
     """Asked at the beginning of each time step for what has changed meanwhile."""
+    realtime: bool = False
+    """Whether the world goes on while filter and planner compute (see navigation/realtime.py)."""
+    clock: Clock = perf_counter
+    """By which it is told how long they take [s]."""
 
 
 @dataclass(frozen=True)
@@ -117,15 +123,27 @@ def navigate(
     while step.outcome is None:
         world = replace(flight, orders=mission.orders())
         course = course.heeding(world.orders, step.index)
-        step = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, doubt))
-        touched |= step.touched
-        held += step.holds
-        doubt = doubt.after(step)
-        outcome = _judge(step, flight, course, held)
-        if outcome is not None and touched:
-            outcome = EpisodeOutcome.COLLIDED
-        step = replace(step, outcome=outcome)
-        yield step
+        now = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, doubt))
+        passing = _with_missed(step, now, flight)
+        for step in passing:
+            touched |= step.touched
+            held += step.holds
+            doubt = doubt.after(step)
+            outcome = _judge(step, flight, course, held)
+            if outcome is not None and touched:
+                outcome = EpisodeOutcome.COLLIDED
+            step = replace(step, outcome=outcome)
+            yield step
+            if outcome is not None:
+                break
+
+
+def _with_missed(last: NavigationStep, step: NavigationStep, flight: _Flight) -> Iterator[NavigationStep]:
+    """A time step, and in real time those that passed while it was computed."""
+    yield step
+    if flight.mission.realtime:
+        under_way = Motion(last.plan.states[1:], last.plan.actions[1:], last.plan.dt)
+        yield from Overrun(step, under_way, flight.simulator, flight.config.filter.process_noise).steps()
 
 
 def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
@@ -159,7 +177,7 @@ def _advance(
     image = simulator.look()
     believable = None if flight.lookout.is_lost(doubt.lost) else image  # a false belief may agree with it by chance
     update, filter_ms = yield from timed(
-        flight.pilot.estimator.update(last.belief, believable, action, mission.dt, flight.generator)
+        flight.pilot.estimator.update(last.belief, believable, action, mission.dt, flight.generator), mission.clock
     )
     belief, recovery = yield from _trusted(update, image, flight, doubt)
     if recovery is not None and recovery.holds:
@@ -169,7 +187,7 @@ def _advance(
         left = mission.steps if elsewhere else max(doubt.steps_left, flight.config.minimum_horizon)
         way = doubt.way
         planned, replan_ms = yield from timed(
-            flight.pilot.planner.replan(way, Route(belief.mean, course.goal, left, way.dt), executed=1)
+            flight.pilot.planner.replan(way, Route(belief.mean, course.goal, left, way.dt), executed=1), mission.clock
         )
         plan, restart = planned.motion, planned.restart
     return NavigationStep(
@@ -186,7 +204,7 @@ def _rest(last: NavigationStep, belief: Belief, recovery: Recovery, flight: _Fli
 
 
 def _trusted(
-    update: FilterStep, image: Tensor, flight: _Flight, doubt: Doubt
+    update: FilterStep, image: Tensor | None, flight: _Flight, doubt: Doubt
 ) -> Generator[LoopEvent, None, tuple[Belief, Recovery | None]]:
     """The belief to go on with after an update, and what was done where it is not the update's own."""
     assert update.posterior is not None, "the last step of an estimator has the posterior"
@@ -203,7 +221,7 @@ def _trusted(
 def _act(last: NavigationStep, flight: _Flight) -> tuple[Tensor, bool]:
     """Let the world move on by the first action of the plan; returns it, and whether the body touched anything."""
     simulator, orders, action = flight.simulator, flight.orders, last.plan.actions[0]
-    touched = simulator.act(action, flight.mission.dt, orders.gust)
+    touched = simulator.follow(last.plan, orders.gust)
     if orders.carried is not None:
         simulator.carry(orders.carried)
     return action, touched

@@ -13,12 +13,19 @@ from torch import Tensor
 
 from nerfnav.estimator import StateNoise
 from nerfnav.geometry import FORWARD_MOUNT, Pose
-from nerfnav.robots import RigidState, Robot
+from nerfnav.robots import Motion, RigidState, Robot
 
 CameraFunction = Callable[[Pose], UInt8[Tensor, "height width 3"]]
 """The picture that is taken at T_world_camera."""
 ContactFunction = Callable[[RigidState, RigidState], bool]
 """Whether the body touches anything between two states."""
+_WORLD = 2**32
+"""Added to the seed of a flight for the world's own draws: no seed that a flight is given is as large."""
+
+
+def world_generator(seed: int) -> torch.Generator:
+    """Draws of the world in a flight of that seed: the same ones, whatever filter and loop draw meanwhile."""
+    return torch.Generator().manual_seed(_WORLD + seed)
 
 
 @dataclass
@@ -50,10 +57,15 @@ class Simulator:
         self.state = self.robot.settled(self.state, before)
         return self.contact is not None and self.contact(before, self.state)
 
+    def follow(self, plan: Motion, gust: StateNoise | None = None, believed: RigidState | None = None) -> bool:
+        """Do the first step of a plan, otherwise as `act`; `believed` is where the robot believes to be, by default
+        where the plan begins."""
+        return self.act(plan.actions[0], plan.dt, gust)
+
     def carry(self, pose: Pose) -> None:
         """Put the robot at T_world_body; it goes on moving as it did, in its own axes."""
         self.state = self.robot.settled(self.state.moved_to(pose), self.state)
 
-    def look(self) -> UInt8[Tensor, "height width 3"]:
-        """The picture that the robot's camera takes now."""
+    def look(self) -> UInt8[Tensor, "height width 3"] | None:
+        """The picture that the robot's camera gives now; None where it gives none."""
         return self.camera(self.state.pose.compose(self.mount))

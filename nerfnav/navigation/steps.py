@@ -39,7 +39,7 @@ class NavigationStep:
     belief: Belief
     """Where it believes to be."""
     image: UInt8[Tensor, "height width 3"] | None
-    """What its camera saw; None at index 0 and in open loop."""
+    """What its camera saw; None at index 0, in open loop, and where no picture came."""
     update: FilterStep | None
     """The last iteration of the filter, with its pixels; None where there was no picture."""
     plan: Motion
@@ -57,6 +57,8 @@ class NavigationStep:
     """Why the plan was made anew in this step; None where the last one was carried on."""
     recovery: Recovery | None = None
     """What was done where the picture disagreed with the belief; None where it agreed."""
+    late: bool = False
+    """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
 
     @property
     def holds(self) -> bool:
@@ -81,7 +83,7 @@ class Doubt:
         """After one more time step."""
         if not step.holds:
             return Doubt(step.plan, step.index)
-        disagreed = step.recovery is not Recovery.BLIND
+        disagreed = step.recovery is not Recovery.BLIND and not step.late
         return replace(self, held=self.held + 1, lost=self.lost + disagreed)
 
     @property

@@ -2,12 +2,14 @@
 
 import os
 import sys
+from pathlib import Path
 
 import pytest
 import torch
 
 from nerfnav.errors import InvalidInputError, MissingExtraError
 from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.journal import Journal
 from nerfnav.experiments.study import Study, TrialDone, run_trials
 from tests.experiments.places import column
 
@@ -68,3 +70,22 @@ def test_more_trials_than_there_are_entries_are_refused() -> None:
     assert Study(column).first([5, 6, 7], "tasks") == [5, 6, 7]
     with pytest.raises(InvalidInputError, match="there are 3 tasks"):
         Study(column, trials=4).first([5, 6, 7], "tasks")
+
+
+def refusing(arena: Arena, item: int) -> int:
+    if item == 7:
+        raise InvalidInputError("not seven")
+    return item * item
+
+
+def test_an_experiment_that_was_interrupted_goes_on_where_it_was(tmp_path: Path) -> None:
+    study = Study(column, journal=Journal(tmp_path / "trials.jsonl", "squares"))
+    with pytest.raises(InvalidInputError):
+        list(run_trials(study, "squaring", refusing, [3, 1, 7]))
+    with (tmp_path / "trials.jsonl").open("a") as stream:
+        stream.write('["squares: 2 7", 4')  # a line that was not written to its end
+    told, answers = finished(study, [3, 1, 2])
+    assert [step.done for step in told] == [2, 3]
+    assert answers[:2] == [9, 1] and answers[2][0] == 4
+    other = Study(column, journal=Journal(tmp_path / "trials.jsonl", "cubes"))
+    assert finished(other, [3])[0][0].done == 0, "answers about something else do not count"

@@ -71,6 +71,7 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool) -> str:
         ("Attitude error", number(np.rad2deg(error[ATTITUDE].norm().item()), "°")),
         ("Filter", number(last.filter_ms, "ms")),
         ("Replanning", number(last.replan_ms, "ms")),
+        ("Late steps", str(sum(step.late for step in flight.steps))),
         ("Time steps in contact", str(sum(step.touched for step in flight.steps)), "With the ground-truth mesh"),
     ]
     words = sentence(flight.outcome.value) if flight.outcome is not None else ""

@@ -9,8 +9,11 @@ from app.page.panels.binder import Binder
 from app.state.actions import Command, Settings
 from app.state.flight_settings import LARGEST_SEED
 from app.state.session import Session
+from nerfnav.navigation import WorldName
 
 _SPEEDS = {"as fast as it can": 0.0, "real time": 1.0, "half": 0.5, "a quarter": 0.25}
+
+_WORLDS: dict[str, WorldName] = {"the paper's noise": "paper", "wind and motors": "physical"}
 
 
 class FlyingPanel:
@@ -21,6 +24,12 @@ class FlyingPanel:
         with server.gui.add_folder("Settings", expand_by_default=False):
             self._speed: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
                 "Speed", list[str](_SPEEDS), hint="Counts at once, also while flying"
+            )
+            self._world: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+                "World", list[str](_WORLDS), hint="Wind and motors: a real quadrotor, which needs twice the time"
+            )
+            self._realtime = server.gui.add_checkbox(
+                "World does not wait", False, hint="Steps that take longer than their time are late, and counted"
             )
             self._seed = server.gui.add_number(
                 "Seed", 0, min=0, max=LARGEST_SEED, step=1, hint="Of the noise and of the first belief"
@@ -36,6 +45,8 @@ class FlyingPanel:
             )
         bind = Binder(Settings.FLIGHT, post)
         bind(self._speed, "pace", _SPEEDS.__getitem__)
+        bind(self._world, "world", _WORLDS.__getitem__)
+        bind(self._realtime, "realtime", bool)
         bind(self._seed, "seed", round)
         bind(self._position, "position_noise_m", lambda value: 0.01 * float(value))
         bind(self._attitude, "attitude_noise_rad", lambda value: float(np.deg2rad(value)))
@@ -45,6 +56,9 @@ class FlyingPanel:
         """Put the session's settings into the widgets."""
         settings = session.flight_settings
         self._speed.value = next(name for name, pace in _SPEEDS.items() if pace == settings.pace)
+        self._world.value = next(name for name, world in _WORLDS.items() if world == settings.world)
+        self._realtime.value = settings.realtime
+        self._position.disabled = self._attitude.disabled = settings.world == "physical"
         self._seed.value = settings.seed
         self._position.value = round(100 * settings.position_noise_m, 2)
         self._attitude.value = round(float(np.rad2deg(settings.attitude_noise_rad)), 1)

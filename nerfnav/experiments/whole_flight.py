@@ -1,0 +1,139 @@
+"""One flight by Algorithm 1, set up as `nerfnav fly` does it, and what it shows."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+
+import torch
+from torch import Tensor
+
+from nerfnav import robots
+from nerfnav.errors import OccupiedError, OutsideBoxError
+from nerfnav.estimator import ColorNoise, Searcher, estimators
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.flight_row import row_of, steps_of
+from nerfnav.experiments.known_state import KNOWN, KnownState
+from nerfnav.experiments.random_ends import random_task
+from nerfnav.experiments.study import Row
+from nerfnav.experiments.views import CAMERA, renderer_of
+from nerfnav.field import Unknown, planning_field
+from nerfnav.geometry import Pose
+from nerfnav.navigation import (
+    PATIENCE,
+    LoopEvent,
+    Mission,
+    NavigateConfig,
+    NavigationStep,
+    Pilot,
+    Simulator,
+    WorldName,
+    expecting_physics,
+    in_physical_world,
+    navigate,
+    with_late_pictures,
+    world_generator,
+)
+from nerfnav.planner import FastPlanConfig, OccupancyConfig, OccupancyMap, PlanProblem, planners
+from nerfnav.planner.duration import timing_of
+from nerfnav.planner.problem import way_length
+from nerfnav.world import MeshRenderer, Task, contact_check
+
+
+@dataclass(frozen=True)
+class FlightTrial:
+    """One trial."""
+
+    task: Task | None
+    """From where to where, in 20 steps of 0.1 s; None: between random ends, drawn by the seed, as long as it takes.
+    In the physical world both take twice as long."""
+    seed: int
+    """Of everything random in it."""
+    known: bool = False
+    """Whether the robot is told its state, and needs no pictures."""
+    world: WorldName = "paper"
+    """Where it happens."""
+
+
+def fly(arena: Arena, trial: FlightTrial) -> Row:
+    """Fly: `row` of the table, and `steps`, lists of what was measured at each time step."""
+    task = random_task(arena, trial.seed) if trial.task is None else trial.task
+    problem = _problem(arena, task, is_drawn=trial.task is None)
+    if trial.world == "physical":
+        problem = replace(problem, steps=PATIENCE * problem.steps)
+    told = {
+        "ends": "tasks" if trial.task else "random", "task": task.name, "seed": trial.seed,
+        "state": "known" if trial.known else "camera", "world": trial.world,
+        "planned_steps": problem.steps,
+        "start": _words(*task.start, task.start_yaw), "goal": _words(*task.goal, task.goal_yaw),
+    }  # fmt: skip
+    try:
+        flown = [event for event in _flight(arena, problem, trial) if isinstance(event, NavigationStep)]
+    except (OccupiedError, OutsideBoxError):
+        flown = []
+    steps = steps_of(flown)
+    return {"row": told | row_of(flown, task.goal_state, steps), "steps": steps}
+
+
+def _problem(arena: Arena, task: Task, is_drawn: bool) -> PlanProblem:
+    """What is to be planned, in the field with what no camera saw taken for solid."""
+    robot, field = robots.load(task.robot), planning_field(arena.field, Unknown.OCCUPIED)
+    problem = PlanProblem(field, robot, task.start_state, task.goal_state)
+    if not is_drawn:
+        return problem
+    length = way_length(problem, _map(arena, problem), FastPlanConfig().search)
+    return replace(problem, steps=timing_of(robot, length, problem.dt, problem.dt).steps)
+
+
+def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[LoopEvent]:
+    physical, config = trial.world == "physical", NavigateConfig()
+    config = expecting_physics(config) if physical else config
+    config = replace(config, filter=config.filter.for_field(arena.field.info.noise_std))
+    robot, draws = problem.robot, world_generator(trial.seed)
+    planner = planners.load("fast").planner(problem.field, robot, occupancy=_map(arena, problem))
+    contact, look = contact_check(arena.scene, robot.body), _black if trial.known else partial(_photo, _renderer(arena))
+    simulator = Simulator(robot, problem.start, look, draws, noise=config.noise, contact=contact)
+    simulator = in_physical_world(simulator) if physical else simulator
+    if trial.known:
+        config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator))
+    else:
+        estimator = estimators.load("fast").make(arena.field, robot, CAMERA, config=config.filter)
+        pilot = Pilot(planner, estimator, _searcher(arena, config.filter.color_noise))
+        pilot = with_late_pictures(pilot, simulator, config.filter)
+    mission = Mission(problem.goal, problem.steps, problem.dt)
+    return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))
+
+
+def _photo(renderer: MeshRenderer, pose: Pose) -> Tensor:
+    return renderer.render(CAMERA, pose).image
+
+
+def _black(pose: Pose) -> Tensor:
+    """What nobody looks at."""
+    return torch.zeros(CAMERA.height, CAMERA.width, 3, dtype=torch.uint8)
+
+
+@lru_cache(maxsize=2)
+def _renderer(arena: Arena) -> MeshRenderer:
+    return renderer_of(arena)
+
+
+@lru_cache(maxsize=1)
+def _searcher(arena: Arena, noise: ColorNoise) -> Searcher:
+    """Made once in each process."""
+    return Searcher(arena.field, CAMERA, noise)
+
+
+def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
+    """Made once for each robot, and for each height of one on the ground."""
+    return _map_at(arena, problem.robot.name, problem.start.position[2].item() if problem.robot.planar else None)
+
+
+@lru_cache(maxsize=4)
+def _map_at(arena: Arena, robot: str, height: float | None) -> OccupancyMap:
+    field = planning_field(arena.field, Unknown.OCCUPIED)
+    return OccupancyMap.of(field, robots.load(robot).body, OccupancyConfig(), height)
+
+
+def _words(*numbers: float) -> str:
+    """An end, as `nerfnav fly --start` takes it."""
+    return " ".join(f"{number:.9g}" for number in numbers)

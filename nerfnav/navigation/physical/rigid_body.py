@@ -1,0 +1,103 @@
+"""Newton-Euler equations of a multirotor, integrated by Runge-Kutta of the fourth order.
+
+    p' = v     m v' = R e3 sum(k s^2) + m g + F     R' = R hat(w)     J w' = tau(s) - w x J w
+
+with rotor speeds s, the force F of the air [N], thrusts k s^2 along the body's z axis, and torques of their levers and
+of the rotors' own drag. This is one robot, in double precision: vectors are (3,), rotations (3, 3), rotor speeds (r,),
+a wrench of thrust and torque (4,). Shapes are told in words alone, for these are called thousands of times a second.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """What does not change of a multirotor."""
+
+    mass: float
+    """m [kg]."""
+    inertia: np.ndarray
+    """Diagonal of J [kg m^2]."""
+    rotors: np.ndarray
+    """Where the rotors are, in the body, (r, 3) [m]."""
+    spins: np.ndarray
+    """1 or -1: the sign of the torque about z with which a rotor's drag turns the body."""
+    thrust_coefficient: float
+    """k [N s^2]."""
+    torque_coefficient: float
+    """[N m s^2]."""
+    gravity: float = 9.81
+    """[m/s^2]"""
+
+    @property
+    def allocation(self) -> np.ndarray:
+        """From the rotors' thrusts [N] to thrust [N] and torque [N m], (4, r)."""
+        yaw = self.spins * self.torque_coefficient / self.thrust_coefficient
+        return np.stack([np.ones(len(self.rotors)), self.rotors[:, 1], -self.rotors[:, 0], yaw])
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """Where a rigid body is and how it moves."""
+
+    position: np.ndarray
+    """p, in the world [m]."""
+    velocity: np.ndarray
+    """v, in the world [m/s]."""
+    rotation: np.ndarray
+    """R_world_body."""
+    body_rate: np.ndarray
+    """w, in the body's axes [rad/s]."""
+
+
+def integrate(
+    frame: Airframe, state: BodyState, wrench: np.ndarray, air: np.ndarray, dt: float
+) -> BodyState:
+    """The state after `dt` [s] under thrust [N], torque [N m] and the air's force [N], which stay as they are."""
+    start = (state.position, state.velocity, state.rotation, state.body_rate)
+
+    def slope(at: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+        _, velocity, rotation, rate = at
+        acceleration = (rotation[:, 2] * wrench[0] + air) / frame.mass - (0.0, 0.0, frame.gravity)
+        turning = (wrench[1:] - cross(rate, frame.inertia * rate)) / frame.inertia
+        return velocity, acceleration, rotation @ hat(rate), turning
+
+    first = slope(start)
+    second = slope(_moved(start, first, 0.5 * dt))
+    third = slope(_moved(start, second, 0.5 * dt))
+    fourth = slope(_moved(start, third, dt))
+    mean = tuple((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(first, second, third, fourth, strict=True))
+    position, velocity, rotation, rate = _moved(start, mean, dt)
+    return BodyState(position, velocity, orthogonal(rotation), rate)
+
+
+def orthogonal(matrix: np.ndarray) -> np.ndarray:
+    """The rotation next to a matrix that nearly is one (one step of Newton's iteration for the polar factor)."""
+    return 0.5 * matrix @ (3 * np.eye(3) - matrix.T @ matrix)
+
+
+def hat(vector: np.ndarray) -> np.ndarray:
+    """The matrix of a cross product."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """np.cross of two vectors, which is ten times slower."""
+    (a, b, c), (x, y, z) = one, other
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
+def rotation_of(vector: np.ndarray) -> np.ndarray:
+    """Exp of a rotation vector [rad] (Rodrigues)."""
+    angle = float(np.sqrt(vector @ vector))
+    turn = hat(vector)
+    if angle < 1e-8:
+        return np.eye(3) + turn
+    return np.eye(3) + np.sin(angle) / angle * turn + (1 - np.cos(angle)) / angle**2 * turn @ turn
+
+
+def _moved(start: tuple[np.ndarray, ...], slope: tuple[np.ndarray, ...], dt: float) -> tuple[np.ndarray, ...]:
+    return tuple(value + dt * change for value, change in zip(start, slope, strict=True))

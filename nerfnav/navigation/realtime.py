@@ -1,0 +1,66 @@
+"""Deadlines: time steps that pass in the world while filter and planner still compute.
+
+A step whose filter and planner take longer than dt is late. Meanwhile the robot does what was planned before, without
+looking, and its belief is moved on by the dynamics alone; what it does is counted step by step. Then the late plan
+goes on from where it is by then.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from nerfnav.estimator import StateNoise
+from nerfnav.estimator.predict import predict
+from nerfnav.navigation.recovery import come_to_rest
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.steps import NavigationStep
+from nerfnav.robots import Motion, RigidState, Robot
+
+Clock = Callable[[], float]
+"""Seconds since any time."""
+_REST = 6
+
+
+@dataclass(frozen=True)
+class Overrun:
+    """A step that was late, in the world that did not wait for it."""
+
+    step: NavigationStep
+    """What took so long."""
+    before: Motion
+    """The plan that was being flown when its picture was taken, from that time on."""
+    simulator: Simulator
+    """The world."""
+    noise: StateNoise
+    """What the filter expects of each time step."""
+
+    @property
+    def missed(self) -> int:
+        """Time steps that began meanwhile."""
+        return missed(self.step.filter_ms + self.step.replan_ms, self.step.plan.dt)
+
+    def steps(self) -> Iterator[NavigationStep]:
+        """The time steps that were missed, in each of which the robot flies blind; the last one has the late plan."""
+        belief, robot, dt = self.step.belief, self.simulator.robot, self.step.plan.dt
+        for late in range(1, self.missed + 1):
+            flown = later(self.before, late - 1, belief.mean, robot)
+            touched = self.simulator.follow(flown, believed=belief.mean)
+            belief = predict(belief, flown.actions[0], robot, dt, self.noise)
+            made = self.step.plan if late == self.missed else self.before
+            index = self.step.index + late
+            yield NavigationStep(
+                index, index * dt, flown.actions[0], self.simulator.state, belief, None, None,
+                later(made, late, belief.mean, robot), touched, 0.0, 0.0, recovery=self.step.recovery, late=True,
+            )  # fmt: skip
+
+
+def missed(spent_ms: float, dt: float) -> int:
+    """Time steps of `dt` [s] that begin within a time [ms], the first one, which it is meant for, left out."""
+    return max(0, math.ceil(spent_ms / (1e3 * dt) - 1e-9) - 1)
+
+
+def later(plan: Motion, steps: int, believed: RigidState, robot: Robot) -> Motion:
+    """What is left of a plan some time steps later; where nothing is, the robot comes to rest."""
+    if steps < len(plan.actions):
+        return Motion(plan.states[steps:], plan.actions[steps:], plan.dt)
+    return come_to_rest(robot, believed, _REST, plan.dt)

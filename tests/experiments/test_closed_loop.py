@@ -1,0 +1,124 @@
+"""Whole flights: which are flown, what is told of each, and how they are summed up."""
+
+import pytest
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.experiments.closed_loop import run, trials_of
+from nerfnav.experiments.closed_loop_results import picture, summary_of, wilson
+from nerfnav.experiments.flight_options import FlightOptions
+from nerfnav.experiments.flight_row import is_silent
+from nerfnav.experiments.random_ends import SPARE, random_task
+from nerfnav.experiments.study import Results, Study
+from nerfnav.experiments.whole_flight import FlightTrial, fly
+from nerfnav.robots import Quadrotor
+from nerfnav.world import Task, contact_check
+from tests.experiments.places import TASKS, column
+
+TRUTH = FlightOptions(truth=True)
+
+
+def test_half_of_the_flights_are_the_tasks_in_turn_and_half_have_random_ends() -> None:
+    trials = trials_of(Study(column, TASKS, trials=6, seed=40))
+    assert [trial.task for trial in trials] == [TASKS[0], None, TASKS[1], None, TASKS[0], None]
+    assert [trial.seed for trial in trials] == [40, 41, 42, 43, 44, 45]
+    assert trials[:3] == trials_of(Study(column, TASKS, trials=3, seed=40)), "more trials go on where fewer end"
+
+
+@pytest.mark.parametrize(("ends", "drawn"), [("tasks", False), ("random", True)])
+def test_an_option_says_which_ends_are_flown(ends: str, drawn: bool) -> None:
+    options = FlightOptions(ends, truth=True)  # type: ignore[arg-type] # pytest's parameters are strings
+    trials = trials_of(Study(column, TASKS, trials=3, flights=options))
+    assert [trial.known for trial in trials] == [False, True] * 3
+    assert all((trial.task is None) == drawn for trial in trials)
+
+
+def test_the_physical_world_leaves_out_tasks_of_other_robots() -> None:
+    drive = Task("Drive", (-0.7, 0.0, 0.1), (0.7, 0.0, 0.1), robot="diffdrive")
+    options = FlightOptions("tasks", world="physical")
+    trials = trials_of(Study(column, (drive, TASKS[1]), trials=2, flights=options))
+    assert [trial.task for trial in trials] == [TASKS[1]] * 2
+    with pytest.raises(InvalidInputError, match="ask for random ends"):
+        trials_of(Study(column, (drive,), trials=1, flights=options))
+
+
+@pytest.mark.slow
+def test_a_flight_in_the_physical_world_arrives_with_the_state_known() -> None:
+    row = fly(column(), FlightTrial(TASKS[0], 1, known=True, world="physical"))["row"]
+    assert row["outcome"] == "reached" and row["touches"] == 0
+    assert row["planned_steps"] == 40
+
+
+def test_random_ends_are_free_with_room_to_spare_and_the_same_for_the_same_seed() -> None:
+    body = Quadrotor().body.grown(SPARE)
+    touches = contact_check(column().scene, body)
+    tasks = [random_task(column(), seed) for seed in range(5)]
+    for task in tasks:
+        for state in (task.start_state, task.goal_state):
+            assert column().field.box.contains(state.position) and not touches(state, state)
+        assert (task.start_state.position - task.goal_state.position).norm() >= 0.5
+    assert tasks == [random_task(column(), seed) for seed in range(5)]
+    assert len({task.start for task in tasks}) == 5
+
+
+def test_equal_seeds_give_equal_flights_with_the_state_known() -> None:
+    trials = [FlightTrial(TASKS[0], seed, known=True) for seed in (3, 3, 4)]
+    one, same, other = (fly(column(), trial) for trial in trials)
+    timeless = {name: value for name, value in one["row"].items() if not name.endswith("_ms")}
+    assert timeless["outcome"] == "reached" and timeless["touches"] == 0
+    assert timeless == {name: value for name, value in same["row"].items() if name in timeless}
+    assert one["row"]["final_m"] != other["row"]["final_m"]
+    assert one["row"]["position_p95_m"] == 0
+
+
+def test_a_flight_that_the_field_refuses_is_told_as_such() -> None:
+    inside = Task("Into the column", (-0.7, 0.0, 0.5), (0.0, 0.0, 0.5))
+    row = fly(column(), FlightTrial(inside, 0, known=True))["row"]
+    assert row["outcome"] == "refused" and row["final_m"] is None and row["steps"] == 0
+
+
+def silent(off: list[float], inside: list[bool], holds: list[bool]) -> bool:
+    return is_silent({"position_m": off, "inside_95": inside, "holds": holds})
+
+
+def test_a_divergence_is_silent_when_for_three_steps_nothing_says_it() -> None:
+    far, sure, flying = [0.06] * 3, [False] * 3, [False] * 3
+    assert silent(far, sure, flying)
+    assert not silent([0.06, 0.04, 0.06, 0.06], [False] * 4, [False] * 4), "three in a row"
+    assert not silent(far, [False, True, False], flying), "the covariance says so"
+    assert not silent(far, sure, [False, False, True]), "the robot holds"
+
+
+def test_wilsons_interval_is_that_of_the_books() -> None:
+    assert wilson(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-3)
+    assert wilson(0, 20) == pytest.approx((0.0, 0.1611), abs=1e-3)
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+def flight(outcome: str, state: str = "camera", ends: str = "tasks") -> dict:
+    row = {"outcome": outcome, "state": state, "ends": ends, "touches": int(outcome == "collided"), "silent": False}
+    steps = {"position_m": [0.01, 0.03], "nees": [10.0, 14.0], "inside_95": [True, False]}
+    steps |= {"filter_ms": [1.0, 2.0], "replan_ms": [3.0, 4.0], "step_ms": [4.0, 6.0]}
+    return {"row": row | {"nees_mean": 12.0}, "steps": steps}
+
+
+def test_the_summary_counts_flights_by_camera_and_tells_those_with_the_truth_apart() -> None:
+    flights = [flight("reached"), flight("collided"), flight("reached", ends="random"), flight("reached", "known")]
+    summary = summary_of(flights)
+    assert (summary["trials"], summary["reached"], summary["collided"], summary["touched"]) == (3, 2, 1, 1)
+    assert summary["truth_reached"] == summary["truth"]["trials"] == 1
+    assert summary["tasks"]["trials"] == 2 and summary["random"]["reached"] == 1
+    assert summary["position_median_m"] == pytest.approx(0.02) and summary["nees_mean"] == 12
+    assert summary["inside_95"] == 0.5 and summary["step_max_ms"] == 6
+    assert summary_of(flights[:3])["truth_reached"] is None
+    assert len(picture(flights).axes[0].patches) == 3
+
+
+@pytest.mark.slow
+def test_flights_by_camera_and_with_the_truth_fill_one_table() -> None:
+    *_, results = run(Study(column, TASKS, trials=2, flights=TRUTH))
+    assert isinstance(results, Results)
+    assert [(row["ends"], row["state"]) for row in results.rows] == [
+        ("tasks", "camera"), ("tasks", "known"), ("random", "camera"), ("random", "known")
+    ]  # fmt: skip
+    assert len({tuple(row) for row in results.rows}) == 1
+    assert results.summary["truth_reached"] == 2

@@ -1,0 +1,205 @@
+"""The physical world: rigid body, motors, wind, and the loop that tracks a plan."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from nerfnav import robots
+from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import Belief, StateNoise
+from nerfnav.geometry import Pose
+from nerfnav.navigation.physical.config import PhysicalConfig
+from nerfnav.navigation.physical.late_pictures import LatePictures
+from nerfnav.navigation.physical.powertrain import Powertrain
+from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
+from nerfnav.navigation.physical.simulator import PhysicalSimulator, airframe
+from nerfnav.navigation.physical.tracking import Reference, TrackingGains
+from nerfnav.navigation.physical.wind import Wind
+from nerfnav.navigation.recovery import come_to_rest
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.worlds import in_physical_world
+from nerfnav.robots import Motion, RigidState
+from tests.navigation.doubles import ROBOT, START, Oracle, draws, grey, simulator
+
+CALM = PhysicalConfig(mass_error=0.0, drag_per_s=(0.0, 0.0, 0.0), wind_mps=0.0, gust_std_mps=(0.0, 0.0, 0.0))
+HOVER = torch.tensor([[ROBOT.weight, 0.0, 0.0, 0.0]])
+DATA = os.environ.get("NERFNAV_TEST_DATA")
+
+
+def still(state: RigidState = START) -> Motion:
+    """One step of hovering at a state."""
+    return Motion(RigidState.stack([state, state]), HOVER, 0.1)
+
+
+def world_of(config: PhysicalConfig, seed: int = 0, **parts: object) -> PhysicalSimulator:
+    return in_physical_world(simulator(generator=draws(seed), **parts), config)
+
+
+def body_of(case: dict) -> Airframe:
+    arrays = (np.array(case[name], float) for name in ("I", "rotor_pos", "rotor_dir"))
+    return Airframe(case["mass"], *arrays, case["k_eta"], case["k_m"])
+
+
+@pytest.mark.skipif(DATA is None, reason="NERFNAV_TEST_DATA does not say where the third-party data are")
+def test_the_rigid_body_flies_as_rotorpys_with_constant_rotor_speeds() -> None:
+    cases = json.loads((Path(str(DATA)) / "oracles" / "rotorpy_openloop.json").read_text())["cases"]
+    for case in cases:
+        frame, first = body_of(case), case["states"][0]
+        wrench = frame.allocation @ (frame.thrust_coefficient * np.square(case["rotor_speeds"]))
+        state = BodyState(*(np.array(first[name]) for name in "xv"), matrix(first["q"]), np.array(first["w"]))
+        for expected in case["states"][1:]:
+            for _ in range(5):
+                state = integrate(frame, state, wrench, np.zeros(3), 0.002)
+            np.testing.assert_allclose(state.position, expected["x"], atol=1e-5)
+            np.testing.assert_allclose(state.velocity, expected["v"], atol=1e-5)
+            np.testing.assert_allclose(state.rotation, matrix(expected["q"]), atol=1e-5)
+            np.testing.assert_allclose(state.body_rate, expected["w"], atol=1e-5)
+
+
+def matrix(quaternion: list[float]) -> np.ndarray:
+    """R of (x, y, z, w)."""
+    x, y, z, w = quaternion
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def test_a_free_body_keeps_its_angular_momentum_and_its_energy() -> None:
+    frame = Airframe(1.0, np.array([1.0, 2.0, 3.0]), np.zeros((4, 3)), np.ones(4), 1.0, 1.0, gravity=0.0)
+    state = BodyState(np.zeros(3), np.ones(3), np.eye(3), np.array([1.0, 4.0, -2.0]))
+    turning = [state.rotation @ (frame.inertia * state.body_rate)]
+    for _ in range(1000):
+        state = integrate(frame, state, np.zeros(4), np.zeros(3), 0.002)
+    turning.append(state.rotation @ (frame.inertia * state.body_rate))
+    np.testing.assert_allclose(turning[1], turning[0], rtol=1e-6)
+    np.testing.assert_allclose(state.position, [2.0, 2.0, 2.0], rtol=1e-9)
+
+
+def test_rotors_follow_with_their_lag_and_keep_their_limits() -> None:
+    gains = replace(TrackingGains(), lead=1.0)
+    frame = airframe(ROBOT, CALM)
+    motors = Powertrain(frame, CALM, gains)
+    before, aim = motors.speeds.copy(), 1.1 * motors.speeds
+    thrust = 4 * CALM.thrust_coefficient * aim[0] ** 2 / frame.mass
+    for _ in range(10):
+        motors.spin(np.array([thrust, 0.0, 0.0, 0.0]), CALM.motor_lag_s / 10)
+    np.testing.assert_allclose(motors.speeds, aim + (before - aim) / np.e, rtol=1e-9)
+    for _ in range(200):
+        motors.spin(np.array([1e3, 0.0, 0.0, 0.0]), 0.002)
+    np.testing.assert_allclose(motors.speeds, CALM.fastest_radps, rtol=1e-6)
+
+
+def test_a_robot_hovers_in_calm_air_and_heavier_than_it_thinks_too() -> None:
+    for config in (CALM, replace(CALM, mass_error=0.1)):
+        world = world_of(config)
+        for _ in range(8):
+            world.follow(come_to_rest(ROBOT, world.state, 1, 0.1))
+        assert (world.state.position - START.position).norm() < 0.05, config
+        assert world.state.velocity.norm() < 0.02
+
+
+def test_a_plans_attitude_is_met_at_the_end_of_its_step() -> None:
+    turning = replace(START, body_rate=torch.tensor([0.5, -0.4, 0.3]))
+    action = torch.tensor([ROBOT.weight, 2e-3, 1e-3, -5e-4])
+    after = ROBOT.step(turning, action, 0.1)
+    plan = Motion(RigidState.stack([turning, after]), action[None], 0.1)
+    rotation, rate, _ = Reference.of(plan, 0.25).attitude(0.1)
+    np.testing.assert_allclose(rotation, after.rotation.numpy(), atol=1e-6)
+    np.testing.assert_allclose(rate, after.body_rate.numpy(), atol=1e-6)
+    world = world_of(CALM, noise=None)
+    world._put(turning)
+    world.follow(plan)
+    off = after.local(world.state)
+    assert off[6:9].norm() < 0.01 and off[9:].norm() < 0.3, off
+
+
+def test_wind_is_as_strong_as_it_says_and_the_same_for_the_same_seed() -> None:
+    config = PhysicalConfig()
+    gusts = []
+    for seed in range(300):
+        wind = Wind(config, draws(seed))
+        level = wind._axes.T @ wind.blow(0.01)
+        later = [wind._axes.T @ wind.blow(0.1) for _ in range(8)][-1]
+        gusts.append([level, later])
+    along = np.array(gusts) - [config.wind_mps, 0.0, 0.0]
+    np.testing.assert_allclose(along.std(0), [config.gust_std_mps] * 2, rtol=0.15)
+    np.testing.assert_allclose(along.mean(0), np.zeros((2, 3)), atol=0.15)
+    assert abs(np.corrcoef(along[:, 0, 0], along[:, 1, 0])[0, 1] - np.exp(-1.6)) < 0.15
+    one, same = Wind(config, draws(4)), Wind(config, draws(4))
+    assert np.array_equal(one.blow(0.1), same.blow(0.1))
+
+
+def test_wind_carries_off_a_robot_that_does_not_see() -> None:
+    blown, calm = world_of(PhysicalConfig(), seed=2), world_of(replace(PhysicalConfig(), wind_mps=0.0), seed=2)
+    for world in (blown, calm):
+        for _ in range(10):
+            world.follow(still(world.state))
+    assert blown.state.velocity[:2].norm() > calm.state.velocity[:2].norm()
+
+
+def test_equal_seeds_give_equal_physical_worlds() -> None:
+    one, same, other = (world_of(PhysicalConfig(), seed) for seed in (3, 3, 4))
+    for world in (one, same, other):
+        world.follow(still())
+    assert torch.equal(one.state.position, same.state.position)
+    assert not torch.equal(one.state.position, other.state.position)
+
+
+def test_pictures_are_late_and_some_are_lost() -> None:
+    seen: list[Pose] = []
+
+    def camera(pose: Pose) -> torch.Tensor:
+        seen.append(pose)
+        return grey(pose)
+
+    moving = replace(START, velocity=torch.tensor([1.0, 0.0, 0.0]))
+    world = world_of(replace(CALM, dropped_share=0.0), camera=camera)
+    world._put(moving)
+    world.follow(still(moving))
+    world.look()
+    behind = float(world.state.position[0] - seen[0].position[0])
+    assert behind == pytest.approx(1 / 30, abs=0.004)
+    lossy = world_of(replace(CALM, dropped_share=0.5))
+    lost = sum(lossy.look() is None for _ in range(400))
+    assert 150 < lost < 250
+
+
+def test_a_late_picture_corrects_the_belief_of_then() -> None:
+    moving = replace(START, velocity=torch.tensor([1.0, 0.0, 0.0]))
+    world = simulator(noise=None)
+    late = LatePictures(Oracle(world), ROBOT, 1 / 30, StateNoise())
+    world.state = replace(moving, position=moving.position + torch.tensor([0.2, 0.0, 0.0]))  # of when it was taken
+    *_, last = late.update(Belief(START, torch.eye(12)), grey(None), HOVER[0], 0.1, draws(0))
+    assert last.posterior is not None
+    expected = world.state.position + torch.tensor([1 / 30, 0.0, 0.0])
+    torch.testing.assert_close(last.posterior.mean.position, expected, atol=1e-5, rtol=0)
+    with pytest.raises(InvalidInputError, match=r"time steps longer than 0\.02 s"):
+        list(late.update(Belief(START, torch.eye(12)), grey(None), HOVER[0], 0.02, draws(0)))
+
+
+def test_other_robots_than_quadrotors_are_refused_in_one_sentence() -> None:
+    couch = Simulator(robots.load("couch"), START, grey, draws(0))
+    with pytest.raises(InvalidInputError, match="made for quadrotors, and a couch is none"):
+        in_physical_world(couch)
+
+
+@pytest.mark.parametrize(("name", "value"), [("motor_lag_s", 0.0), ("dropped_share", 1.5), ("mass_error", -1.0)])
+def test_parameters_that_no_world_has_are_refused(name: str, value: float) -> None:
+    with pytest.raises(InvalidInputError, match=name):
+        PhysicalConfig(**{name: value})
+
+
+def test_a_robot_that_holds_comes_to_rest() -> None:
+    moving = replace(START, velocity=torch.tensor([0.8, 0.0, 0.0]))
+    world = world_of(CALM)
+    world._put(moving)
+    for _ in range(10):
+        world.follow(come_to_rest(ROBOT, world.state, 1, 0.1))
+    assert world.state.velocity.norm() < 0.1, world.state.velocity

@@ -1,0 +1,71 @@
+"""A world that does not wait."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.realtime import later, missed
+from nerfnav.navigation.replan import NavigateConfig, Pilot, navigate
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
+
+
+class SlowClock:
+    """Each look at it is a quarter of a second after the one before it at the given looks, else no time passes."""
+
+    def __init__(self, slow: set[int]) -> None:
+        self.now, self.looks, self.slow = 0.0, 0, slow
+
+    def __call__(self) -> float:
+        self.looks += 1
+        self.now += 0.25 if self.looks in self.slow else 0.0
+        return self.now
+
+
+def flown(slow: set[int], realtime: bool = True) -> list[NavigationStep]:
+    world = simulator()
+    pilot = Pilot(StraightPlanner(), Oracle(world))
+    mission = replace(MISSION, realtime=realtime, clock=SlowClock(slow))
+    events = navigate(mission, world, pilot, NavigateConfig(noise=CALM), draws(1))
+    return [event for event in events if isinstance(event, NavigationStep)]
+
+
+def test_time_steps_are_missed_only_by_what_takes_longer_than_one() -> None:
+    assert [missed(ms, 0.1) for ms in (0, 99, 100, 101, 200, 250)] == [0, 0, 0, 1, 1, 2]
+
+
+def test_a_world_that_waits_and_one_that_does_not_are_the_same_while_nothing_is_late() -> None:
+    waits, goes_on = flown(set(), realtime=False), flown(set())
+    assert len(waits) == len(goes_on) and not any(step.late for step in goes_on)
+    assert torch.equal(waits[-1].truth.position, goes_on[-1].truth.position)
+
+
+def test_a_late_step_lets_the_robot_fly_by_its_older_plan_meanwhile() -> None:
+    steps = flown({8})
+    late = [step for step in steps if step.late]
+    assert [step.index for step in late] == [late[0].index, late[0].index + 1], "0.25 s are two more steps"
+    slow, before = steps[late[0].index - 1], steps[late[0].index - 2]
+    assert slow.filter_ms + slow.replan_ms == pytest.approx(250)
+    for ahead, step in enumerate(late, 1):
+        assert step.action is not None and torch.equal(step.action, before.plan.actions[ahead])
+        assert step.image is None and step.filter_ms == 0
+    assert torch.equal(late[-1].plan.actions, slow.plan.actions[2:])
+    assert [step.index for step in steps] == list(range(len(steps)))
+
+
+def test_late_steps_are_counted_and_the_flight_arrives_all_the_same() -> None:
+    steps = flown({8, 20})
+    episode = Episode.of(steps)
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    assert episode.metrics()["late_steps"] == len(episode.late) == 4
+    assert episode.metrics()["timing_ms"]["step_p95"] > 0
+    assert [step.index for step in flown({8, 20})] == [step.index for step in steps]
+
+
+def test_a_robot_whose_plan_has_run_out_comes_to_rest() -> None:
+    plan = flown(set())[3].plan
+    rest = later(plan, len(plan.actions), plan.states[2], ROBOT)
+    assert rest.states.velocity[-1].norm() < plan.states.velocity[2].norm()
+    assert len(later(plan, 2, plan.states[2], ROBOT).actions) == len(plan.actions) - 2
