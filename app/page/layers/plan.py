@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.jobs.events import PlannerResult
-from app.page.layers.nodes import Bodies, Line, Trail, positions, quaternions
+from app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions
 from app.page.layers.shapes import robot_shape
 from app.page.theme import PLAN, STALE
 from app.state.records import PlanRecord
@@ -20,7 +20,8 @@ class PlanLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
+        self._line = Line(server, "/plan/line", PLAN, _THICKNESS, through=True)
+        self._drops = Fan(server, "/plan/drops", STALE, 0.2 * _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
         self._comparison = {
@@ -46,6 +47,8 @@ class PlanLayer:
         motion = None if step is None else step.motion
         with self._server.atomic():
             self._line.show(None if motion is None else positions(motion.states), STALE if stale else PLAN)
+            floor = float(session.place.field.box.lower[2])
+            self._drops.show(None if motion is None else drops(positions(motion.states)[::2], floor))
             self._trail.show(_beside(plan, moving=busy or replaying) if plan is not None and not stale else ())
             bodies = motion if motion is not None and not (busy or replaying or stale) else None
             if bodies is None:

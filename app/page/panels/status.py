@@ -49,6 +49,7 @@ class StatusPanel:
         self._wanted, self._next.label = next_step(session)
         self._next.disabled = session.place is None
         self._next.color = "gray" if isinstance(self._wanted, Cancel) else None
+        self._next.icon = viser.Icon.PLAYER_STOP if isinstance(self._wanted, Cancel) else viser.Icon.PLAYER_PLAY
         trouble = session.trouble
         self._trouble.visible = trouble is not None
         if trouble is not None:
