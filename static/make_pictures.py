@@ -45,13 +45,14 @@ def main() -> None:
 def photograph(app: App, page: Page) -> None:
     """Compare planners, plan, fly, and take a picture of each tab where it has most to show."""
     wait(lambda: app.session.job is None and app.session.place is not None, 60)
+    page.add_init_script("localStorage.setItem('nerfnav-help-seen', '1')")
     page.goto(f"{app.url}?fixedDpr=1")
     page.add_style_tag(content=_QUIET)
     app.post(ChooseTask(TASK))
     app.post(StartPlan())
     wait(lambda: app.session.fresh_plan is not None and app.session.job is None, 120)
     app.post(StartComparison())
-    wait(lambda: len(app.session.rivals) == 4, 300)
+    wait(lambda: len(app.session.comparison) == 4, 300)
     save(page, "Plan")
     fly_until(app, STEPS)
     app.post(Adjust(Settings.VIEW, "ellipsoid", 3.0))

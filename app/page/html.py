@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from app.page.theme import HIT, MUTED, START, Rgb, css
+from app.page.theme import HIT, MUTED, START, Rgb, css, readable
 
 _PADDING = "padding: 0 0.75em 0.5em 0.75em; font-size: 0.8125em; line-height: 1.45;"
 
@@ -15,12 +15,12 @@ def note(text: str) -> str:
 
 def warning(text: str) -> str:
     """A remark that must be seen."""
-    return f'<div style="{_PADDING} color: {css(HIT)}">{escape(text)}</div>'
+    return f'<div style="{_PADDING} color: {readable(HIT)}">{escape(text)}</div>'
 
 
 def fine(text: str) -> str:
     """A remark that all is well."""
-    return f'<div style="{_PADDING} color: {css(START)}">{escape(text)}</div>'
+    return f'<div style="{_PADDING} color: {readable(START)}">{escape(text)}</div>'
 
 
 def heading(title: str, text: str = "") -> str:

@@ -12,18 +12,19 @@ from nerfnav.geometry import to_linear
 
 Rgb = tuple[int, int, int]
 
-BRAND: Rgb = (99, 102, 241)
-START: Rgb = (52, 211, 153)
-GOAL: Rgb = (244, 114, 182)
-PLAN: Rgb = (70, 84, 255)
-STALE: Rgb = (120, 124, 138)
+# told apart in pairs, by deuteranopes too, and from the axes of viser's gizmos: tests/app/page/test_theme.py
+BRAND: Rgb = (81, 56, 243)
+START: Rgb = (75, 208, 198)
+GOAL: Rgb = (212, 26, 191)
+PLAN: Rgb = (250, 230, 60)
+STALE: Rgb = (121, 126, 133)
 TRUTH: Rgb = (0, 214, 255)
-BELIEF: Rgb = (255, 140, 0)
-CANDIDATE: Rgb = (255, 214, 102)
-HIT: Rgb = (248, 72, 72)
+BELIEF: Rgb = (240, 120, 0)
+CANDIDATE: Rgb = (205, 180, 255)
+HIT: Rgb = (228, 68, 60)
 OTHER_TRUTH: Rgb = (196, 236, 255)
-OTHER_PLAN: Rgb = (158, 165, 255)
-MUTED = "#9aa0ae"
+OTHER_PLAN: Rgb = (255, 246, 180)
+MUTED = "light-dark(#5a6070, #9aa0ae)"
 """Of secondary text."""
 _NIGHT_TOP: Rgb = (38, 43, 56)
 _NIGHT_BOTTOM: Rgb = (13, 15, 21)
@@ -44,29 +45,35 @@ def css(color: Rgb) -> str:
     return "#{:02x}{:02x}{:02x}".format(*color)
 
 
+def readable(color: Rgb) -> str:
+    """The colour as CSS, for text: darker where panels are light."""
+    return f"light-dark(color-mix(in srgb, {css(color)} 60%, black), {css(color)})"
+
+
 def branded(page: bytes) -> bytes:
-    """viser's page under the app's name and with its icon."""
+    """viser's page under the app's name and with its icon, its own style, help and script (page.css, .html, .js)."""
     page = page.replace(b"<title>Viser</title>", b"<title>nerfnav</title>", 1)
     icon = b'<link rel="icon" href="' + _data_url("favicon.svg").encode() + b'" />'
-    return re.sub(rb'<link\s+rel="icon"[^>]*?/?>', lambda _: icon, page, count=1)
+    page = re.sub(rb'<link\s+rel="icon"[^>]*?/?>', lambda _: icon, page, count=1)
+    style, body, script = (_beside(f"page.{ending}") for ending in ("css", "html", "js"))
+    own = b"<style>" + style + b"</style>" + body + b"<script>" + script + b"</script>"
+    before, end, after = page.rpartition(b"</body>")
+    return before + own + end + after
+
+
+def _beside(name: str) -> bytes:
+    """A file that lies beside this one."""
+    return (files("app.page") / name).read_bytes()
 
 
 def _data_url(image: str) -> str:
     """A picture that lies beside this file."""
-    return "data:image/svg+xml;base64," + base64.b64encode((files("app.page") / image).read_bytes()).decode()
+    return "data:image/svg+xml;base64," + base64.b64encode(_beside(image)).decode()
 
 
 def apply_theme(server: viser.ViserServer) -> None:
     """Give the page its theme, title bar and backdrop."""
-    logo = _data_url("logo.svg")
-    image = TitlebarImage(image_url_light=logo, image_url_dark=logo, image_alt="nerfnav", href=None)
-    server.gui.configure_theme(
-        titlebar_content=TitlebarConfig(buttons=None, image=image),
-        dark_mode=True,
-        show_logo=False,
-        show_share_button=False,
-        brand_color=BRAND,
-    )
+    apply_brightness(server, light=False)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(_PANEL_WIDTH)
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
@@ -74,6 +81,19 @@ def apply_theme(server: viser.ViserServer) -> None:
     server.scene.configure_environment_map(hdri=None)
     server.scene.add_light_hemisphere("/sky", sky_color=_SKY, ground_color=_GROUND, intensity=_SKYLIGHT)
     server.scene.set_background_image(night(), format="png")
+
+
+def apply_brightness(server: viser.ViserServer, light: bool) -> None:
+    """Make panels and title bar light or dark; the backdrop of the scene stays as it is."""
+    day, night = (_data_url(f"logo{of}.svg") for of in ("_light", ""))
+    image = TitlebarImage(image_url_light=day, image_url_dark=night, image_alt="nerfnav", href=None)
+    server.gui.configure_theme(
+        titlebar_content=TitlebarConfig(buttons=None, image=image),
+        dark_mode=not light,
+        show_logo=False,
+        show_share_button=False,
+        brand_color=BRAND,
+    )
 
 
 def night(rows: int = 256) -> np.ndarray:

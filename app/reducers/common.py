@@ -51,7 +51,8 @@ def _followed(session: Session, ends: Ends) -> FlightRecord | None:
     flight = session.flight
     if flight is None or not session.in_flight:
         return flight
-    return replace(flight, ends=Ends(flight.ends.start, ends.goal))
+    moved_at = flight.goals_moved if ends.goal == flight.ends.goal else (*flight.goals_moved, len(flight.steps))
+    return replace(flight, ends=Ends(flight.ends.start, ends.goal), goals_moved=moved_at)
 
 
 def _without(known: dict[Which, Value], which: Which) -> dict[Which, Value]:

@@ -14,7 +14,10 @@ def steered(session: Session, command: Steering) -> Session:
     job = session.job
     if job is None or not session.in_flight:
         return session
-    return replace(session, job=_asked(job, command, session.steps_reported))
+    flight = session.flight
+    if flight is not None and isinstance(command, m.Gust):
+        flight = replace(flight, gusts=(*flight.gusts, session.steps_reported))
+    return replace(session, job=_asked(job, command, session.steps_reported), flight=flight)
 
 
 def _asked(job: Job, command: Steering, steps: int) -> Job:

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import torch
+
 from app.reducers.common import noticed
 from app.state.actions import RunChanged
 from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, RunAction, Scrub
@@ -78,7 +80,7 @@ def opened(session: Session, stored: StoredFlight) -> Session:
             place = place.with_robot(about.robot)
         except NerfnavError as error:
             return noticed(session, "Could not open", f"The robot of this flight is gone: {error}.", bad=True)
-    timeline = session.runs.timeline.moved(stored.record, 0)
+    timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # all of it is seen at once
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
         problems={}, offers={}, plan=None, flight=stored.record, search=None,
@@ -92,7 +94,19 @@ def compared(session: Session, stored: StoredFlight) -> Session:
     if session.place is None or about.place != session.place.name:
         told = f"{stored.entry.name} was flown in {about.place}: open it first, then compare others with it."
         return noticed(session, "Another place", told, bad=True)
+    if _is_shown(session, stored):
+        told = f"{stored.entry.name} is the flight that is shown: choose another one to compare it with."
+        return noticed(session, "The same flight", told, bad=True)
     return replace(session, runs=replace(session.runs, compared=stored))
+
+
+def _is_shown(session: Session, stored: StoredFlight) -> bool:
+    """Whether a stored flight is the one on the page; one that has just been flown is known by its states alone."""
+    flight, opened = session.flight, session.runs.opened
+    if flight is None or (opened is not None and opened.record is flight):
+        return flight is not None and opened is not None and opened.entry.name == stored.entry.name
+    paths = [[step.truth.position for step in record.steps] for record in (flight, stored.record)]
+    return len(paths[0]) == len(paths[1]) and all(map(torch.equal, *paths))
 
 
 def _forgotten(runs: Runs, change: RunChange) -> Runs:

@@ -158,6 +158,10 @@ class FlightRecord:
     """What the time step in progress is at, for the user."""
     summary: dict[str, Any] = field(default_factory=dict)
     """The job's numbers, once it has finished."""
+    gusts: tuple[int, ...] = ()
+    """Time steps in which a gust was asked for; not known of stored flights."""
+    goals_moved: tuple[int, ...] = ()
+    """Time steps in which the goal was moved; not known of stored flights."""
 
     @property
     def outcome(self) -> EpisodeOutcome | None:

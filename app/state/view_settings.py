@@ -13,6 +13,15 @@ class Backdrop(Enum):
     NOTHING = "nothing"
 
 
+class CameraMode(Enum):
+    """From where the scene is seen; the value is what the user reads."""
+
+    FREE = "free"
+    CHASE = "behind the robot"
+    ROBOT = "the robot's own"
+    TOP = "from above"
+
+
 @dataclass(frozen=True)
 class ViewSettings:
     """What is drawn."""
@@ -31,6 +40,10 @@ class ViewSettings:
     """Whether space is drawn that no camera ever saw."""
     slice: float | None = None
     """Share of the place's height at which a slice through the density is drawn; None draws none."""
+    camera: CameraMode = CameraMode.FREE
+    """From where the scene is seen."""
+    light: bool = False
+    """Whether the panels are light."""
     ellipsoid: float = 1.0
     """How much larger than the 95 % region covariance ellipsoids and attitude cones are drawn."""
 

@@ -28,6 +28,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from tests.app.security.hostile import CAMERA
 from tests.browser.conftest import launch
+from tests.browser.tab import KNOWS_HELP
 from tests.waiting import free_port
 
 _FRAMES = """
@@ -144,6 +145,7 @@ def measure(cores: set[int], browser_cores: set[int], seconds: float) -> dict[st
         uuid = json.loads(process.stdout.readline())["uuid"]
         browser = launch(playwright)
         page = browser.new_page(viewport={"width": 640, "height": 480})
+        page.add_init_script(KNOWS_HELP)
         page.goto(f"http://127.0.0.1:{port}/?fixedDpr=0.5")
         page.wait_for_function(_READY, timeout=120_000)
         page.wait_for_timeout(8000)  # kernels are compiled

@@ -41,6 +41,8 @@ name => {
 }
 """
 
+KNOWS_HELP = "localStorage.setItem('nerfnav-help-seen', '1')"
+"""Script of a browser that was here before: help does not come by itself, and does not cover the page."""
 
 _TAB_OF_BUTTON = {
     **dict.fromkeys(("start", "goal"), "Scene"),
@@ -52,12 +54,19 @@ _TAB_OF_BUTTON = {
 }
 
 
+def to_screen(page: Page, point: Any) -> tuple[float, float]:
+    """Where a world point (3,) [m] is on the screen [pixels]."""
+    x, y = page.evaluate(_TO_SCREEN, np.asarray(point, dtype=np.float64).tolist())
+    return x, y
+
+
 class Tab:
     """One open page of an app."""
 
     def __init__(self, page: Page, app: App) -> None:
         self.page, self.app = page, app
         page.set_default_timeout(1000 * PATIENCE_S)
+        page.add_init_script(KNOWS_HELP)
 
     def load(self) -> None:
         """Load the page, and wait until its place can be used."""

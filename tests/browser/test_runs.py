@@ -54,7 +54,7 @@ def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_rob
     tab.press("Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
     for at in (3, len(flight.steps) - 1):
-        tab.fill("Time step", str(at))
+        tab.fill("Time [s]", str(at * flight.steps[0].plan.dt))
         truth = flight.steps[at].truth.position.numpy()
         tab.until(lambda truth=truth: np.allclose(robot_of(tab), truth, atol=1e-5), "the robot stays where it was")
     assert len(tab.line("/flight/truth")) == len(flight.steps)
@@ -73,7 +73,7 @@ def test_flights_are_compared_renamed_and_deleted_in_the_page(
     tab.press("Compare")
     tab.until(lambda: tab.is_visible("/compared/robot"), "the second flight is not shown")
     tab.until(lambda: tab.says("First: second. Second: first."), "their numbers are not beside each other")
-    tab.fill("Time step", "5")
+    tab.fill("Time [s]", str(5 * flown()[0].plan.dt))
     here = flown()[5].truth.position.numpy()
     for node in ("/flight/robot", "/compared/robot"):
         tab.until(lambda node=node: np.allclose(robot_of(tab, node), here, atol=1e-5), f"{node} is elsewhere")

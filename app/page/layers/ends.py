@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.page.layers.nodes import yaw_quaternion
+from app.page.layers.nodes import Fan, drops, yaw_quaternion
 from app.page.layers.shapes import robot_shape
 from app.page.theme import GOAL, HIT, START
 from app.places.ends import End, Which
@@ -41,6 +41,7 @@ class EndsLayer:
         for which, handle in self._handles.items():
             handle.shape(session.place.robot)
             handle.show(session.ends.of(which), session.problems.get(which) is not None)
+            handle.stand_on(float(session.place.field.box.lower[2]))
 
 
 class _Handle:
@@ -67,7 +68,15 @@ class _Handle:
         self._label = server.scene.add_label(
             f"{name}/label", which.value, position=(0, 0, 1.1 * GIZMO), anchor="bottom-center"
         )
+        self._drop = Fan(server, f"{name}/drop", _COLORS[which], 0.004)
+        self._drop_to: tuple[End, float] | None = None
         self._gizmo.on_update(self._moved)
+
+    def stand_on(self, floor: float) -> None:
+        """Draw how high the end is above the height `floor` [m]."""
+        if (self._end, floor) != self._drop_to:
+            self._drop_to = self._end, floor
+            self._drop.show(drops(np.zeros((1, 3)), floor - self._end.position[2]))
 
     def shape(self, robot: Robot) -> None:
         """Take the shape of another robot's body."""

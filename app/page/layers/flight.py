@@ -9,11 +9,15 @@ from app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternio
 from app.page.layers.shapes import ball, robot_shape
 from app.page.theme import BELIEF, HIT, PLAN, TRUTH
 from app.state.session import Session
+from app.text import number
 from nerfnav.estimator import Belief
 from nerfnav.geometry import ellipsoid_95
+from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION, RigidState, Robot
 
 _NOSE, _RIM = 0.2, 12  # length [m] and number of the lines that show where the nose may point
+_ARROW = 0.2  # length of what stands for a gust [m]
+_LARGEST, _FAINT = 0.15, 0.12  # half axis that is drawn as it is, in edges of the place; opacity of what is larger
 _PAST = 5  # earlier plans that are still drawn
 _LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
 
@@ -23,15 +27,18 @@ class FlightLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._truth = Line(server, "/flight/truth", TRUTH, 0.016)
+        self._truth = Line(server, "/flight/truth", TRUTH, 0.016, through=True)
         self._belief = Line(server, "/flight/belief", BELIEF, 0.004)
-        self._plan = Line(server, "/flight/plan", PLAN, 0.013)
+        self._plan = Line(server, "/flight/plan", PLAN, 0.013, through=True)
         self._past = Trail(server, "/flight/plans", PLAN, 0.006)
         unit = ball()
         self._covariance = Bodies(server, "/flight/covariance", unit, BELIEF, opacity=0.3)
+        self._lost = Bodies(server, "/flight/lost", unit, BELIEF, opacity=_FAINT)
+        self._told = server.scene.add_label("/flight/lost/label", "", visible=False, anchor="bottom-center")
         self._means = Bodies(server, "/flight/means", unit, BELIEF, opacity=None)
         self._nose = Fan(server, "/flight/attitude", BELIEF, 0.004)
         self._hits = Bodies(server, "/flight/hits", unit, HIT, opacity=0.9)
+        self._gusts = Fan(server, "/flight/gusts", HIT, 0.008)
         shape = robot_shape((0.1, 0.1, 0.04))
         self._robot = Bodies(server, "/flight/robot", shape, TRUTH, opacity=None)
         self._ghost = Bodies(server, "/flight/ghost", shape, BELIEF, opacity=0.5)
@@ -56,26 +63,52 @@ class FlightLayer:
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
             self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
-            self._covariance.show(*ellipsoids([step.belief for step in steps], scale))
+            self._show_covariances([step.belief for step in steps], scale, float(session.place.field.box.size.max()))
             self._nose.show(cone(steps[-1].belief, scale) if steps else None)
             # dots, for a good estimate's line lies within the line of the truth
             self._means.show(*_balls([step.belief.mean for step in steps], radius=0.014))
+            self._gusts.show(arrows(steps, () if flight is None else flight.gusts))
             self._hits.show(*_balls([step.truth for step in steps if step.touched], radius=0.025))
             self._robot.show(*_placed(steps[-1].truth if steps else None))
             guess = flight.guess if flight is not None else None
             self._ghost.show(*_placed(guess or (steps[-1].belief.mean if steps else None)))
 
+    def _show_covariances(self, beliefs: list[Belief], scale: float, size: float) -> None:
+        """The 95 % regions; of those too large for the place, `size` [m], the last alone: faint, with its size."""
+        centers, wxyzs, half = ellipsoids(beliefs)
+        sure = half.max(-1, initial=0) <= _LARGEST * size
+        self._covariance.show(centers[sure], wxyzs[sure], scale * half[sure])
+        lost = slice(-1, None) if beliefs and not sure[-1] else slice(0, 0)
+        self._lost.show(centers[lost], wxyzs[lost], np.minimum(half[lost], _LARGEST * size))
+        self._told.visible = bool(beliefs) and not sure[-1]
+        if self._told.visible:
+            self._told.text = f"position uncertain by {number(half[-1].max(), 'm', digits=2)}"
+            self._told.position = tuple(centers[-1].tolist())
 
-def ellipsoids(beliefs: list[Belief], scale: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions.
 
-    `scale` makes them larger than that, for the eye.
-    """
+def ellipsoids(beliefs: list[Belief]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions."""
     if not beliefs:
         return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
     centers = np.stack([belief.mean.position.detach().numpy() for belief in beliefs])
     axes, half = ellipsoid_95(torch.stack([belief.covariance[POSITION, POSITION] for belief in beliefs]))
-    return centers, tf.SO3.from_matrix(axes.numpy()).wxyz, np.maximum(scale * half.numpy(), _LEAST_AXIS)
+    return centers, tf.SO3.from_matrix(axes.numpy()).wxyz, np.maximum(half.numpy(), _LEAST_AXIS)
+
+
+def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndarray | None:
+    """Segments (3 n, 2, 3) [m] of an arrow for each gust, from where the robot was to be to where it was blown."""
+    made = []
+    for index in gusts:
+        if not 0 < index < len(steps) or len(steps[index - 1].plan.states.position) < 2:
+            continue
+        to = steps[index].truth.position.detach().double().numpy()
+        along = to - steps[index - 1].plan.states.position[1].detach().double().numpy()
+        along /= max(float(np.linalg.norm(along)), 1e-9)
+        across = np.cross(along, [0.0, 0.0, 1.0])
+        tail = to - _ARROW * along
+        barbs = [to - 0.3 * _ARROW * (along + side * across) for side in (-1, 1)]
+        made += [(tail, to), (barbs[0], to), (barbs[1], to)]
+    return np.array(made) if made else None
 
 
 def cone(belief: Belief, scale: float = 1.0) -> np.ndarray:

@@ -8,6 +8,8 @@ from app.page.layers.shapes import Shape
 from app.page.theme import Rgb, linear
 from nerfnav.robots import Motion, RigidState
 
+THROUGH = "/through"
+"""How the name of a node ends that page.js draws over everything, faintly."""
 _SOMEWHERE = np.zeros((1, 2, 3), dtype=np.float32)
 
 
@@ -38,19 +40,30 @@ def dashes(points: np.ndarray, count: int = 20) -> np.ndarray:
     return np.stack([np.interp(at, along, axis) for axis in points.T], -1).reshape(count, 2, 3)
 
 
+def drops(points: np.ndarray, floor: float) -> np.ndarray:
+    """Vertical segments (n, 2, 3) [m] from points (n, 3) [m] to the height `floor` [m]: they tell how high one is."""
+    feet = points.copy()
+    feet[:, 2] = floor
+    return np.stack([points, feet], axis=1)
+
+
 class Line:
     """A line through points, in one colour; hidden while there are fewer than two points."""
 
-    def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
-        """`thickness` is in metres."""
-        self._fan = Fan(server, name, color, thickness)
+    def __init__(
+        self, server: viser.ViserServer, name: str, color: Rgb, thickness: float, through: bool = False
+    ) -> None:
+        """`thickness` is in metres; `through`: whether the line is seen, faintly, through what hides it."""
+        names = (name, name + THROUGH) if through else (name,)
+        self._fans = [Fan(server, each, color, thickness) for each in names]
 
     def show(self, points: np.ndarray | None, color: Rgb | None = None, dashed: bool = False) -> None:
         """Draw the line through `points` (n, 3) [m], or nothing."""
-        if points is None or len(points) < 2:
-            self._fan.show(None)
-        else:
-            self._fan.show(dashes(points) if dashed else segments(points), color)
+        lines = None
+        if points is not None and len(points) > 1:
+            lines = dashes(points) if dashed else segments(points)
+        for fan in self._fans:
+            fan.show(lines, color)
 
 
 class Fan:

@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from app.jobs.events import PlannerResult
-from app.page.layers.nodes import Bodies, Line, Trail, positions, quaternions
+from app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions
 from app.page.layers.shapes import robot_shape
 from app.page.theme import HIT, PLAN, STALE
 from app.state.records import NOWHERE, PlanRecord
@@ -22,7 +22,8 @@ class PlanLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._line = Line(server, "/plan/line", PLAN, _THICKNESS)
+        self._line = Line(server, "/plan/line", PLAN, _THICKNESS, through=True)
+        self._drops = Fan(server, "/plan/drops", STALE, 0.2 * _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
         self._comparison = {
@@ -30,6 +31,7 @@ class PlanLayer:
         }
         self._compared: tuple[PlannerResult, ...] = ()
         self._robot: Robot | None = None
+        self._floor = 0.0
         self._plan: PlanRecord | None = None
         self._shown: tuple[Look, bool] | None = None
 
@@ -43,6 +45,7 @@ class PlanLayer:
         if self._robot is not session.place.robot:
             self._robot = session.place.robot
             self._bodies.shape(robot_shape(self._robot.body.extents))
+        self._floor = float(session.place.field.box.lower[2])
         with self._server.atomic():
             self._draw(plan if shown[0] is not Look.HIDDEN else None, *shown)
 
@@ -53,6 +56,7 @@ class PlanLayer:
         self._line.show(
             None if motion is None else positions(motion.states), _COLORS.get(look), dashed=look is Look.UNSAFE
         )
+        self._drops.show(None if motion is None else drops(positions(motion.states)[::2], self._floor))
         self._trail.show(_beside(plan, moving) if plan is not None and look is Look.WANTED else ())
         if motion is None or moving or look is Look.STALE:
             self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))

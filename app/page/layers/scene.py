@@ -3,6 +3,7 @@
 A new layer is a file beside this one and a line here.
 """
 
+from app.page.layers.camera_modes import CameraModesLayer
 from app.page.layers.comparison import ComparisonLayer
 from app.page.layers.ends import EndsLayer
 from app.page.layers.field_backdrop import FieldBackdropLayer
@@ -26,6 +27,7 @@ def layers(page: Page) -> tuple[Panel, ...]:
         EndsLayer(server, page.post),
         PlanLayer(server),
         FlightLayer(server),
+        CameraModesLayer(server),
         ComparisonLayer(server),
         SearchLayer(server),
         PlacingLayer(server),

@@ -1,32 +1,28 @@
-"""A floating panel with what the robot sees, what it believes to see, and how these differ."""
+"""A strip of small pictures: what the robot sees, what it believes to see, and how these differ."""
 
 import numpy as np
 import viser
 
-from app.page.html import note
 from app.page.panels.camera_images import beside, difference, with_pixels
 from app.queries.robot_view import RobotView, RobotViewQuery
 from app.state.session import Session
 from nerfnav.navigation import NavigationStep
 
-_WIDTH, _LEFT, _TOP = 460.0, 14.0, 14.0  # [pixels]
-_FLYING = (
-    "The robot's camera with the pixels that the filter compares (red: rejected), the field from where the robot "
-    "believes to be, and their difference, three times as bright."
-)
-_FROM_THE_ENDS = "The field as the robot would see it from the start (left) and from the goal (right)."
+_FLYING = "camera · as believed · difference × 3"
+_FROM_THE_ENDS = "seen from start · from goal"
 _NOTHING = np.full((2, 4, 3), 30, np.uint8)
 
 
 class CameraPanel:
-    """Pictures of the flight, else of what waits at start and goal."""
+    """Pictures of the flight, else of what waits at start and goal: beside the scene, where they cover nothing.
+
+    The folder folds them away; a press on them opens them large.
+    """
 
     def __init__(self, server: viser.ViserServer) -> None:
-        panel = server.gui.add_panel()
-        with panel.add_tab("Camera", viser.Icon.CAMERA):
-            self._picture = server.gui.add_image(_NOTHING, jpeg_quality=85, visible=False)
-            self._caption = server.gui.add_html(note("Opening…"))
-        panel.float(x=_LEFT, y=_TOP, width=_WIDTH)
+        self._folder = server.gui.add_folder("Camera", visible=False)
+        with self._folder:
+            self._picture = server.gui.add_image(_NOTHING, label=_FROM_THE_ENDS, jpeg_quality=85)
         self._shown: tuple[RobotView, int] | None = None
 
     def show(self, session: Session) -> None:
@@ -38,10 +34,8 @@ class CameraPanel:
         if self._shown is not None and self._shown[0] is view and self._shown[1] == steps:
             return
         self._shown = view, steps
-        caption, picture = compose(view, query.step_of(session.shown_flight))
-        self._caption.content = note(caption)
-        self._picture.image = picture
-        self._picture.visible = True
+        self._picture.label, self._picture.image = compose(view, query.step_of(session.shown_flight))
+        self._folder.visible = True
 
 
 def compose(view: RobotView, step: NavigationStep | None) -> tuple[str, np.ndarray]:

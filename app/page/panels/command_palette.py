@@ -11,6 +11,7 @@ import viser
 
 import scenes
 from app.state.actions import (
+    Adjust,
     Cancel,
     CarryAway,
     Choose,
@@ -22,12 +23,15 @@ from app.state.actions import (
     Pause,
     Reset,
     Resume,
+    Settings,
     StartFlight,
     StartPlan,
     StepOnce,
 )
 from app.state.job import JobKind
+from app.state.run_actions import PlayBack, Scrub
 from app.state.session import Session
+from app.state.view_settings import CameraMode
 from nerfnav import robots
 from nerfnav.planner import PLANNERS
 
@@ -91,7 +95,9 @@ def entries() -> Iterator[Shortcut]:
     icons = viser.Icon
     yield Shortcut("Plan", _when_free(StartPlan()), "P", icon=icons.ROUTE)
     yield Shortcut("Fly", _when_free(StartFlight()), "F", icon=icons.DRONE)
-    yield Shortcut("Pause or resume", _hold, "space", icon=icons.PLAYER_PAUSE)
+    yield Shortcut("Pause, resume, play back", _hold, "space", icon=icons.PLAYER_PAUSE)
+    yield Shortcut("A time step back", _look(-1), "pageup", icon=icons.PLAYER_TRACK_PREV)
+    yield Shortcut("A time step ahead", _look(1), "pagedown", icon=icons.PLAYER_TRACK_NEXT)
     yield Shortcut("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step")
     yield Shortcut("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
     yield Shortcut("Put it elsewhere", _when_flying(CarryAway()), icon=icons.HAND_GRAB, hint="Kidnapped robot")
@@ -100,6 +106,8 @@ def entries() -> Iterator[Shortcut]:
     yield Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)
     yield Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task")
     yield Shortcut("Reset", lambda session: Reset() if session.place is not None else None, "R", "shift", icons.REFRESH)
+    for key, mode in enumerate(CameraMode, 1):
+        yield Shortcut(f"See from: {mode.value}", _see(mode), str(key), icon=icons.EYE)
     for name in scenes.names():
         yield Shortcut(f"Open {name}", _open(name), icon=icons.MAP_2)
     for name in PLANNERS:
@@ -118,8 +126,24 @@ def _when_flying(command: Command) -> Callable[[Session], Command | None]:
 
 def _hold(session: Session) -> Command | None:
     if session.job is None or not session.in_flight:
-        return None
+        return PlayBack(not session.runs.timeline.playing) if _may_look_back(session) else None
     return Resume() if session.job.paused else Pause()
+
+
+def _may_look_back(session: Session) -> bool:
+    return session.flight is not None and len(session.flight.steps) > 1 and not session.in_flight
+
+
+def _look(by: int) -> Callable[[Session], Command | None]:
+    def ask(session: Session) -> Command | None:
+        shown = session.shown_flight
+        return Scrub(len(shown.steps) - 1 + by) if _may_look_back(session) and shown is not None else None
+
+    return ask
+
+
+def _see(mode: CameraMode) -> Callable[[Session], Command | None]:
+    return lambda session: Adjust(Settings.VIEW, "camera", mode) if session.view_settings.camera is not mode else None
 
 
 def _may_stop(session: Session) -> bool:

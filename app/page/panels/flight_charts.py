@@ -27,19 +27,28 @@ class Curves:
 
 
 class FlightChart:
-    """Curves of the flight that is shown, as far as it has gone."""
+    """Curves of the whole flight, with a cursor at the time that is shown."""
 
     def __init__(self, server: viser.ViserServer, curves: Curves) -> None:
         self._chart = Chart(server, "time [s]", curves.lines)
         self._curves = curves
-        self._shown: FlightRecord | None = None
+        self._rows = np.zeros((2, 0))
+        self._shown: tuple[FlightRecord | None, float | None] = None, None
 
     def show(self, session: Session) -> None:
         """Draw the flight, where it is not drawn already."""
-        flight = session.shown_flight
-        if flight is not self._shown:
-            self._shown = flight
-            self._chart.show(self._curves.of(() if flight is None else flight.steps))
+        shown = session.flight, time_shown(session)
+        if shown[0] is not self._shown[0]:
+            self._rows = self._curves.of(() if session.flight is None else session.flight.steps)
+        if shown[0] is not self._shown[0] or shown[1] != self._shown[1]:
+            self._chart.show(self._rows, shown[1])
+        self._shown = shown
+
+
+def time_shown(session: Session) -> float | None:
+    """The time of the flight that the page shows [s]; None without a flight."""
+    flight = session.shown_flight
+    return flight.steps[-1].time if flight is not None and flight.steps else None
 
 
 def error_curves(steps: tuple[NavigationStep, ...]) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 import viser
 
 from app.page.panels.chart import Chart
+from app.page.panels.flight_charts import time_shown
 from app.page.theme import HIT, STALE, START, TRUTH
 from app.queries.clearance import ClearanceQuery
 from app.state.records import CostHistory
@@ -33,8 +34,9 @@ class PlanCharts:
             self._cost.show(chart_data(history))
         known = ClearanceQuery.rows_of(session.plan, session)
         rows = np.zeros((3, 0)) if known is None else known
-        self._room.show(rows[[0, 1]])
-        self._risk.show(rows[[0, 2]])
+        at = time_shown(session)
+        self._room.show(rows[[0, 1]], at)
+        self._risk.show(rows[[0, 2]], at)
 
 
 def chart_data(history: CostHistory) -> np.ndarray:

@@ -23,6 +23,7 @@ class RunsPanel:
         """`post` takes what the user asks."""
         self._post = post
         self._session: Session | None = None
+        self._renamed: dict[str, str] = {}
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             "Flight", [_NONE], hint="Every flight is kept, step by step as it is flown"
         )
@@ -60,7 +61,9 @@ class RunsPanel:
         if entry is None or event.client is None:
             return
         if word == "Rename":
-            self._post(RenameRun(entry.name, str(self._name.value).strip()))
+            name = str(self._name.value).strip()
+            self._renamed[entry.name] = name
+            self._post(RenameRun(entry.name, name))
         elif word == "Delete":
             ask_to_delete(event.client, entry.name, self._post)
 
@@ -72,7 +75,8 @@ class RunsPanel:
         before = str(self._list.value)
         if self._list.options != names:
             self._list.options = names
-            self._list.value = before if before in names else names[0]
+            after = before if before in names else self._renamed.pop(before, before)
+            self._list.value = after if after in names else names[0]
         entry = self._chosen
         self._about.content = describe(entry) if entry is not None else note("Flights are kept here: fly one.")
         busy = session.in_flight

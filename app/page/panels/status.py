@@ -61,3 +61,4 @@ class StatusPanel:
         self._next.color = "gray" if isinstance(self._wanted, Cancel) else None
         self._next.visible = not asks(session)
         self._anyway.visible = self._stay.visible = asks(session)
+        self._next.icon = viser.Icon.PLAYER_STOP if isinstance(self._wanted, Cancel) else viser.Icon.PLAYER_PLAY

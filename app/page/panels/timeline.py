@@ -1,9 +1,11 @@
-"""The timeline of a flight that has ended: which time step the page shows."""
+"""The timeline of a flight: which time of it the scene, the pictures and the charts show."""
 
 from collections.abc import Callable
 
 import viser
+from viser._messages import GuiSliderMark
 
+from app.page.panels.flight_marks import marks_of
 from app.state.actions import Command
 from app.state.records import FlightRecord
 from app.state.run_actions import PlayBack, Scrub
@@ -13,16 +15,17 @@ _PLAY, _PAUSE = "Play back", "Hold"
 
 
 class TimelinePanel:
-    """A slider over the time steps and a button that moves it, above the tabs, for they all show that time."""
+    """A slider over the flight's time and a button that moves it, above the tabs, for they all show that time."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._post = post
+        self._server, self._post = server, post
         self._slider = server.gui.add_slider(
-            "Time step", 0, 1, 1, 0, visible=False, hint="Which moment of the flight is shown"
+            "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Which moment of the flight is shown"
         )
         self._button = server.gui.add_button(_PLAY, icon=viser.Icon.PLAYER_PLAY, color="gray", visible=False)
         self._flight: FlightRecord | None = None
+        self._dt = 0.1
         self._asked: int | None = None
         self._playing = False
         self._slider.on_update(self._scrub)
@@ -34,25 +37,38 @@ class TimelinePanel:
     async def _scrub(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return  # the session wrote it
-        self._asked = round(self._slider.value)
+        self._asked = round(self._slider.value / self._dt)
         self._post(Scrub(self._asked))
 
     def show(self, session: Session) -> None:
-        """Show the timeline where there is something to look back at."""
+        """Show where in time the flight is, and what has happened in it; while it flies, that is its last step."""
         flight, shown = session.flight, session.shown_flight
-        visible = flight is not None and len(flight.steps) > 1 and not session.in_flight
-        self._slider.visible = self._button.visible = visible
+        visible = flight is not None and len(flight.steps) > 1
+        self._slider.visible = visible
+        self._button.visible = visible and not session.in_flight
         if not visible or flight is None or shown is None:
             return
+        self._slider.disabled = session.in_flight
         if flight is not self._flight:
             self._flight, self._asked = flight, None
-            self._slider.max = len(flight.steps) - 1
+            self._span(flight)
         at = len(shown.steps) - 1
         # a hand that holds the slider is ahead of the session: it must not be pulled back
         if self._asked in (None, at) or session.runs.timeline.playing:
             self._asked = None
-            self._slider.value = at
+            self._slider.value = round(at * self._dt, 3)
         if self._playing != session.runs.timeline.playing:
             self._playing = session.runs.timeline.playing
             self._button.label = _PAUSE if self._playing else _PLAY
             self._button.icon = viser.Icon.PLAYER_PAUSE if self._playing else viser.Icon.PLAYER_PLAY
+
+    def _span(self, flight: FlightRecord) -> None:
+        """Reach over all of the flight, with a mark at each event."""
+        self._dt = flight.steps[0].plan.dt
+        end = round((len(flight.steps) - 1) * self._dt, 3)
+        marks = ((0.0, "0"), *marks_of(flight), (end, f"{end:g}"))
+        with self._server.atomic():
+            self._slider.step, self._slider.max = self._dt, end
+            self._slider.precision = max(0, len(f"{self._dt:.6g}".partition(".")[2]))
+            # viser takes marks where a slider is made, and has only an inner name for them later
+            self._slider._marks = tuple(GuiSliderMark(value, label) for value, label in marks)

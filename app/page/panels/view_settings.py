@@ -5,12 +5,14 @@ from collections.abc import Callable
 import viser
 
 from app.page.panels.binder import Binder
+from app.page.theme import apply_brightness
 from app.state.actions import Command, Settings
 from app.state.session import Session
-from app.state.view_settings import Backdrop
+from app.state.view_settings import Backdrop, CameraMode
 from nerfnav.field import VoxelField
 
 _BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
+_CAMERAS = {mode.value: mode for mode in CameraMode}
 _SHOWN_AT_FIRST = 0.3  # share of the height of a slice that was not drawn yet
 
 
@@ -19,8 +21,12 @@ class ViewSettingsPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
+        self._server, self._lit = server, False
         with server.gui.add_folder("View", expand_by_default=False):
             gui = server.gui
+            self._camera: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+                "Seen from", list[str](_CAMERAS), hint="Keys 1 to 4"
+            )
             self._backdrop: viser.GuiDropdownHandle[str] = gui.add_dropdown(
                 "Field", list[str](_BACKDROPS), hint="The surface is quick; the field itself is what the robot sees"
             )
@@ -31,7 +37,10 @@ class ViewSettingsPanel:
             self._unknown = gui.add_checkbox("Unknown", False, hint="What no camera saw: planners keep out of it")
             self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
             self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
+            self._light = gui.add_checkbox("Light panels", False, hint="The scene stays dark, for its lines to be seen")
         bind = Binder(Settings.VIEW, post)
+        bind(self._camera, "camera", _CAMERAS.__getitem__)
+        bind(self._light, "light", bool)
         bind(self._backdrop, "backdrop", _BACKDROPS.__getitem__)
         bind(self._opacity, "opacity", _share)
         bind(self._clip, "clip", _share)
@@ -49,6 +58,10 @@ class ViewSettingsPanel:
         choices = tuple(name for name, backdrop in _BACKDROPS.items() if splats or backdrop is not Backdrop.SPLATS)
         if self._backdrop.options != choices:
             self._backdrop.options = choices
+        self._camera.value, self._light.value = look.camera.value, look.light
+        if look.light != self._lit:
+            self._lit = look.light
+            apply_brightness(self._server, look.light)
         self._backdrop.value = look.backdrop.value
         self._opacity.value, self._clip.value = round(100 * look.opacity), round(100 * look.clip)
         self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE

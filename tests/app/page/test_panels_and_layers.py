@@ -6,8 +6,9 @@ import torch
 import trimesh
 
 from app.page.html import table
-from app.page.layers.flight import cone, ellipsoids
-from app.page.layers.nodes import dashes, quaternions, segments
+from app.page.layers.camera_modes import sight
+from app.page.layers.flight import FlightLayer, arrows, cone, ellipsoids
+from app.page.layers.nodes import dashes, drops, quaternions, segments
 from app.page.layers.shapes import Shape, ball, robot_shape
 from app.page.panels import ends as ends_panel
 from app.page.panels import flight as fly_panel
@@ -19,6 +20,7 @@ from app.places.ends import End, Ends
 from app.places.surface_glb import dressed, unlit_glb, without_specks
 from app.state.records import CostHistory, FlightRecord, PlanRecord
 from app.state.session import Session
+from app.state.view_settings import CameraMode
 from app.text import number
 from nerfnav.estimator.belief import Belief
 from nerfnav.geometry import so3
@@ -214,3 +216,62 @@ def test_the_cone_of_the_attitude_holds_what_the_covariance_says_and_grows_with_
     assert np.abs(tips[:, 2]).max() == pytest.approx(np.sin(2.7955 * 0.05), rel=1e-3)
     wider = cone(belief, 2.0)
     assert np.abs(wider[:, 1, 1]).max() > 1.8 * np.abs(lines[:, 1, 1]).max()
+
+
+class _Label:
+    visible, text, position = False, "", (0.0, 0.0, 0.0)
+
+
+class _Drawn:
+    """Keeps what was last drawn, in place of bodies of a page."""
+
+    def show(self, centers: np.ndarray, wxyzs: np.ndarray, scales: np.ndarray) -> None:
+        self.scales = scales
+
+
+def test_a_lost_robots_ellipsoid_is_capped_alone_and_labelled() -> None:
+    layer = FlightLayer.__new__(FlightLayer)
+    layer._covariance, layer._lost, layer._told = _Drawn(), _Drawn(), _Label()  # type: ignore[assignment]
+    sure, lost = belief_with(1e-4 * torch.eye(3)), belief_with(1.31 * torch.eye(3))
+    layer._show_covariances([sure, lost, lost], 1.0, 2.0)
+    assert len(layer._covariance.scales) == 1 and len(layer._lost.scales) == 1  # type: ignore[attr-defined]
+    assert layer._lost.scales.max() == pytest.approx(0.3)  # type: ignore[attr-defined]
+    assert layer._told.visible and layer._told.text == "position uncertain by 3.2 m"
+    layer._show_covariances([lost, sure], 3.0, 2.0)
+    assert not layer._told.visible and len(layer._lost.scales) == 0  # type: ignore[attr-defined]
+    assert layer._covariance.scales.max() == pytest.approx(3 * 2.7955e-2, rel=1e-3)  # type: ignore[attr-defined]
+    layer._show_covariances([], 1.0, 2.0)
+    assert not layer._told.visible and len(layer._covariance.scales) == 0  # type: ignore[attr-defined]
+
+
+def test_an_arrow_points_to_where_a_gust_blew_the_robot() -> None:
+    steps = tuple(flight_step(ENDS, index) for index in range(4))
+    drawn = arrows(steps, (2, 9))
+    assert drawn is not None
+    (tail, tip), *barbs = drawn
+    np.testing.assert_allclose(tip, steps[2].truth.position.numpy(), atol=1e-6)
+    blown = tip - steps[1].plan.states.position[1].numpy()
+    if np.linalg.norm(blown) > 1e-6:
+        assert (tip - tail) @ blown > 0
+    assert len(barbs) == 2 and arrows(steps, ()) is None
+
+
+def test_drop_lines_are_vertical_and_end_on_the_floor() -> None:
+    points = np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 2.0]])
+    lines = drops(points, -0.5)
+    np.testing.assert_allclose(lines[:, 0], points)
+    np.testing.assert_allclose(lines[:, 1], [[0.1, 0.2, -0.5], [0.3, 0.4, -0.5]])
+
+
+@pytest.mark.parametrize("mode", [mode for mode in CameraMode if mode is not CameraMode.FREE])
+def test_cameras_look_where_the_robot_is_or_goes(mode: CameraMode) -> None:
+    place = balls_place()
+    state = End((0.2, 0.1, 0.5), yaw=0.7).state()
+    eye, target = sight(mode, state, place.robot, place.field.box)
+    at, ahead = state.position.double().numpy(), state.rotation.double().numpy()[:, 0]
+    assert np.isfinite(eye).all() and np.linalg.norm(target - eye) > 0.1
+    if mode is CameraMode.TOP:
+        assert eye[2] > place.field.box.upper[2] and abs(eye[0] - target[0]) < 1e-6
+    else:
+        assert (target - eye) @ ahead > 0
+        assert ((eye - at) @ ahead < 0) == (mode is CameraMode.CHASE)

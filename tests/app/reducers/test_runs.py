@@ -76,13 +76,13 @@ def test_the_store_is_listed_once_the_place_is_open_and_again_after_each_job(ses
     assert len(served(landed, store, ListRuns()).runs.entries) == 1
 
 
-def test_an_opened_flight_is_shown_from_its_start_between_its_ends(session: Session, store: RunStore) -> None:
+def test_an_opened_flight_is_shown_whole_between_its_ends(session: Session, store: RunStore) -> None:
     opened = served(session, store, OpenRun("first"))
     assert opened.flight is not None and len(opened.flight.steps) == 17
     assert opened.ends == ENDS and not opened.flight_is_stale
     assert opened.flight.summary["outcome"] == "collided"
     shown = opened.shown_flight
-    assert shown is not None and len(shown.steps) == 1
+    assert shown is not None and len(shown.steps) == 17
 
 
 def test_an_opened_flight_does_not_show_what_was_found_in_another(session: Session, store: RunStore) -> None:
@@ -197,3 +197,10 @@ def test_what_cannot_be_done_is_told_without_paths_and_changes_nothing(
     assert told.notices[-1].bad and str(store.folder) not in told.notices[-1].body
     assert told.flight is None and told.runs.entries == session.runs.entries and not told.runs.wanted
     assert [entry.name for entry in store.entries()] == ["second", "first"]
+
+
+def test_a_flight_is_not_compared_with_itself(session: Session, store: RunStore) -> None:
+    alone = served(session, store, OpenRun("first"), CompareRun("first"))
+    assert alone.runs.compared is None and alone.notices[-1].title == "The same flight"
+    just_flown = replace(alone, runs=replace(alone.runs, opened=None))
+    assert served(just_flown, store, CompareRun("first")).runs.compared is None

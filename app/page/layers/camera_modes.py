@@ -1,0 +1,61 @@
+"""Cameras that go with the robot: behind it, its own, and from above."""
+
+import numpy as np
+import viser
+
+from app.page.layers.field_surface import frame
+from app.state.session import Session
+from app.state.view_settings import CameraMode
+from nerfnav.geometry import Box
+from nerfnav.robots import RigidState, Robot
+
+_WIDE = float(np.deg2rad(75))  # [rad]: what is near is seen whole
+_BEHIND, _OVER, _AHEAD = 7.0, 3.0, 10.0  # of the chase camera, in body lengths
+
+
+class CameraModesLayer:
+    """Moves the cameras of all tabs with the robot that is shown, or with the start where nothing has flown."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._mode = CameraMode.FREE
+        self._shown: object = None
+
+    def show(self, session: Session) -> None:
+        """Look from where the session wants; a free camera is put back once, and then left alone."""
+        place, mode = session.place, session.view_settings.camera
+        if place is None:
+            return
+        box, changed, self._mode = place.field.box, mode is not self._mode, mode
+        if mode is CameraMode.FREE:
+            if changed:
+                frame(self._server, (box.lower.tolist(), box.upper.tolist()))
+            return
+        flight = session.shown_flight
+        state = flight.steps[-1].truth if flight is not None and flight.steps else session.ends.start.state()
+        if state is self._shown and not changed:
+            return
+        if mode is CameraMode.TOP and not changed:
+            return  # it does not go with the robot, and may be turned by hand
+        self._shown = state if flight is not None and flight.steps else None
+        eye, target = sight(mode, state, place.robot, box)
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.position, client.camera.look_at, client.camera.fov = eye, target, _WIDE
+
+
+def sight(mode: CameraMode, state: RigidState, robot: Robot, box: Box) -> tuple[np.ndarray, np.ndarray]:
+    """Where the camera of a mode is, and what it looks at, both (3,) [m]."""
+    at = state.position.detach().double().numpy()
+    forward = state.rotation.detach().double().numpy()[:, 0]
+    length = 2 * robot.body.radius
+    if mode is CameraMode.ROBOT:
+        eye = at + 0.6 * length * forward  # before its own nose
+        return eye, eye + forward
+    if mode is CameraMode.CHASE:
+        level = np.array([forward[0], forward[1], 0.0]) / max(np.hypot(*forward[:2]), 1e-6)
+        return at - _BEHIND * length * level + np.array([0, 0, _OVER * length]), at + _AHEAD * length * level
+    center, size = box.center.double().numpy(), box.size.double().numpy()
+    reach = 0.62 * max(size[0], size[1]) / np.tan(0.5 * _WIDE) + 0.5 * size[2]
+    # a hair beside the vertical, where a camera has no up
+    return center + np.array([0, -0.01 * reach, reach]), center
