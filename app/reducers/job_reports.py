@@ -14,6 +14,7 @@ from app.state.records import PlanRecord, SearchRecord
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
+from nerfnav.field import TrainStep
 from nerfnav.importers.placement import ONE_UNIT, size_doubt
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
 from nerfnav.planner import PlanOutcome, PlanStep
@@ -25,11 +26,7 @@ def reported(session: Session, event: e.JobReport) -> Session:
     assert job is not None, "only what the wanted job tells comes here"
     match event:
         case e.PlaceOpened(place):
-            opened = _doubted(settled(session, place), place)
-            if place.tasks:
-                return opened
-            # how long ways take there, nobody knows
-            return replace(opened, plan_settings=replace(opened.plan_settings, shortest=True))
+            return _doubted(settled(session, place), place)
         case e.SurfaceShaped(glb):
             return replace(session, surface=glb)
         case e.PlannerCompared(result):
@@ -39,7 +36,10 @@ def reported(session: Session, event: e.JobReport) -> Session:
             made = None if wish is None else Download(job.id, wish.client, name, content)
             return replace(session, download=made)
         case e.Progress(label, fraction):
-            return replace(session, job=replace(job, label=label, fraction=fraction))
+            left_s = job.left_s if label == job.label else None
+            return replace(session, job=replace(job, label=label, fraction=fraction, left_s=left_s))
+        case TrainStep():
+            return replace(session, job=replace(job, left_s=event.seconds_left))
         case PlanStep() | FilterStep() | NavigationStep():
             return _step(session, job, event)
         case RelocaliseStep():

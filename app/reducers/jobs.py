@@ -36,7 +36,7 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return cancelled(session)
         case m.Reset():
             assert session.place is not None, "nothing is reset before a place is open"
-            ends = opening_ends(session.place, session.home) or session.ends
+            ends = session.first_ends or opening_ends(session.place, None) or session.ends
             stopped = replace(cancelled(session), plan=None, flight=None, comparison=(), search=None)
             return replace(stopped, task=session.home, ends=ends, problems={})
 
@@ -47,7 +47,7 @@ def begun(session: Session, kind: JobKind, map: MapWish | None = None) -> Sessio
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
     job = Job(session.jobs_begun, kind, session.ends, first_plan=session.fresh_plan if kind is JobKind.FLY else None)
     job = replace(job, pace=session.flight_settings.pace, map=map)
-    fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
+    fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=False)
     if kind is JobKind.COMPARE:
         return replace(fresh, comparison=())
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.PLACE):

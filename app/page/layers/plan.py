@@ -36,10 +36,10 @@ class PlanLayer:
         flying = session.flight is not None and bool(session.flight.steps)
         plan = None if flying else session.plan
         stale, busy = session.plan_is_stale, session.job is not None
-        if session.place is None or self._shown == (id(plan), stale, busy):
+        if self._shown == (id(plan), stale, busy):
             return
         self._shown = id(plan), stale, busy
-        if self._robot is not session.place.robot:
+        if session.place is not None and self._robot is not session.place.robot:
             self._robot = session.place.robot
             self._bodies.shape(robot_shape(self._robot.body.extents))
         step, replaying = (None, False) if plan is None else (plan.shown, plan.replayed is not None)
