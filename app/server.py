@@ -8,7 +8,7 @@ tabs --commands--> inbox --> UI loop: session = reduce(session, message) --> lay
 from app.page.layers.field_surface import FieldSurfaceLayer
 from app.page.page import put_up
 from app.page_server import page_server
-from app.places.uploads import Uploads
+from app.places.library import PlaceLibrary
 from app.security.address import page_url
 from app.state.actions import Action
 from app.state.session import Session
@@ -37,7 +37,7 @@ class App:
         self._worker = Worker(work or NavigationBackend(), self.post)
         self._loop = UiLoop(session, self._worker.follow)
         self._begun, self._server = begun, None if begun is None else begun.server
-        self._uploads = Uploads()
+        self._library = PlaceLibrary()
 
     @property
     def session(self) -> Session:
@@ -55,7 +55,7 @@ class App:
         self._server = surface.server
         self._worker.follow(self.session)  # opens the place while the page is being put up
         self._worker.start()
-        self._loop.start(put_up(surface, self.post, self._uploads))
+        self._loop.start(put_up(surface, self.post, self._library))
 
     def stop(self) -> None:
         """End the worker and the page."""
@@ -63,7 +63,7 @@ class App:
         self._worker.stop()
         if self._server is not None and self._begun is None:
             self._server.stop()
-        self._uploads.close()
+        self._library.close()
 
     def post(self, message: Action) -> None:
         """Hand a message to the session, from any thread."""

@@ -19,4 +19,5 @@ def _own_shelf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """A shelf for all tests: flights must not end up where the tests are started."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("NERFNAV_RUNS", str(tmp_path_factory.mktemp("shelf")))
+        patch.setenv("NERFNAV_PLACES", str(tmp_path_factory.mktemp("places")))
         yield

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress, SurfaceShaped
+from app.jobs.keep_place import named_as_kept, note_kept
 from app.jobs.source_field import field_of, quick
 from app.jobs.surface import surface_of
 from app.jobs.warm_up import warm_up
@@ -16,13 +17,15 @@ def run(what: str, opener: Callable[[str], Place] = open_place) -> JobEvents:
     Raises NerfnavError as `open_place` does, or where no field can be made. What makes fields is imported only then:
     most places come with one, and the user waits for them.
     """
-    what = yield from field_of(what)
+    source = what
+    what = yield from field_of(source)
     yield Progress("opening the field", 0.05)
     place = opener(what)
-    place = yield from quick(place)
+    place = named_as_kept(source, (yield from quick(place)))
     yield PlaceOpened(place)
     yield Progress("shaping the surface", 0.3)
     if surface := surface_of(place):
         yield SurfaceShaped(surface)
+    note_kept(source, place)
     yield from warm_up(place)
     return JobResult({"name": place.name})

@@ -8,15 +8,15 @@ from app.page.layers.scene import layers
 from app.page.panels.panel import Page, Panel
 from app.page.panels.tabs import panels
 from app.page.theme import apply_theme
-from app.places.uploads import Uploads
+from app.places.library import PlaceLibrary
 from app.state.actions import Command
 
 
 def put_up(
-    surface: FieldSurfaceLayer, post: Callable[[Command], None], uploads: Uploads
+    surface: FieldSurfaceLayer, post: Callable[[Command], None], library: PlaceLibrary
 ) -> tuple[Panel, ...]:
     """Put up all layers and panels, in place of what was seen at first: the surface, on whose server the page is."""
-    page = Page(surface.server, post, uploads)
+    page = Page(surface.server, post, library)
     page.server.gui.reset()
     apply_theme(page.server)
     drawn = layers(page)

@@ -1,7 +1,6 @@
-"""Files that visitors bring: kept in a folder of this run alone, under names that cannot lead out of it."""
+"""Files that visitors bring: what is taken, and under which names, none of which leads out of a folder."""
 
 import re
-import tempfile
 from pathlib import Path
 
 from app.places.sources import SUFFIXES
@@ -16,37 +15,19 @@ class UploadError(NerfnavError):
     """A file that is not taken."""
 
 
-class Uploads:
-    """A folder for uploads that is gone when the app ends."""
+def check_upload(name: str, content: bytes) -> str:
+    """The name under which a file is kept, as near to `name` as is safe.
 
-    def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
-        self._count = 0
-
-    def keep(self, name: str, content: bytes) -> Path:
-        """Write `content` to a file of its own, called `name` as far as that is safe; each into its own folder.
-
-        Raises UploadError for files that are empty, too large, of no kind that can be opened, or do not fit the disk.
-        """
-        safe = safe_name(name)
-        if Path(safe).suffix.lower() not in SUFFIXES:
-            raise UploadError(f"{safe} is of no kind that can be opened; these can: {', '.join(SUFFIXES)}")
-        if not content:
-            raise UploadError(f"{safe} is empty")
-        if len(content) > MOST_BYTES:
-            raise UploadError(f"{safe} is larger than {MOST_BYTES >> 20} MB: use the command line for it")
-        self._count += 1
-        path = Path(self._folder.name) / str(self._count) / safe
-        try:
-            path.parent.mkdir()
-            path.write_bytes(content)
-        except OSError as error:
-            raise UploadError(f"{safe} cannot be kept: {error.strerror}") from error
-        return path
-
-    def close(self) -> None:
-        """Delete everything."""
-        self._folder.cleanup()
+    Raises UploadError for files that are empty, too large, or of no kind that can be opened.
+    """
+    safe = safe_name(name)
+    if Path(safe).suffix.lower() not in SUFFIXES:
+        raise UploadError(f"{safe} is of no kind that can be opened; these can: {', '.join(SUFFIXES)}")
+    if not content:
+        raise UploadError(f"{safe} is empty")
+    if len(content) > MOST_BYTES:
+        raise UploadError(f"{safe} is larger than {MOST_BYTES >> 20} MB: use the command line for it")
+    return safe
 
 
 def safe_name(name: str) -> str:

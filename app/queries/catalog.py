@@ -8,8 +8,10 @@ from app.queries.density_slice import DensitySliceQuery
 from app.queries.end_fit import EndFitQuery
 from app.queries.experiments import ExperimentsQuery
 from app.queries.field_view import FieldViewQuery
+from app.queries.first_ends import FirstEndsQuery
 from app.queries.following_plan import FollowingPlanQuery
 from app.queries.more_time import MoreTimeQuery
+from app.queries.place_list import PlaceListQuery
 from app.queries.query import Query
 from app.queries.robot_view import RobotViewQuery
 from app.queries.run_list import RunListQuery
@@ -22,8 +24,10 @@ from nerfnav.errors import UnknownNameError
 _KINDS: list[type[Query[Any]]] = [
     StoredRunQuery,
     RunListQuery,
+    PlaceListQuery,
     ClickLandingQuery,
     SurfacePointQuery,
+    FirstEndsQuery,
     FollowingPlanQuery,
     EndFitQuery,
     MoreTimeQuery,

@@ -31,7 +31,9 @@ class EndFitQuery(Query[EndFit]):
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["EndFitQuery"]:
-        """Of each end that was not looked at where it is now."""
+        """Of each end that was not looked at where it is now, once they are where they shall be at first."""
+        if session.seeking:
+            return
         for which in Which:
             if which not in session.problems:
                 yield cls(which, session.ends.of(which))

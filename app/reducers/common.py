@@ -1,13 +1,16 @@
 """Changes of the session that several messages bring about."""
 
+import math
 from dataclasses import replace
 from typing import TypeVar
 
 from app.places.ends import End, Ends, Which, opening_ends
 from app.places.place import Place
 from app.places.sources import without_paths
+from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord
 from app.state.session import Notice, Session
+from nerfnav.robots import Robot
 
 Value = TypeVar("Value")
 _NOTICES_KEPT = 5
@@ -30,20 +33,38 @@ def moved(session: Session, place: Place, which: Which, end: End, held: bool = F
         return session
     ends = session.ends.moved(which, end)
     return replace(
-        session, ends=ends, task=None, problems=_without(session.problems, which),
+        session, ends=ends, seeking=False, task=None, problems=_without(session.problems, which),
         offers=_without(session.offers, which), flight=_followed(session, ends),
     )  # fmt: skip
 
 
 def settled(session: Session, place: Place) -> Session:
-    """The session in a place, at the ends of the first task that is there for the robot."""
-    tasks = place.tasks
-    name = tasks[0].name if tasks else None
+    """The session in a place, with the robot that was chosen, at the ends of its first task there.
+
+    Where there is none, ends are sought that suit it.
+    """
+    if place.robot.source != session.choice.robot:
+        place = place.with_robot(session.choice.robot)
+    name = next((task.name for task in place.tasks if task.robot == place.robot.name), None)
     ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
+    settings = first_settings(session.plan_settings, place, ends, name)
     return replace(
-        session, place=place, task=name, home=name, ends=ends, problems={}, offers={}, aiming=None, clicked=None,
+        session, place=place, plan_settings=settings, task=name, home=name, home_ends=None, ends=ends,
+        seeking=name is None, problems={}, offers={}, aiming=None, clicked=None,
         results={}, view_settings=session.view_settings.where(splats=place.splats is not None),
     )  # fmt: skip
+
+
+def first_settings(settings: PlanSettings, place: Place, ends: Ends, task: str | None) -> PlanSettings:
+    """The settings with a duration to be found where that of now is surely too short, or nobody knows one."""
+    hurried = task is None or _is_hurried(ends, settings.duration_s, place.robot)
+    return replace(settings, shortest=settings.shortest or hurried)
+
+
+def _is_hurried(ends: Ends, seconds: float, robot: Robot) -> bool:
+    """Whether a duration is surely too short: a way around is 1.4 times the straight line, easing takes 1.4 times."""
+    speed = next((bound.upper for bound in robot.bounds if bound.name == "speed"), None)
+    return speed is not None and 2 * math.dist(ends.start.position, ends.goal.position) > seconds * speed
 
 
 def _followed(session: Session, ends: Ends) -> FlightRecord | None:

@@ -10,11 +10,11 @@ from app.reducers.jobs import begun, given_up
 from app.reducers.placing import placed
 from app.state.downloads import Download
 from app.state.job import Job, JobKind
-from app.state.plan_settings import PlanSettings
 from app.state.records import PlanRecord, SearchRecord
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
+from nerfnav.field import TrainStep
 from nerfnav.importers.placement import ONE_UNIT, size_doubt
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
@@ -26,9 +26,7 @@ def reported(session: Session, event: e.JobReport) -> Session:
     assert job is not None, "only what the wanted job tells comes here"
     match event:
         case e.PlaceOpened(place):
-            opened = _doubted(settled(session, place), place)
-            shortest = opened.plan_settings.shortest or PlanSettings.of(place).shortest
-            return replace(opened, plan_settings=replace(opened.plan_settings, shortest=shortest))
+            return _doubted(settled(session, place), place)
         case e.SurfaceShaped(glb):
             return replace(session, surface=glb)
         case e.PlannerCompared(result):
@@ -38,7 +36,10 @@ def reported(session: Session, event: e.JobReport) -> Session:
             made = None if wish is None else Download(job.id, wish.client, name, content)
             return replace(session, download=made)
         case e.Progress(label, fraction):
-            return replace(session, job=replace(job, label=label, fraction=fraction))
+            left_s = job.left_s if label == job.label else None
+            return replace(session, job=replace(job, label=label, fraction=fraction, left_s=left_s))
+        case TrainStep():
+            return replace(session, job=replace(job, left_s=event.seconds_left))
         case PlanStep() | FilterStep() | NavigationStep():
             return _step(session, job, event)
         case RelocaliseStep():

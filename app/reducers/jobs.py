@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from app.places.ends import opening_ends
 from app.places.place import Place
-from app.reducers.common import noticed
+from app.reducers.common import first_settings, noticed
 from app.state import actions as m
 from app.state.choice import Choice
 from app.state.downloads import MapWish
@@ -73,7 +73,7 @@ def begun(
     job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, map=map)
     if kind is JobKind.FLY:
         job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)
-    fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1)
+    fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=False)
     if kind is JobKind.COMPARE:
         return replace(fresh, comparison=())
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.PLACE):
@@ -94,11 +94,12 @@ def _flown(session: Session, anyway: bool) -> Session:
 
 def _reset(session: Session, place: Place) -> Session:
     """The session as it was once the place was open, the robot and the task that were chosen since excepted."""
-    ends = opening_ends(place, session.home) or session.ends
+    ends = session.first_ends or opening_ends(place, None) or session.ends
     stopped = replace(cancelled(session), plan=None, flight=None, doubt=None, comparison=(), search=None)
     return replace(
         stopped, task=session.home, ends=ends, problems={}, offers={}, held=False, aiming=None, clicked=None,
-        choice=Choice(session.choice.robot), plan_settings=PlanSettings.of(place), flight_settings=FlightSettings(),
+        choice=Choice(session.choice.robot), flight_settings=FlightSettings(),
+        plan_settings=first_settings(PlanSettings(), place, ends, session.home),
         view_settings=ViewSettings().where(splats=place.splats is not None),
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from app.places.ends import opening_ends
+from app.places.ends import Ends
 from app.places.place import Place
 from app.places.sources import title_of
 from app.reducers.common import moved, noticed, settled
@@ -14,7 +14,7 @@ from app.state.placing import Ray
 from app.state.session import Click, Session, Vector
 from nerfnav.errors import UnknownNameError
 
-PlaceCommand = m.MoveEnd | m.ChooseTask | m.OpenPlace | m.Choose | m.Aim | m.Point | m.Looked | m.Left
+PlaceCommand = m.MoveEnd | m.ChooseTask | m.OpenPlace | m.ListPlaces | m.Choose | m.Aim | m.Point | m.Looked | m.Left
 
 
 def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Session:
@@ -23,10 +23,11 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
         case m.MoveEnd(which, end, held):
             return moved(session, place, which, end, held)
         case m.ChooseTask(name):
-            ends = opening_ends(place, name)
-            return session if ends is None else replace(session, task=name, home=name, ends=ends, problems={})
+            return _chosen_task(session, place, name)
         case m.OpenPlace(what):
             return opening(session, what)
+        case m.ListPlaces():
+            return replace(session, places_asked=session.places_asked + 1)
         case m.Choose(choice):
             return _choose(session, place, choice)
         case m.Aim(which):
@@ -44,7 +45,8 @@ def opening(session: Session, what: str) -> Session:
     session = replace(session, before=None) if session.place is not None else session
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
     opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
-    opening = replace(opening, runs=session.runs.elsewhere())
+    kept = {"experiments": session.experiments, "places_asked": session.places_asked}
+    opening = replace(opening, runs=session.runs.elsewhere(), **kept)
     # a place that was never open is nothing to go back to
     return replace(opening, before=session if session.place is not None else session.before)
 
@@ -59,9 +61,20 @@ def _choose(session: Session, place: Place, choice: Choice) -> Session:
     if choice.robot == session.choice.robot:
         return chosen
     # plans and flights are those of another body
-    other = place.with_robot(choice.robot)
     forgotten = replace(cancelled(chosen), plan=None, flight=None, doubt=None, comparison=(), search=None)
-    return settled(forgotten, other)
+    return settled(forgotten, place)
+
+
+def _chosen_task(session: Session, place: Place, name: str) -> Session:
+    """The session at the ends of a task, with the robot that the task is for."""
+    task = next((task for task in place.tasks if task.name == name), None)
+    if task is None:
+        return session
+    if task.robot != session.choice.robot:
+        session = _choose(session, place, replace(session.choice, robot=task.robot))
+    return replace(
+        session, task=name, home=name, ends=Ends.of_task(task), seeking=False, problems={}, offers={}
+    )
 
 
 def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:

@@ -83,7 +83,7 @@ def opened(session: Session, stored: StoredFlight) -> Session:
     timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # all of it is seen at once
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
-        problems={}, offers={}, plan=None, flight=stored.record, search=None,
+        seeking=False, problems={}, offers={}, plan=None, flight=stored.record, search=None,
         results={}, runs=replace(session.runs, opened=stored, timeline=timeline),
     )  # fmt: skip
 
@@ -91,7 +91,8 @@ def opened(session: Session, stored: StoredFlight) -> Session:
 def compared(session: Session, stored: StoredFlight) -> Session:
     """The session with a stored flight beside the one that is shown."""
     about = stored.entry.metadata
-    if session.place is None or about.place != session.place.name:
+    # a place that was renamed since is found by what was opened
+    if session.place is None or (about.place != session.place.name and about.source != session.what):
         told = f"{stored.entry.name} was flown in {about.place}: open it first, then compare others with it."
         return noticed(session, "Another place", told, bad=True)
     if _is_shown(session, stored):

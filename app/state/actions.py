@@ -43,6 +43,11 @@ class OpenPlace:
 
 
 @dataclass(frozen=True)
+class ListPlaces:
+    """List the library of places again: one was renamed or deleted."""
+
+
+@dataclass(frozen=True)
 class Choose:
     """Take another robot, planner or estimator."""
 
@@ -179,6 +184,7 @@ Command = (
     MoveEnd
     | ChooseTask
     | OpenPlace
+    | ListPlaces
     | Choose
     | Aim
     | Point

@@ -41,6 +41,8 @@ class Job:
     """What is being done, for the user."""
     fraction: float | None = None
     """0 to 1; None while unknown."""
+    left_s: float | None = None
+    """About how long it will still take [s]; None while unknown."""
     paused: bool = False
     """Whether to hold once the flight has reported `steps_granted` time steps."""
     steps_granted: int = 0

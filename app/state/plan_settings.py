@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field, fields, replace
 
-from app.places.place import Place
 from nerfnav.errors import InvalidInputError
 from nerfnav.planner import CostWeights, PlannerConfig, planners
 
@@ -20,11 +19,6 @@ class PlanSettings:
     """Whether to find the shortest duration that keeps the robot's limits instead."""
     weights: CostWeights = field(default_factory=CostWeights)
     """What the terms of J weigh."""
-
-    @classmethod
-    def of(cls, place: Place) -> "PlanSettings":
-        """With what plans begin in a place: without tasks, nobody knows how long its ways take."""
-        return cls(shortest=not place.tasks)
 
     def lasting(self, seconds: float) -> "PlanSettings":
         """The same with this duration [s], and none to be found."""

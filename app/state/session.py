@@ -12,8 +12,9 @@ from typing import Any
 from torch import Tensor
 
 from app.jobs.events import PlannerResult
-from app.places.ends import End, Ends, Which
+from app.places.ends import End, Ends, Which, opening_ends
 from app.places.place import Place
+from app.places.vantage import View
 from app.state.choice import Choice
 from app.state.downloads import Download
 from app.state.experiments import ExperimentState
@@ -68,14 +69,22 @@ class Session:
     """How flights are flown."""
     place: Place | None = None
     """None while it is being opened."""
+    places_asked: int = 0
+    """Rises when the library of places may have changed."""
     surface: bytes | None = None
     """The field's surface as binary glTF; None while it is being shaped."""
     task: str | None = None
     """The task whose ends these are; None when they were moved by hand."""
     home: str | None = None
     """The task that was chosen last, to which a reset returns."""
+    home_ends: Ends | None = None
+    """The ends that were found for the robot where no task is home."""
     ends: Ends = field(default_factory=Ends)
     """Start and goal."""
+    view: View | None = None
+    """From where both ends are seen; None where nobody has looked for that: then all of the place is looked at."""
+    seeking: bool = False
+    """Whether ends are being looked for that suit the robot: those of now do not."""
     problems: dict[Which, str | None] = field(default_factory=dict)
     """What keeps the robot from an end, None where nothing does; absent while it is being looked at."""
     offers: dict[Which, End] = field(default_factory=dict)
@@ -124,6 +133,13 @@ class Session:
         """The session at the start: `what` is to be opened; its `surface` may be known from an earlier time."""
         job = Job(0, JobKind.OPEN, label="Opening the field")
         return cls(what, choice or Choice(), job=job, jobs_begun=1, surface=surface)
+
+    @property
+    def first_ends(self) -> Ends | None:
+        """Where a reset puts the ends: those of the task that was chosen last, or those that were found."""
+        if self.place is None or self.home is None:
+            return self.home_ends
+        return opening_ends(self.place, self.home)
 
     @property
     def fresh_plan(self) -> PlanRecord | None:

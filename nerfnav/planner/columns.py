@@ -37,7 +37,7 @@ def sampled_columns(field: Field, body: Body, scales: Scales, parts: int) -> UIn
     """Whether a sample over the body's height around a voxel's is dense; x and y as fine as samples are taken."""
     box = field.box.to("cpu")
     fx, fy, fz = ((count - 1) * parts + 1 for count in shape_for(box, scales.voxel))
-    dense = _dense_at(field, node_positions(box, (fx, fy, fz)), scales.threshold)
+    dense = dense_at(field, node_positions(box, (fx, fy, fz)), scales.threshold)
     step = spacing_of(box, (fx, fy, fz))[2].item()
     pooled = _pool(dense, math.ceil(0.5 * body.extents[2] / step - 1e-6))
     return np.ascontiguousarray(pooled[..., ::parts].numpy())
@@ -50,7 +50,7 @@ def layer_columns(field: Field, body: Body, scales: Scales, parts: int, height: 
     levels = height + body.points_body[:, 2].unique()
     flat = node_positions(flat_box(box, 0.0), (nx, ny, 1)).expand(nx, ny, len(levels), 3).clone()
     flat[..., 2] = levels
-    return _dense_at(field, flat, scales.threshold).amax(-1, keepdim=True).numpy()
+    return dense_at(field, flat, scales.threshold).amax(-1, keepdim=True).numpy()
 
 
 def flat_box(box: Box, height: float) -> Box:
@@ -61,9 +61,10 @@ def flat_box(box: Box, height: float) -> Box:
 
 
 @torch.no_grad()
-def _dense_at(
-    field: Field, points: Float[Tensor, "nx ny nz 3"], threshold: float
-) -> UInt8[Tensor, "nx ny nz"]:
+def dense_at(
+    field: Field, points: Float[Tensor, "*shape 3"], threshold: float
+) -> UInt8[Tensor, "*shape"]:
+    """Whether the density at each point is above a threshold [1/m]."""
     like, parts = field.box.lower, points.reshape(-1, 3).split(_POINTS_AT_ONCE)
     if isinstance(field, GridField):
         # the border belongs to the box, whatever rounding makes of it

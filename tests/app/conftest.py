@@ -6,6 +6,8 @@ import pytest
 import torch
 
 from app.jobs.events import JobFinished, PlaceOpened
+from app.queries.first_ends import FirstEnds, FirstEndsQuery
+from app.queries.place_list import PlaceListQuery
 from app.queries.run_list import RunListQuery
 from app.state import actions as m
 from app.state.session import Session
@@ -32,6 +34,9 @@ def field_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def opened() -> Session:
-    """A session whose place is open and idle, and whose shelf is known to be empty."""
+    """A session whose place is open and idle, and whose shelf and library are known to be empty."""
     session = reports(Session.opening("balls"), PlaceOpened(balls_place()), JobFinished("open"))
-    return after(session, *(m.QueryAnswered(query, ()) for query in RunListQuery.pending(session)))
+    for query in FirstEndsQuery.pending(session):
+        session = after(session, m.QueryAnswered(query, FirstEnds(session.ends)))
+    lists = (*RunListQuery.pending(session), *PlaceListQuery.pending(session))
+    return after(session, *(m.QueryAnswered(query, ()) for query in lists))

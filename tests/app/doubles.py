@@ -7,10 +7,13 @@ import numpy as np
 import torch
 
 from app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress
+from app.places.ends import End, Ends
 from app.places.place import Place
 from app.queries.end_fit import EndFit, EndFitQuery
 from app.queries.experiments import Experiments, ExperimentsQuery
+from app.queries.first_ends import FirstEnds, FirstEndsQuery
 from app.queries.following_plan import FollowingPlanQuery
+from app.queries.place_list import PlaceListQuery
 from app.queries.query import Query, Resources
 from app.queries.robot_view import RobotViewQuery
 from app.queries.run_list import RunListQuery
@@ -129,10 +132,12 @@ class ScriptedWork:
 
     def answer(self, place: Place, query: Query[Any]) -> Any:
         """All ends are free, all views are grey, and the stored runs are as they are."""
-        if isinstance(query, RunListQuery | StoredRunQuery):
+        if isinstance(query, RunListQuery | StoredRunQuery | PlaceListQuery):
             return query.answer(Resources(place, self.runs))
         if isinstance(query, ExperimentsQuery):
             return Experiments((("planners", "which is best"),))
+        if isinstance(query, FirstEndsQuery):
+            return FirstEnds(Ends(End((-0.7, 0.0, 0.4)), End((0.7, 0.0, 0.4))))
         self.asked.append(query)
         if isinstance(query, EndFitQuery):
             return EndFit(None)

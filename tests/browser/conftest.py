@@ -69,8 +69,8 @@ def serve() -> Iterator[Callable[..., App]]:
     """Starts apps on free ports, and stops them."""
     apps: list[App] = []
 
-    def start(work: Work, token: str | None = None) -> App:
-        app = App("balls", port=free_port(), token=token, work=work)
+    def start(work: Work, token: str | None = None, what: str = "balls") -> App:
+        app = App(what, port=free_port(), token=token, work=work)
         apps.append(app)
         app.start()
         return app

@@ -62,7 +62,7 @@ def served(*arguments: str, log: Path, cores: set[int] | None = None) -> Iterato
                 stderr=stream,
                 text=True,
                 cwd=_ROOT,
-                env=os.environ | {"NERFNAV_RUNS": str(Path(folder) / "runs")},
+                env=os.environ | {f"NERFNAV_{kept.upper()}": str(Path(folder) / kept) for kept in ("runs", "places")},
             )
             if cores is not None:
                 os.sched_setaffinity(process.pid, cores)

@@ -75,7 +75,7 @@ class Tab:
         # the browser's complaint about drawing without a graphics card would cover the scene
         self.page.add_style_tag(content=".mantine-Notification-root:has-text('WebGL') { display: none }")
         self.page.wait_for_function("window.__viserSceneTree && window.__viserMutable && window.__viserMutable.canvas")
-        self.until(lambda: self.app.session.job is None, "the place was not opened")
+        self.until(lambda: self.app.session.job is None and not self.app.session.seeking, "the place was not opened")
         self.until(lambda: self.has_node("/start") and self.has_node("/goal"), "the ends were not shown")
         self.until_ends_agree()
 

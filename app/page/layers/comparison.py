@@ -30,11 +30,12 @@ class ComparisonLayer:
         compared = session.runs.compared
         steps = steps_until(compared, session.shown_flight)
         shown = compared, len(steps)
-        if shown == self._shown or session.place is None:
+        if shown == self._shown:
             return
         self._shown = shown
         with self._server.atomic():
-            self._robot.shape(robot_shape(session.place.robot.body.extents))
+            if session.place is not None:
+                self._robot.shape(robot_shape(session.place.robot.body.extents))
             path = positions(RigidState.stack([step.truth for step in steps])) if len(steps) > 1 else None
             self._truth.show(path)
             under_way = compared is not None and 0 < len(steps) < len(compared.record.steps)

@@ -1,5 +1,6 @@
 """Start and goal: a body to drag about, with its name."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +16,9 @@ from app.state.session import Session
 from nerfnav.robots import Robot
 
 GIZMO = 0.24
-"""Size of the arrows [m]."""
+"""Size of the arrows in places of the paper's scale [m]."""
+_OF_THE_WAY, _OF_THE_BODY = 0.18, 1.6
+"""Size of the arrows as a share of the distance of the first start and goal, and at least of the robot's length."""
 _COLORS = {Which.START: START, Which.GOAL: GOAL}
 
 
@@ -33,15 +36,31 @@ class EndsLayer:
 
     def show(self, session: Session) -> None:
         """Put the handles where start and goal are."""
-        if session.place is None:
+        if session.place is None or session.seeking:
+            for handle in self._handles.values():
+                handle.hide()
             return
         if not self._handles:
             robot = session.place.robot
             self._handles = {which: _Handle(self._server, which, robot, self._post) for which in Which}
         for which, handle in self._handles.items():
+            handle.size(gizmo_size(session))
             handle.shape(session.place.robot)
             handle.show(session.ends.of(which), session.problems.get(which) is not None)
             handle.stand_on(float(session.place.field.box.lower[2]))
+
+
+def gizmo_size(session: Session) -> float:
+    """Size of the arrows [m], by factors of two, that suits the view: as wide as start and goal are apart at first.
+
+    It does not change while an end is dragged.
+    """
+    place, ends = session.place, session.first_ends
+    if place is None or ends is None:
+        return GIZMO
+    apart = math.dist(ends.start.position, ends.goal.position)
+    size = max(_OF_THE_WAY * apart, _OF_THE_BODY * max(place.robot.body.extents[:2]))
+    return GIZMO * 2.0 ** round(math.log2(size / GIZMO))
 
 
 class _Handle:
@@ -78,6 +97,16 @@ class _Handle:
             self._drop_to = self._end, floor
             self._drop.show(drops(np.zeros((1, 3)), floor - self._end.position[2]))
 
+    def size(self, gizmo: float) -> None:
+        """Let the arrows be of this size [m]."""
+        if self._gizmo.scale != gizmo:
+            self._gizmo.scale = gizmo
+            self._label.position = (0, 0, 1.1 * gizmo)
+
+    def hide(self) -> None:
+        """Show nothing, while nobody knows where the end is."""
+        self._gizmo.visible = False
+
     def shape(self, robot: Robot) -> None:
         """Take the shape of another robot's body."""
         if robot is self._robot:
@@ -94,6 +123,7 @@ class _Handle:
     def show(self, end: End, blocked: bool) -> None:
         """Put the handle at `end`; while a user drags it, that user's hand is ahead of the session."""
         self._end = end
+        self._gizmo.visible = True
         if not self._dragged and not np.allclose(self._gizmo.position, end.position, atol=1e-6):
             self._gizmo.position = end.position
         self._body.wxyz = yaw_quaternion(end.yaw)

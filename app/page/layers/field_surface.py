@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from app.places.surface_glb import Corner, box_of, dressed
+from app.places.vantage import View, view_of_box
 from app.state.view_settings import Backdrop, ViewSettings
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ class FieldSurfaceLayer:
         self._shown: tuple[bytes | None, float, float] | None = None
         self._node: viser.GlbHandle | None = None
         self._framed: tuple[Corner, Corner] | None = None
+        self._viewed: View | None = None
         if surface is not None:
             self._frame(box_of(surface))
             self._draw(surface, ViewSettings())
@@ -38,20 +40,23 @@ class FieldSurfaceLayer:
         if session.place is not None:
             box = session.place.field.box
             self._frame((box.lower.tolist(), box.upper.tolist()))
+            if session.view is not None and session.view != self._viewed:
+                self._viewed = session.view
+                look(self.server, session.view)
         self._draw(session.surface, session.view_settings)
 
     def _frame(self, box: tuple[Corner, Corner] | None) -> None:
         """Look at another box."""
         if box is not None and box != self._framed:
             self._framed = box
-            frame(self.server, box)
+            look(self.server, view_of_box(_point(box[0]), _point(box[1])))
 
-    def _draw(self, surface: bytes | None, look: ViewSettings) -> None:
-        before, self._shown = self._shown, (surface, look.opacity, look.clip)
+    def _draw(self, surface: bytes | None, settings: ViewSettings) -> None:
+        before, self._shown = self._shown, (surface, settings.opacity, settings.clip)
         if self._shown != before:
-            self._put(None if surface is None else dressed(surface, look.opacity, look.clip))
+            self._put(None if surface is None else dressed(surface, settings.opacity, settings.clip))
         if self._node is not None:
-            self._node.visible = look.backdrop is Backdrop.SURFACE
+            self._node.visible = settings.backdrop is Backdrop.SURFACE
 
     def _put(self, glb: bytes | None) -> None:
         if glb is None:  # another place is being opened
@@ -64,14 +69,14 @@ class FieldSurfaceLayer:
             self._node.glb_data = glb
 
 
-def frame(server: viser.ViserServer, box: tuple[Corner, Corner]) -> None:
-    """Let everyone look at the box between two corners [m] from above one side."""
-    lower, upper = np.array(box)
-    center, size = 0.5 * (lower + upper), upper - lower
-    reach = float(np.linalg.norm(size))
-    eye = center + reach * np.array([-0.31, -0.60, 0.57])
-    # low places leave room above them for plans; tall ones stand in the middle
-    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, min(0.6 * size[2], 0.13 * reach)])
+def _point(corner: Corner) -> tuple[float, float, float]:
+    x, y, z = corner
+    return x, y, z
+
+
+def look(server: viser.ViserServer, view: View) -> None:
+    """Let everyone look from there, and all who come later."""
+    eye, target = view
     server.initial_camera.position = eye
     server.initial_camera.look_at = target
     server.initial_camera.fov = float(np.deg2rad(45))

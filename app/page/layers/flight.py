@@ -48,10 +48,10 @@ class FlightLayer:
     def show(self, session: Session) -> None:
         """Draw the flight as far as it has gone."""
         flight, scale = session.shown_flight, session.view_settings.ellipsoid
-        if self._shown == (id(flight), scale) or session.place is None:
+        if self._shown == (id(flight), scale):
             return
         self._shown = id(flight), scale
-        if self._shaped is not session.place.robot:
+        if session.place is not None and self._shaped is not session.place.robot:
             self._shaped = session.place.robot
             for bodies in (self._robot, self._ghost):
                 bodies.shape(robot_shape(self._shaped.body.extents))

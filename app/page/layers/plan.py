@@ -9,6 +9,7 @@ from app.jobs.events import PlannerResult
 from app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions
 from app.page.layers.shapes import robot_shape
 from app.page.theme import HIT, PLAN, STALE
+from app.places.place import Place
 from app.state.records import NOWHERE, PlanRecord
 from app.state.session import Session
 from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
@@ -39,15 +40,20 @@ class PlanLayer:
         """Draw the plan as `look_of` says."""
         self._compare(session.comparison)
         plan, shown = session.plan, (look_of(session), session.job is not None or session.held)
-        if session.place is None or (plan is self._plan and shown == self._shown):
+        if plan is self._plan and shown == self._shown:
             return
         self._plan, self._shown = plan, shown
-        if self._robot is not session.place.robot:
-            self._robot = session.place.robot
-            self._bodies.shape(robot_shape(self._robot.body.extents))
-        self._floor = float(session.place.field.box.lower[2])
+        if session.place is not None:
+            self._stand_in(session.place)
         with self._server.atomic():
             self._draw(plan if shown[0] is not Look.HIDDEN else None, *shown)
+
+    def _stand_in(self, place: Place) -> None:
+        """Take the body of the place's robot, and its floor."""
+        self._floor = float(place.field.box.lower[2])
+        if self._robot is not place.robot:
+            self._robot = place.robot
+            self._bodies.shape(robot_shape(self._robot.body.extents))
 
     def _draw(self, plan: PlanRecord | None, look: "Look", busy: bool) -> None:
         """Draw what there is of a plan; the bodies along it only once it rests."""

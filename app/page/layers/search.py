@@ -41,11 +41,12 @@ class SearchLayer:
         search, flight = session.search, session.shown_flight
         if search is not None and not search.in_sight(len(flight.steps) if flight is not None else 0):
             search = None
-        if search is self._shown or session.place is None:
+        if search is self._shown:
             return
         self._shown = search
         with self._server.atomic():
-            self._ghosts.shape(robot_shape(session.place.robot.body.extents))
+            if session.place is not None:
+                self._ghosts.shape(robot_shape(session.place.robot.body.extents))
             self._draw(None if search is None else search.step)
 
     def _draw(self, step: RelocaliseStep | None) -> None:

@@ -7,6 +7,7 @@ import viser
 
 from app.page.html import fine, note, warning
 from app.places.ends import End, Which
+from app.places.place import Place
 from app.state.actions import Aim, ChooseTask, Command, MoveEnd
 from app.state.session import Session
 from app.text import capital, sentence
@@ -21,6 +22,7 @@ class EndsPanel:
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
         self._post = post
+        self._tasks: dict[str, str] = {}
         self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
         )
@@ -34,8 +36,9 @@ class EndsPanel:
         self._aim.on_click(self._take_aim)
 
     async def _choose(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._task.value != _BY_HAND:
-            self._post(ChooseTask(self._task.value))
+        name = self._tasks.get(self._task.value)
+        if event.client is not None and name is not None:
+            self._post(ChooseTask(name))
 
     async def _take_aim(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -44,12 +47,17 @@ class EndsPanel:
     def show(self, session: Session) -> None:
         """Put the session's numbers into the widgets."""
         place = session.place
+        for widget in (self._task, self._aim, *(numbers for numbers in self._numbers.values())):
+            widget.visible = place is not None
         if place is None:
+            self._said.content = note("Opening…")
+            for offer in self._offers.values():
+                offer.show(None)
             return
-        names = tuple(task.name for task in place.tasks)
-        if self._task.options != (_BY_HAND, *names):
-            self._task.options = (_BY_HAND, *names)
-        self._task.value = session.task or _BY_HAND
+        self._tasks = titles(place)
+        if self._task.options != (_BY_HAND, *self._tasks):
+            self._task.options = (_BY_HAND, *self._tasks)
+        self._task.value = next((title for title, name in self._tasks.items() if name == session.task), _BY_HAND)
         for which, numbers in self._numbers.items():
             numbers.show(session.ends.of(which), place.field.box)
         self._said.content = describe(session)
@@ -57,8 +65,17 @@ class EndsPanel:
             offer.show(session.offers.get(which))
 
 
+def titles(place: Place) -> dict[str, str]:
+    """What users read of each task of a place to its name: the robot's own first, others with whom they are for."""
+    own = [task for task in place.tasks if task.robot == place.robot.name]
+    others = [task for task in place.tasks if task.robot != place.robot.name]
+    return {**{task.name: task.name for task in own}, **{f"{task.name} ({task.robot})": task.name for task in others}}
+
+
 def describe(session: Session) -> str:
     """What is known of the ends, as HTML."""
+    if session.seeking:
+        return note("Looking for a start and a goal that suit the robot…")
     if session.aiming is not None:
         return note(f"Click into the scene where the {session.aiming.value} shall be.")
     problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
@@ -107,6 +124,15 @@ class _EndNumbers:
             return  # the session wrote it
         x, y, z = (float(value) for value in self._position.value)
         self._post(MoveEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value)))))
+
+    @property
+    def visible(self) -> bool:
+        """Whether the numbers are shown."""
+        return self._position.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._position.visible = self._yaw.visible = visible
 
     def show(self, end: End, box: Box) -> None:
         self._position.min = _rounded(box.lower.tolist())

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import viser
 
-from app.places.uploads import Uploads
+from app.places.library import PlaceLibrary
 from app.state.actions import Command
 from app.state.session import Session
 
@@ -27,8 +27,8 @@ class Page:
     """Takes the widgets."""
     post: Callable[[Command], None]
     """Takes what the user asks."""
-    uploads: Uploads
-    """Takes the files that the user brings."""
+    library: PlaceLibrary
+    """Takes the files that the user brings, and keeps their places."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,10 @@ import scenes
 from app.page.html import note
 from app.page.panels.dropdown import ChoiceList
 from app.places.derived import unproven_of
+from app.places.library import PlaceLibrary
 from app.places.sources import SUFFIXES, title_of
-from app.places.uploads import UploadError, Uploads
+from app.places.uploads import UploadError
+from app.queries.place_list import PlaceListQuery
 from app.state.actions import Cancel, Command, OpenPlace, Tell
 from app.state.session import Session
 from nerfnav import robots
@@ -18,13 +20,16 @@ from nerfnav import robots
 class PlacePanel:
     """A list of the bundled places, and of the robots."""
 
-    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None], uploads: Uploads) -> None:
-        """`post` takes what the user asks, `uploads` what the user brings."""
-        self._post, self._uploads = post, uploads
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None], library: PlaceLibrary) -> None:
+        """`post` takes what the user asks, `library` what the user brings."""
+        self._post, self._library = post, library
         self._session: Session | None = None
+        self._bundled = {name: name for name in scenes.names() if scenes.trained_path(name).is_file()}
+        self._kept: dict[str, str] = {}
+        self._opened: dict[str, str] = {}
         self._known: dict[str, str] = {}
         self._places: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-            "Place", list[str](scenes.names()), hint="Bundled worlds, and the file that was opened"
+            "Place", list[str](self._bundled), hint="Bundled worlds, and the files that were opened"
         )
         self._places.on_update(self._open)
         self._upload = server.gui.add_upload_button(
@@ -35,6 +40,7 @@ class PlacePanel:
             hint="A field, a mesh (glb, obj, ...), Gaussian splats (ply, spz, sog, ...), a capture in a zip, a video",
         )
         self._upload.on_upload(self._take)
+        self._doing = server.gui.add_html("", visible=False)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
         self._unproven = server.gui.add_html("", visible=False)
         self._robots = ChoiceList(server, "robot", robots.names(), "What moves: its body and its dynamics", post)
@@ -52,20 +58,47 @@ class PlacePanel:
         """Keep what was brought and open it; runs on a thread of the server's pool."""
         brought = self._upload.value
         try:
-            self._post(OpenPlace(str(self._uploads.keep(brought.name, brought.content))))
+            self._post(OpenPlace(str(self._library.keep(brought.name, brought.content))))
         except UploadError as error:
             self._post(Tell("Not opened", str(error), bad=True))
 
     def show(self, session: Session) -> None:
         """Show what is open and chosen."""
         self._session = session
-        self._known |= {title_of(what): what for what in (*scenes.names(), session.what)}
-        if self._places.options != tuple(self._known):
-            self._places.options = tuple(self._known)
-        self._places.value = title_of(session.what)
+        self._list(session)
+        self._doing.visible = session.place is None
+        self._doing.content = note(doing(session))
         self._stop.visible = session.place is None and session.before is not None
         told = "" if session.place is None else unproven_of(session.place)
         self._unproven.visible = told != ""
         if told:
             self._unproven.content = note(told)
         self._robots.show(session)
+
+    def _list(self, session: Session) -> None:
+        """List what has opened, and what is being opened while it is."""
+        listed = PlaceListQuery.result_in(session)
+        if listed is not None:
+            self._kept = {entry.name: entry.what for entry in listed}
+        here = next((name for name, what in self._kept.items() if what == session.what), title_of(session.what))
+        if session.place is not None and session.what not in (*self._bundled.values(), *self._kept.values()):
+            self._opened[here] = session.what
+        opened = {name: what for name, what in self._opened.items() if what not in self._kept.values()}
+        self._known = {**self._bundled, **self._kept, **opened, here: session.what}
+        if self._places.options != tuple(self._known):
+            self._places.options = tuple(self._known)
+        self._places.value = here
+
+
+def doing(session: Session) -> str:
+    """What is being done to open a place, and how long it will take."""
+    job = session.job
+    if job is None:
+        return f"{title_of(session.what)} could not be opened."
+    left = "" if job.left_s is None else f" About {in_words_s(job.left_s)} left."
+    return f"Opening {title_of(session.what)}: {job.label[:1].lower()}{job.label[1:]}.{left}"
+
+
+def in_words_s(seconds: float) -> str:
+    """A time to wait."""
+    return f"{max(1, round(seconds / 5)) * 5} s" if seconds < 90 else f"{round(seconds / 60)} min"

@@ -118,6 +118,7 @@ class PlacingPanel:
         self._session = session
         place, placing = session.place, session.placing
         if place is None:
+            self._guessed.content, self._said.content = note("Opening…"), ""
             return
         self._guessed.content = note(known(place.field.info.guesses, place.field.box))
         self._said.content = described(placing)

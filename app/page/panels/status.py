@@ -57,7 +57,7 @@ class StatusPanel:
         self._progress.visible = job is not None and not job.paused
         self._progress.value = 100 * (job.fraction or 0.0) if job is not None else 0.0
         self._wanted, self._next.label = next_step(session)
-        self._next.disabled = session.place is None
+        self._next.disabled = session.place is None or session.seeking
         self._next.color = "gray" if isinstance(self._wanted, Cancel) else None
         self._next.visible = not asks(session)
         self._anyway.visible = self._stay.visible = asks(session)

@@ -12,6 +12,7 @@ from app.page.panels.estimate import EstimatePanel
 from app.page.panels.experiments import ExperimentsPanel
 from app.page.panels.export import ExportPanel
 from app.page.panels.flight import FlightPanel
+from app.page.panels.kept_places import KeptPlacesPanel
 from app.page.panels.map import MapPanel
 from app.page.panels.panel import Page, Panel, PanelEntry
 from app.page.panels.place import PlacePanel
@@ -30,7 +31,8 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
     PanelEntry("timeline", lambda page: TimelinePanel(page.server, page.post)),
     PanelEntry("camera", lambda page: CameraPanel(page.server)),
     PanelEntry("command palette", lambda page: CommandPalette(page.server, page.post)),
-    PanelEntry("place", lambda page: PlacePanel(page.server, page.post, page.uploads), "Scene", _ICON.MAP_2),
+    PanelEntry("place", lambda page: PlacePanel(page.server, page.post, page.library), "Scene", _ICON.MAP_2),
+    PanelEntry("kept places", lambda page: KeptPlacesPanel(page.server, page.post, page.library), "Scene"),
     PanelEntry("ends", lambda page: EndsPanel(page.server, page.post), "Scene"),
     PanelEntry("placing", lambda page: PlacingPanel(page.server, page.post), "Scene"),
     PanelEntry("view settings", lambda page: ViewSettingsPanel(page.server, page.post), "Scene"),

@@ -1,11 +1,10 @@
 """Files that visitors bring."""
 
-
 import pytest
 
 from app.places import uploads
 from app.places.sources import title_of, without_folder
-from app.places.uploads import UploadError, Uploads, safe_name
+from app.places.uploads import UploadError, check_upload, safe_name
 
 
 @pytest.mark.parametrize(
@@ -25,15 +24,6 @@ def test_names_cannot_lead_out_of_the_folder(name: str, safe: str) -> None:
     assert safe_name(name) == safe
 
 
-def test_an_upload_is_kept_whole_and_gone_when_the_app_ends() -> None:
-    kept = Uploads()
-    first, second = kept.keep("a.glb", b"one"), kept.keep("a.glb", b"two")
-    assert first != second and first.name == second.name == "a.glb"
-    assert first.read_bytes() == b"one" and second.read_bytes() == b"two"
-    kept.close()
-    assert not first.exists()
-
-
 @pytest.mark.parametrize(
     ("name", "content", "reason"), [("a.exe", b"MZ", "no kind"), ("a.glb", b"", "empty"), ("a.glb", b"123", "larger")]
 )
@@ -42,7 +32,7 @@ def test_what_cannot_be_opened_is_refused_with_the_reason(
 ) -> None:
     monkeypatch.setattr(uploads, "MOST_BYTES", 2)
     with pytest.raises(UploadError, match=reason):
-        Uploads().keep(name, content)
+        check_upload(name, content)
 
 
 def test_visitors_are_not_told_where_files_lie() -> None:

@@ -1,0 +1,72 @@
+"""From where a place is looked at first.
+
+Imports nothing slow: a surface that was kept is shown while all else is being imported.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+Point = tuple[float, float, float]
+View = tuple[Point, Point]
+"""Where the eye is and what it looks at [m]."""
+
+_FROM = (-0.31, -0.60)
+"""Horizontal direction of the eye that is tried first."""
+_TURNS, _RISES, _NEARNESS = 8, (0.57, 0.9, 0.3, 2.0), (2.4, 1.5, 1.0)
+"""Directions around, heights over horizontal distance, and distances in those of start and goal that are tried."""
+_SAMPLES = 48
+_SMALL = 0.2
+"""Share of the box's diagonal from which on start and goal are seen well where all of the box is."""
+
+
+def view_of_box(lower: Point, upper: Point) -> View:
+    """The box between two corners [m] from above one side."""
+    corners = np.array([lower, upper])
+    center, size = corners.mean(0), corners[1] - corners[0]
+    reach = float(np.linalg.norm(size))
+    eye = center + reach * np.array([*_FROM, 0.57])
+    # low places leave room above them for plans; tall ones stand in the middle
+    target = center + reach * np.array([0.03, 0.05, 0]) - np.array([0, 0, min(0.6 * size[2], 0.13 * reach)])
+    return _point(eye), _point(target)
+
+
+def view_of_ends(
+    start: Point, goal: Point, box: tuple[Point, Point], is_dense: Callable[[np.ndarray], np.ndarray]
+) -> View:
+    """The first view in which nothing dense is between the eye and start and goal [m]; else that with the least.
+
+    `is_dense` tells of points (n, 3) [m] whether they are, which points outside of the box are not.
+    """
+    ends, best, least = np.array([start, goal]), None, np.inf
+    for view in _views(ends, box):
+        shares = np.linspace(0.04, 1, _SAMPLES)[:, None, None]
+        lines = ends + shares * (np.array(view[0]) - ends)
+        hidden = float(is_dense(lines.reshape(-1, 3)).reshape(_SAMPLES, 2).mean(0).max())
+        if hidden < least:
+            best, least = view, hidden
+        if hidden == 0:
+            break
+    assert best is not None, "some view is tried"
+    return best
+
+
+def _views(ends: np.ndarray, box: tuple[Point, Point]) -> Iterator[View]:
+    apart, middle = float(np.linalg.norm(ends[1] - ends[0])), ends.mean(0)
+    if apart > _SMALL * float(np.linalg.norm(np.subtract(box[1], box[0]))):
+        yield view_of_box(*box)
+    ahead = np.array(_FROM) / np.linalg.norm(_FROM)
+    for nearness in _NEARNESS:
+        for rise in _RISES:
+            for turn in range(_TURNS):
+                # to both sides in turn
+                angle = (-1) ** turn * ((turn + 1) // 2) * 2 * np.pi / _TURNS
+                cosine, sine = np.cos(angle), np.sin(angle)
+                flat = np.array([cosine * ahead[0] - sine * ahead[1], sine * ahead[0] + cosine * ahead[1]])
+                direction = np.array([*flat, rise]) / np.hypot(1, rise)
+                yield _point(middle + nearness * apart * direction), _point(middle)
+
+
+def _point(vector: np.ndarray) -> Point:
+    x, y, z = (round(float(value), 4) for value in vector)
+    return x, y, z

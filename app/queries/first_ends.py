@@ -1,0 +1,103 @@
+"""Query: where do start and goal go that nobody has put anywhere?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from app.places.derived import occupancy_of, planning_place
+from app.places.ends import End, Ends
+from app.places.place import Place
+from app.places.vantage import View, view_of_ends
+from app.queries.query import Query, Resources
+from app.reducers.common import noticed
+from app.state.session import Session
+from nerfnav.errors import NerfnavError
+from nerfnav.field import Unknown
+from nerfnav.geometry import so3
+from nerfnav.planner import OccupancyConfig
+from nerfnav.planner.columns import dense_at
+from nerfnav.planner.scales import threshold_of
+from nerfnav.robots import RigidState
+
+
+@dataclass(frozen=True)
+class FirstEnds:
+    """Start and goal between which the robot can plan."""
+
+    ends: Ends | None
+    """None where it has no room."""
+    problem: str | None = None
+    """Why it has none, in one sentence."""
+    view: View | None = None
+    """From where both are seen."""
+
+
+@dataclass(frozen=True)
+class FirstEndsQuery(Query[FirstEnds]):
+    """Where can this robot start, and where can it go?"""
+
+    robot: str
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["FirstEndsQuery"]:
+        """While ends are sought for the robot: the place has no task for it, and nobody has moved them."""
+        if session.seeking:
+            yield cls(session.choice.robot)
+
+    def answer(self, resources: Resources) -> FirstEnds:
+        """Look in the free space that planners see."""
+        from nerfnav.planner.first_ends import first_ends  # slow to import, and bundled places have tasks
+
+        place = resources.place
+        seen = planning_place(place, Unknown.OCCUPIED)
+        try:
+            found = first_ends(
+                seen.field, place.field, place.robot, lambda height: occupancy_of(seen, OccupancyConfig(), height)
+            )
+        except NerfnavError as error:
+            return FirstEnds(None, str(error))
+        if found is None:
+            return FirstEnds(None, _no_room(place))
+        ends = Ends(*map(_end, found))
+        return FirstEnds(ends, view=_view(place, ends))
+
+    def apply(self, session: Session, result: FirstEnds) -> Session:
+        """The session with these ends, and with durations that are found, unless somebody has put them meanwhile."""
+        if not session.seeking or session.choice.robot != self.robot:
+            return session
+        session = replace(session, seeking=False, plan_settings=replace(session.plan_settings, shortest=True))
+        if result.ends is None:
+            return noticed(session, "Nowhere to go", result.problem or "", bad=True)
+        view = result.view or session.view
+        return replace(session, ends=result.ends, home_ends=result.ends, view=view, problems={}, offers={})
+
+
+def _end(state: RigidState) -> End:
+    x, y, z = state.position.tolist()
+    return End((round(x, 4), round(y, 4), round(z, 4)), round(so3.yaw_of(state.rotation).item(), 4))
+
+
+def _view(place: Place, ends: Ends) -> View:
+    """From where start and goal are seen."""
+    box, threshold = place.field.box, threshold_of(place.field)
+    lower, upper = box.lower.tolist(), box.upper.tolist()
+
+    def is_dense(points: np.ndarray) -> np.ndarray:
+        inside = ((points >= lower) & (points <= upper)).all(-1)
+        dense = dense_at(place.field, torch.from_numpy(points.clip(lower, upper)).float(), threshold)
+        return inside & dense.bool().numpy()
+
+    return view_of_ends(ends.start.position, ends.goal.position, (tuple(lower), tuple(upper)), is_dense)
+
+
+def _no_room(place: Place) -> str:
+    """Why a robot can go nowhere."""
+    size = " x ".join(f"{edge:.2g}" for edge in place.field.box.size.tolist())
+    length = max(place.robot.body.extents)
+    lacks = "no level ground that is known to be free" if place.robot.planar else "no free space to go anywhere"
+    return (
+        f"There is {lacks} for a {place.robot.name}, {100 * length:.3g} cm long, in this place of {size} m: choose "
+        "another robot, or say how long a metre is there."
+    )

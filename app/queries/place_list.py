@@ -1,0 +1,27 @@
+"""Query: which places are in the library?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from app.places.library import KeptPlace, PlaceLibrary
+from app.queries.query import Query, Resources
+from app.state.session import Session
+
+
+@dataclass(frozen=True)
+class PlaceListQuery(Query[tuple[KeptPlace, ...]]):
+    """Which places are kept, as of now? By name."""
+
+    stamp: tuple[int, ...]
+    """Changes whenever the list may have changed."""
+
+    @classmethod
+    def pending(cls, session: Session) -> Iterator["PlaceListQuery"]:
+        """Again whenever a place was opened, renamed or deleted."""
+        query = cls((session.places_asked, int(session.job is None)))
+        if not query.is_answered(session):
+            yield query
+
+    def answer(self, resources: Resources) -> tuple[KeptPlace, ...]:
+        """Read the folder of the library."""
+        return PlaceLibrary().entries()

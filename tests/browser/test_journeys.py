@@ -1,0 +1,107 @@
+"""From a file or a bundled world to an exported flight, by the main buttons alone."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from app.jobs import make_field
+from app.places.library import PlaceLibrary
+from app.server import App
+from app.state.session import Session
+from app.worker.backend import NavigationBackend
+from tests.app.jobs.training_data.test_meshes import pillars
+from tests.browser.tab import Tab
+from tests.browser.test_uploads import opening_work
+from tests.importers.splat_files import ball_of_splats, write_dot_splat
+
+_OPEN_S, _FLY_S = 240.0, 300.0
+
+
+def settled(app: App) -> bool:
+    """Whether a place is open and start and goal fit."""
+    session = app.session
+    known = len(session.problems) == 2 and not any(session.problems.values())
+    return session.place is not None and session.job is None and known
+
+
+def plan_fly_export(tab: Tab) -> Session:
+    """Press the main button twice, and take the flight away."""
+    app = tab.app
+    tab.press("Plan the way")
+    tab.until(lambda: app.session.fresh_plan is not None and app.session.job is None, "no plan was found", _FLY_S)
+    tab.until(lambda: tab.page.get_by_role("button", name="Fly it").is_visible(), "nothing offers to fly")
+    tab.press("Fly it")
+    tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", _FLY_S)
+    flown = app.session
+    assert flown.flight is not None and flown.flight.outcome is not None and len(flown.flight.steps) > 2
+    tab.turn_to("Export")
+    rows = list(csv.reader(tab.download("Download").read_text().splitlines()))
+    assert len(rows) > 3
+    return flown
+
+
+@pytest.mark.slow
+def test_own_splats_are_opened_flown_in_and_kept(
+    serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path
+) -> None:
+    file = tmp_path / "journey.splat"
+    write_dot_splat(file, ball_of_splats(600))
+    app = serve(opening_work())
+    tab = open_tab(app)
+    tab.turn_to("Scene")
+    tab.upload("Open a file", file)
+    tab.until(lambda: app.session.what.endswith("journey.splat") and settled(app), "it did not open", _OPEN_S)
+    assert "journey" in [place.name for place in PlaceLibrary().entries()]
+    flown = plan_fly_export(tab)
+    assert flown.what == app.session.what and Path(flown.what).is_file()
+    # brought again, it is opened as it is: nothing is made anew
+    field = PlaceLibrary().place_of(flown.what)
+    assert field is not None
+    made, before = field.field_file.stat().st_mtime_ns, app.session.place
+    tab.turn_to("Scene")
+    tab.upload("Open a file", file)
+    tab.until(lambda: app.session.place is not before and settled(app), "it did not open again", _OPEN_S)
+    assert field.field_file.stat().st_mtime_ns == made and app.session.what == flown.what
+
+
+@pytest.mark.slow
+def test_an_own_mesh_is_learned_and_flown_in(
+    serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(make_field, "BUDGET_S", 8.0)
+    app = serve(opening_work())
+    tab = open_tab(app)
+    tab.turn_to("Scene")
+    mesh = pillars(tmp_path, at=(0.0,))
+    tab.upload("Open a file", mesh)
+    tab.until(lambda: app.session.place is None, "it is not being opened")
+    tab.until(lambda: not tab.is_visible("/start"), "the ends of the last place are still shown")
+    tab.until(lambda: tab.says("Opening"), "nothing says what is being done")
+    tab.until(lambda: app.session.what.endswith(mesh.name) and settled(app), "it did not open", _OPEN_S)
+    plan_fly_export(tab)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("place", "robot"), [("church", "couch"), ("stonehenge", "diffdrive")])
+def test_robots_on_the_ground_are_chosen_planned_for_and_flown(
+    browser_app: Callable[[str], Tab], place: str, robot: str
+) -> None:
+    tab = browser_app(place)
+    tab.choose("Scene", "Robot", robot)
+    tab.until(lambda: tab.app.session.choice.robot == robot and settled(tab.app), "it fits nowhere", 60)
+    session = tab.app.session
+    assert session.place is not None
+    assert session.task in [task.name for task in session.place.tasks if task.robot == robot]
+    plan_fly_export(tab)
+
+
+@pytest.fixture
+def browser_app(serve: Callable[..., App], open_tab: Callable[[App], Tab]) -> Callable[[str], Tab]:
+    """Serves a bundled place to a tab."""
+
+    def start(place: str) -> Tab:
+        return open_tab(serve(NavigationBackend(), what=place))
+
+    return start
