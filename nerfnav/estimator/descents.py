@@ -1,5 +1,6 @@
 """Descents of camera poses: one compiled call where the field has a grid that kernels know, else in torch."""
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import fields
 
@@ -16,20 +17,30 @@ from nerfnav.field.jacobian import Gridded, SightGrid
 from nerfnav.geometry import Pose
 
 
-def improve(seen: Observation, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
-    """Every stage on the way down, the start first, as `minimise` yields them.
+def improve(
+    seen: Observation, start: Guess, prior: Prior, config: NewtonConfig, every: bool = True
+) -> Iterator[Iterate]:
+    """Every stage on the way down, the start first, as `minimise` yields them; the last one alone, if not `every`.
 
     The compiled descent ends each pose's where that has settled; it then stands still in later stages. All is done on
     the filter's threads and without gradients; what others do between the stages is not.
     """
     grid = seen.field.sight_grid if isinstance(seen.field, Gridded) else None
-    stages = minimise(seen, start, prior, config) if grid is None else _compiled(grid, seen, start, prior, config)
+    if grid is None:
+        stages = minimise(seen, start, prior, config)
+        stages = stages if every else _last_of(stages)
+    else:
+        stages = _compiled(grid, seen, start, prior, config, every)
     while True:
         with torch.no_grad(), threads(THREADS):
             stage = next(stages, None)
         if stage is None:
             return
         yield stage
+
+
+def _last_of(stages: Iterator[Iterate]) -> Iterator[Iterate]:
+    yield deque(stages, maxlen=1).pop()
 
 
 def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
@@ -43,7 +54,7 @@ def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
 
 
 def _compiled(
-    grid: SightGrid, seen: Observation, start: Guess, prior: Prior, config: NewtonConfig
+    grid: SightGrid, seen: Observation, start: Guess, prior: Prior, config: NewtonConfig, every: bool = True
 ) -> Iterator[Iterate]:
     mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
     known = (
@@ -56,7 +67,8 @@ def _compiled(
     held, moved, settings = np.empty((stages, count), np.int64), np.empty((stages, count)), _settings(config)
     stages = descend(grid, seen.sight, known, settings, trace, held, moved)
     tensors, index = [torch.from_numpy(part[:stages]).to(torch.float32) for part in trace], torch.arange(count)
-    for step, stage in enumerate(torch.from_numpy(held[:stages])):
+    for step in range(0 if every else stages - 1, stages):
+        stage = torch.from_numpy(held[step])
         rotation, position, exposure, *parts = (part[stage, index] for part in tensors)
         guess = Guess(Pose(rotation, position), exposure)
         yield Iterate(guess, **dict(zip(_PARTS, parts, strict=True)), moved=torch.from_numpy(moved[step]).float())

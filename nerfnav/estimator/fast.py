@@ -10,7 +10,7 @@ marginalised.
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -19,6 +19,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.compiled import threads
+from nerfnav.estimator.adaptive import noise_scale, with_noise_scaled
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.cost import PoseCost, precision
 from nerfnav.estimator.covariance import POSE, information_of, posterior_covariance
@@ -26,6 +27,7 @@ from nerfnav.estimator.descents import improve
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.newton import POSE as _POSE
 from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, picture_information
+from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.photometric import THREADS, Observation, difference, inliers, patches
 from nerfnav.estimator.pixels import PixelChoice, PixelSource, choose_pixels
 from nerfnav.estimator.predict import predict
@@ -77,13 +79,19 @@ class FastFilter:
         """
         if image is not None:
             check_image(image, self.camera)
-        return self.correct(predict(belief, action, self.robot, dt, self.config.process_noise), image, generator)
+        noise = self.config.process_noise
+        return self.correct(predict(belief, action, self.robot, dt, noise), image, generator, noise)
 
-    def correct(self, prediction: Belief, image: Tensor | None, generator: torch.Generator) -> Iterator[FilterStep]:
-        """The same for a belief that the dynamics have moved already."""
+    def correct(
+        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: StateNoise | None = None
+    ) -> Iterator[FilterStep]:
+        """The same for a belief that the dynamics have moved already, and have added this `noise` to.
+
+        Where that is told, its size is adapted to what the picture shows.
+        """
         if image is None or contrast(image) < self.config.least_contrast:
             return iter([predicted_only(prediction)])
-        return _Update(self, prediction, image, generator).run()
+        return _Update(self, prediction, image, generator, noise).run()
 
 
 def inerf(
@@ -101,6 +109,7 @@ class _Update:
     prediction: Belief
     image: Tensor
     generator: torch.Generator
+    noise: StateNoise | None = None
     _chosen: PixelChoice | None = None
 
     def run(self) -> Iterator[FilterStep]:
@@ -119,28 +128,48 @@ class _Update:
         for _ in range(search.rounds if trusted else 0):
             if not self._is_doubtful(best):
                 break
-            end = best
-            for end in self._descend(search.stages(), self._searched_guess(), iteration):
-                yield end[0]
-            iteration = end[0].iteration + 1
-            best = end if end[2].cost[0] < best[2].cost[0] else best
+            best, iteration = yield from self._search(best, iteration)
         step, seen, here = best
         yield self._conclude(replace(step, iteration=iteration - 1), seen, here)
 
+    def _search(self, best: _End, iteration: int) -> Generator[FilterStep, None, tuple[_End, int]]:
+        """Improve random states of the prediction; returns the best now, and how many iterations there have been."""
+        search = self.filter.config.pyramid.search
+        *early, rival, last = search.stages()
+        guess = self._searched_guess()
+        for stage in early:
+            found = yield from self._descended(stage, guess, iteration)
+            guess, iteration = _likeliest(found[2], stage.kept), found[0].iteration + 1
+        found = yield from self._descended(rival, Guess.cat([guess, best[2].guess]), iteration)
+        guess, iteration = _likeliest(found[2], rival.kept), found[0].iteration + 1
+        if _alike(guess.pose[0], found[2].guess.pose[-1], search.alike):
+            return best, iteration
+        found = yield from self._descended(last, guess, iteration)
+        return found if found[2].cost[0] < best[2].cost[0] else best, found[0].iteration + 1
+
+    def _descended(self, stage: Stage, guess: Guess, iteration: int) -> Generator[FilterStep, None, _End]:
+        """One stage; returns its end."""
+        end = None
+        for end in self._descend([stage], guess, iteration):
+            yield end[0]
+        assert end is not None, "a descent yields at least its start"
+        return end
+
     def _descend(self, stages: Sequence[Stage], guess: Guess, iteration: int) -> Iterator[_End]:
         """All stages' iterations, with the observation of the stage; the last is the result."""
-        pyramid = self.filter.config.pyramid
+        pyramid, here = self.filter.config.pyramid, None
         for stage in stages:
-            seen, source = self._observation(stage.halvings, guess.pose[0], stage.pixels)
+            rays = len(guess.exposure) * (stage.iterations + 1)
+            pixels = stage.pixels if stage.pixels == pyramid.pixels else min(stage.pixels, pyramid.rays // rays)
+            seen, source = self._observation(stage.halvings, guess.pose[0], pixels)
             settled = pyramid.settled * 2**stage.halvings
             settings = NewtonConfig(stage.iterations, robust=stage.robust, settled=settled)
-            cost = torch.zeros(len(guess.exposure))
-            for here in improve(seen, guess, self._prior(len(seen.pixels), stage.halvings), settings):
-                guess, cost = here.guess, here.cost
-                yield self._record(iteration, here, int(cost.argmin()), seen, (stage.halvings, source)), seen, here
+            prior = self._prior(len(seen.pixels), stage.halvings)
+            for here in improve(seen, guess, prior, settings, stage.told):
+                yield self._record(iteration, here, int(here.cost.argmin()), seen, (stage.halvings, source)), seen, here
                 iteration += 1
-            kept = stage.kept or -(-len(cost) // 3)
-            guess = guess[cost.argsort()[:kept]]
+            assert here is not None, "a descent has at least its start"
+            guess = _likeliest(here, stage.kept)
 
     def _observation(self, halvings: int, pose: Pose, pixels: int) -> tuple[Observation, PixelSource | None]:
         """So many pixels of one stage, which begins at a pose."""
@@ -164,7 +193,7 @@ class _Update:
     def _coarse_guess(self) -> Guess:
         """The likeliest by the smallest picture."""
         pyramid = self.filter.config.pyramid
-        seen, _ = self._observation(pyramid.halvings[0], self.prediction.mean.pose, pyramid.pixels_at(0))
+        seen, _ = self._observation(pyramid.halvings[0], self.prediction.mean.pose, pyramid.glance)
         return likeliest(seen, drawn(self.prediction, pyramid.candidates, self.generator), pyramid.starts)
 
     def _searched_guess(self) -> Guess:
@@ -234,9 +263,12 @@ class _Update:
     def _is_doubtful(self, end: _End) -> bool:
         """Whether the colours differ by more than noise explains, on the whole or mostly."""
         step, seen, _ = end
-        squares = step.photometric / self._prior(len(seen.pixels)).kappa / step.residual.numel() / 3
         bound = self.filter.config.pyramid.search.doubt * self.filter.config.color_noise.std
-        return not squares <= bound**2 or self._disagrees(step)
+        return not self._squares(step, seen) <= bound**2 or self._disagrees(step)
+
+    def _squares(self, step: FilterStep, seen: Observation) -> float:
+        """Mean square of the colours' differences (Huber)."""
+        return step.photometric / self._prior(len(seen.pixels)).kappa / step.residual.numel() / 3
 
     def _disagrees(self, step: FilterStep) -> bool:
         """Whether most pixels differ by more than noise explains."""
@@ -250,16 +282,51 @@ class _Update:
         known = picture_information(here)
         if not step.process <= config.innovation_gate or self._disagrees(step) or not known.isfinite().all():
             return replace(step, posterior=self.prediction, outcome=FilterOutcome.DIVERGED)
-        cost = PoseCost.of(seen.exposed(here.guess.exposure[0]), self.prediction, config.color_noise)
+        scale = self._doubt_of(step, seen)
+        known = known / scale
+        step, prediction = self._adapted(step, known)
+        cost = PoseCost.of(seen.exposed(here.guess.exposure[0]), prediction, config.color_noise)
         if config.exact_covariance:
-            noise = replace(config.color_noise, alike=self._alike(len(seen.pixels)))
+            noise = replace(config.color_noise, alike=scale * self._alike(len(seen.pixels)))
             curved = replace(cost, noise=noise).hessian(step.mean)
         else:
-            curved = 2 * information_of(self.prediction.mean.local(step.mean), cost.information, known)
-        covariance, curvature = posterior_covariance(curved, self.prediction.covariance)
+            curved = 2 * information_of(prediction.mean.local(step.mean), cost.information, known)
+        covariance, curvature = posterior_covariance(curved, prediction.covariance)
         covariance = covariance + torch.diag(config.floor.std().square())
-        root = torch.linalg.cholesky(self.prediction.covariance[POSE][:, POSE])
+        root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
         gained = torch.linalg.eigvalsh(root.T @ known @ root) > 1
         outcome = FilterOutcome.UPDATED if int(gained.sum()) >= _TOLD else FilterOutcome.WEAK
         mean = replace(step.mean, rotation=so3.project(step.mean.rotation))
         return replace(step, mean=mean, posterior=Belief(mean, covariance), outcome=outcome, curvature=curvature)
+
+    def _doubt_of(self, step: FilterStep, seen: Observation) -> float:
+        """How many times less a picture tells than held-out views promise, by its own differences and its patches."""
+        noise = self.filter.config.color_noise
+        if not self.filter.config.adaptive:
+            return 1.0
+        return max(1.0, self._squares(step, seen) / noise.std**2) * max(1.0, noise.few_patches / self._patches)
+
+    def _adapted(self, step: FilterStep, known: Float[Tensor, "6 6"]) -> tuple[FilterStep, Belief]:
+        """The end of a descent and the prediction, as they are with the process noise that the picture shows.
+
+        The pose stays, for the prediction hardly moves it; its velocities follow.
+        """
+        config, before = self.filter.config, self.prediction
+        if self.noise is None or not self.filter.trust_dynamics or not config.adaptive:
+            return step, before
+        change = before.mean.local(step.mean)[POSE]
+        size = noise_scale(change, self._known, known, config.noise_trust)
+        adapted = replace(self, prediction=with_noise_scaled(before, self.noise.covariance(), size))
+        return replace(step, mean=adapted._state(step.mean.pose, change)), adapted.prediction
+
+
+def _alike(first: Pose, second: Pose, bounds: tuple[float, float]) -> bool:
+    """Whether two poses are nearer than this: position [m], attitude [rad]."""
+    moved = (first.position - second.position).norm()
+    return bool(moved < bounds[0]) and bool(so3.local(first.rotation, second.rotation).norm() < bounds[1])
+
+
+def _likeliest(here: Iterate, count: int | None) -> Guess:
+    """So many of the poses, the cheapest first; None: a third of them."""
+    count = count or -(-len(here.cost) // 3)
+    return here.guess[here.cost.argsort()[:count]]

@@ -42,7 +42,7 @@ class FilterConfig:
     """How the paper's filter minimises the cost."""
     pyramid: PyramidConfig = dataclasses.field(default_factory=PyramidConfig)
     """How the fast filter does."""
-    floor: StateNoise = dataclasses.field(default_factory=lambda: StateNoise(0.001, 0.0, 0.001, 0.0))
+    floor: StateNoise = dataclasses.field(default_factory=lambda: StateNoise(0.0008, 0.0, 0.0008, 0.0))
     """What no picture improves upon, for field and camera are never quite what they are taken for (fast filter)."""
     exact_covariance: bool = False
     """Whether the fast filter takes the exact Hessian (paper) where Gauss-Newton's is at hand."""
@@ -52,6 +52,10 @@ class FilterConfig:
     """The same for a constant added to its colours [1 = full scale] (fast filter; paper: 0)."""
     process_noise: StateNoise = dataclasses.field(default_factory=StateNoise)
     """Q, the noise that each time step adds (paper: 0.1 I, far more than its simulator's 2 cm, 0.02 rad)."""
+    adaptive: bool = True
+    """Whether the sizes of Q and S are adapted to what each picture shows (fast filter, see adaptive.py; paper: no)."""
+    noise_trust: float = 1.5
+    """How well Q's size is known beforehand where it is adapted: degrees of freedom."""
     color_noise: ColorNoise = dataclasses.field(default_factory=ColorNoise)
     """S, the measurement noise; its `std` should be the field's own, see `for_field`."""
     innovation_gate: float = 80.0
@@ -69,7 +73,7 @@ class FilterConfig:
     @classmethod
     def paper(cls) -> "FilterConfig":
         """The paper's numbers: 300 steps without early stop, 256 pixels, Q = 0.1 I."""
-        return cls(process_noise=StateNoise.isotropic(0.1), retries=0)
+        return cls(process_noise=StateNoise.isotropic(0.1), adaptive=False, retries=0)
 
     def for_field(self, noise_std: float | None) -> "FilterConfig":
         """The same with the noise that was measured for a field (`field.info.noise_std`); None changes nothing."""

@@ -42,6 +42,9 @@ class ColorNoise:
     per_patch: float = 0.5
     """To the fast filter, any number of pixels of a patch are worth this many independent ones (see `patches`), so that
     k = 1 + m / (per_patch patches) for m compared pixels."""
+    few_patches: float = 30.0
+    """Fewer patches than this are worth less each, in proportion: where little shows, it is what is near, and errors of
+    the field are large in the picture."""
     outlier_deviations: float = 3.0
     """Pixels this many robust deviations above the median difference are dropped (authors' later code: none)."""
 

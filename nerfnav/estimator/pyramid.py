@@ -28,6 +28,8 @@ class Stage:
     """Pixels compared at most."""
     kept: int | None
     """Poses that go on from here, the likeliest; None: a third of them."""
+    told: bool = True
+    """Whether each step is told, or the last one alone."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,11 @@ class SearchConfig:
     """How the fast filter looks again where a descent seems to have ended in a false minimum.
 
     What little shows in a poor picture is lost when it is made smaller. So here random states of the prediction are
-    compared with the picture at full size, around its features, and the likeliest are improved, ever fewer of them.
+    compared with the picture at full size, around its features, and the likeliest are improved, ever fewer of them. The
+    best so far rivals them before the last stage, and where it wins, that is left out.
+
+    So much can be done between two pictures, counted in rays and not in time, that equal seeds give equal flights. A
+    search that found nothing goes on with the next picture, from other random states.
     """
 
     doubt: float = 1.6
@@ -43,13 +49,15 @@ class SearchConfig:
     rounds: int = 1
     """Times at most, in one update, that random states are drawn and the likeliest improved: what a search may take. It
     goes on with the next picture."""
-    candidates: int = 96
+    candidates: int = 48
     """Random states that are looked at in a round ..."""
-    starts: int = 6
+    starts: int = 4
     """... and how many of them are improved."""
     saturation: float = 0.3
     """Colour differences above this count as this, in the choice of those [1 = full scale]."""
-    pixels: tuple[int, ...] = (48, 128, 1024)
+    alike: tuple[float, float] = (0.005, 0.01)
+    """Poses nearer than this are one minimum: position [m], attitude [rad]."""
+    pixels: tuple[int, ...] = (48, 96, 1024)
     """Pixels compared in each stage."""
     robust: tuple[float, ...] = (1.0, 0.3, 0.1)
     """Huber's threshold in each stage [1 = full scale]."""
@@ -61,7 +69,7 @@ class SearchConfig:
     def stages(self) -> list[Stage]:
         """All at full size."""
         table = zip(self.robust, self.iterations, self.pixels, self.kept, strict=True)
-        return [Stage(0, *row) for row in table]
+        return [Stage(0, *row, told=False) for row in table]
 
 
 @dataclass(frozen=True)
@@ -88,8 +96,12 @@ class PyramidConfig:
     as soon."""
     candidates: int = 96
     """Where the prediction is wider than `narrow`, as many random states of it are looked at ..."""
+    glance: int = 48
+    """... at so many pixels ..."""
     starts: int = 8
     """... and this many of them, the likeliest, are improved; each later stage goes on with a third."""
+    rays: int = 12_000
+    """Rays that one stage before the last follows at most: many poses are compared at fewer pixels each."""
     narrow: float = 2.4
     """Spread of the prediction, in pixels of the first stage, from which one start may not be enough."""
     search: SearchConfig = field(default_factory=SearchConfig)
@@ -102,9 +114,10 @@ class PyramidConfig:
     def stages(self, many: bool) -> list[Stage]:
         """From coarse to fine; the last but one leaves one pose."""
         table = list(zip(self.halvings, self.robust, self.iterations, strict=True))
+        last = len(table) - 1
         return [
             Stage(halvings, robust, most * (self.thorough if many else 1), self.pixels_at(index),
-                  1 if index + 2 >= len(table) else None)
+                  1 if index + 1 >= last else None, told=index == last or not many)
             for index, (halvings, robust, most) in enumerate(table)
         ]  # fmt: skip
 

@@ -18,7 +18,6 @@ from nerfnav.compiled import default_threads, threads
 from nerfnav.field.evidence import DENSITY_SCALE, planned_raw, solid_density
 from nerfnav.field.field import Points, RaySamples, uniform_samples
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.jacobian import jacobian_by_autograd
 from nerfnav.field.kernels import jacobian, march
 from nerfnav.field.kernels import points as point_kernels
 from nerfnav.field.render import Rendering, render_rays
@@ -161,20 +160,15 @@ class GridField(ABC):
     def colors_and_jacobian(
         self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
     ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3 6"]]:
-        """Colours of rays and their derivatives by the camera's motion (see field/jacobian.py), compiled.
-
-        Where there are surroundings, the kernel does not know them, and torch differentiates.
-        """
-        if self.outside is not None:
-            return jacobian_by_autograd(self, origins, directions)
+        """Colours of rays and their derivatives by the camera's motion (see field/jacobian.py), compiled."""
         colors, jacobians = self._seen_with_jacobian(flat_array(origins), flat_array(directions))
         return torch.from_numpy(colors), torch.from_numpy(jacobians)
 
     def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (n, 3) and Jacobians (n, 3, 6) of rays that meet no surroundings."""
+        """Colours (n, 3) and Jacobians (n, 3, 6) of rays."""
         return jacobian.colors_and_jacobian(
             *self.kernel_grid, origins, directions, np.float32(DENSITY_SCALE), np.float32(self.step),
-            self.background.cpu().numpy(),
+            self.background.cpu().numpy(), self._outer,
         )  # fmt: skip
 
     @cached_property

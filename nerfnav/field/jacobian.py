@@ -21,18 +21,18 @@ Colors = Float[Tensor, "n 3"]
 Jacobian = Float[Tensor, "n 3 6"]
 
 
-SightGrid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.float32, np.ndarray]
+SightGrid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.float32, np.ndarray, np.ndarray]
 """Values (nx, ny, nz, 4), leaps (see kernels/leaps.py), lower corner [m], nodes per metre, table of light (see
-kernels/sight.py), distance of samples [m], background (3)."""
+kernels/sight.py), distance of samples [m], background (3), values of the surroundings (m, m, m, 4), m = 0: none."""
 
 
 @runtime_checkable
 class Gridded(Protocol):
-    """A field that may have a grid on which kernels follow whole descents of cameras."""
+    """A field with a grid on which kernels follow whole descents of cameras."""
 
     @property
-    def sight_grid(self) -> SightGrid | None:
-        """The grid; None where there is more to see than it holds."""
+    def sight_grid(self) -> SightGrid:
+        """The grid."""
         ...
 
 

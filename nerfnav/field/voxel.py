@@ -91,12 +91,15 @@ class VoxelField(GridField):
 
     def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See GridField; by the kernel that leaps over empty cells."""
-        return sight.colors_and_jacobian(self._sight, origins, directions)
+        return sight.colors_and_jacobian(self.sight_grid, origins, directions)
 
-    @property
-    def sight_grid(self) -> SightGrid | None:
-        """What kernels need that follow rays with their derivatives; None where there are surroundings."""
-        return self._sight if self.outside is None else None
+    @cached_property
+    def sight_grid(self) -> SightGrid:
+        """What kernels need that follow rays with their derivatives."""
+        values, _, lower, per_meter = self.kernel_grid
+        table = sight.light_table(DENSITY_SCALE, self.step)
+        background = self.background.cpu().numpy().astype(np.float32)
+        return values, self._leaps, lower, per_meter, table, np.float32(self.step), background, self._outer
 
     @cached_property
     def density_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
@@ -108,13 +111,6 @@ class VoxelField(GridField):
     @cached_property
     def _leaps(self) -> np.ndarray:
         return leaps_over(np.ascontiguousarray(self.kernel_grid[0][..., 0]), NEGLIGIBLE_RAW)
-
-    @cached_property
-    def _sight(self) -> SightGrid:
-        values, _, lower, per_meter = self.kernel_grid
-        table = sight.light_table(DENSITY_SCALE, self.step)
-        background = self.background.cpu().numpy().astype(np.float32)
-        return values, self._leaps, lower, per_meter, table, np.float32(self.step), background
 
 
 def occupied_blocks(raw: Float[Tensor, "nx ny nz"], threshold: float) -> Bool[Tensor, "bx by bz"]:

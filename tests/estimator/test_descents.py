@@ -8,8 +8,10 @@ import torch
 from nerfnav.estimator.descents import improve
 from nerfnav.estimator.newton import Guess, NewtonConfig, Prior, joined, minimise
 from nerfnav.estimator.photometric import Observation
+from nerfnav.field.surroundings import Surroundings
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from tests.field.fields import random_voxels_in_a_room
 from tests.field.test_jacobian import cloud
 
 CAMERA = Camera.from_fov(16, 12, 60)
@@ -17,9 +19,9 @@ MOUNT = replace(FORWARD_MOUNT, position=torch.tensor([0.05, 0.02, 0.03]))
 TRUTH = Pose(so3.from_yaw(torch.tensor(3.3)), torch.tensor([0.9, 0.1, 0.05]))
 
 
-def seen() -> Observation:
-    """What a camera beside a cloud sees of it."""
-    field = cloud()
+def seen(around: Surroundings | None = None) -> Observation:
+    """What a camera beside a cloud sees of it, and of what is around it."""
+    field = replace(cloud(), outside=around)
     color = field.render_rays(*CAMERA.rays(TRUTH.compose(MOUNT))).color
     return Observation(field, CAMERA, MOUNT, CAMERA.pixels(), 0.9 * color + 0.02)
 
@@ -53,6 +55,17 @@ def test_every_stage_is_that_of_the_reference(known: bool, robust: float) -> Non
         mine, theirs = getattr(first, name), getattr(reference, name)
         assert (mine - theirs).norm() <= 2e-3 * theirs.norm() + 1e-6, name
     assert (found[-1].cost < 0.2 * found[0].cost).all()
+
+
+def test_a_descent_among_surroundings_is_that_of_the_reference() -> None:
+    around, config = random_voxels_in_a_room().outside, NewtonConfig(6, robust=0.3)
+    *_, found = improve(seen(around), starts(3), prior(True), config)
+    with torch.no_grad():
+        *_, expected = minimise(seen(around), starts(3), prior(True), config)
+    torch.testing.assert_close(found.cost, expected.cost, rtol=5e-3, atol=1e-4)
+    torch.testing.assert_close(found.guess.pose.position, expected.guess.pose.position, rtol=0, atol=3e-4)
+    again = list(improve(seen(around), found.guess, prior(True), NewtonConfig(0, robust=0.3)))[-1]
+    torch.testing.assert_close(found.cost, again.cost, rtol=1e-4, atol=1e-6)  # from the camera on
 
 
 def test_costs_never_rise_and_a_pose_that_has_settled_stays() -> None:

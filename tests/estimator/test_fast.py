@@ -77,7 +77,7 @@ def test_derivatives_of_what_a_body_sees_are_those_of_finite_differences():
 
 
 def test_velocity_moves_through_the_predictions_cross_covariance():
-    steps, _, prediction = update(2)
+    steps, _, prediction = update(2, replace(FILTER, config=replace(CONFIG, adaptive=False)))
     last = posterior(steps[-1]).mean
     pose = [0, 1, 2, 6, 7, 8]
     change = prediction.mean.local(last)

@@ -18,6 +18,8 @@ import numpy as np
 from nerfnav.compiled import kernel, prange
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
 from nerfnav.field.kernels.march import CHUNK, STOPPED, grid_ray, sample_count
+from nerfnav.field.kernels.ray_sums import finish_ray
+from nerfnav.field.kernels.shell_slopes import add_shells
 
 PER_RAW, HIGHEST_RAW = 32, 16
 """Entries of the table for each unit of raw density, and where it ends."""
@@ -64,12 +66,12 @@ def leap(index, leaps, cell, start, slope, at):
 @kernel(inline=True)
 def see_ray(grid, origin, direction, begin, color, jacobian):
     """Fill colour (3) and Jacobian (3, 6) of a ray; returns the distance of the first density on it, 0 where
-    it meets none.
+    it meets none (around the box: of the shell before).
 
-    `grid` is (values, leaps, lower, per_meter, table, step, background), see `VoxelField.sight_grid`. Before the
+    `grid` is (values, leaps, lower, per_meter, table, step, background, outer), see `VoxelField.sight_grid`. Before the
     distance `begin` [m] the ray is taken as clear.
     """
-    values, leaps, lower, per_meter, table, step, background = grid
+    values, leaps, lower, per_meter, table, step, background, outer = grid
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     shape = values.shape
     start, slope, cell = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.int64)
@@ -124,25 +126,23 @@ def see_ray(grid, origin, direction, begin, color, jacobian):
         pull = light * c + seen2
         ux, uy, uz = pull * rx + wx * ux, pull * ry + wy * uy, pull * rz + wz * uz
         a2x, a2y, a2z, b2x, b2y, b2z = a2x + ux, a2y + uy, a2z + uz, b2x + t * ux, b2y + t * uy, b2z + t * uz
-    own = (gx, gy, gz, hx, hy, hz)
-    _finish(0, seen0 + light * background[0], (a0x, a0y, a0z, b0x, b0y, b0z), own, direction, color, jacobian)
-    _finish(1, seen1 + light * background[1], (a1x, a1y, a1z, b1x, b1y, b1z), own, direction, color, jacobian)
-    _finish(2, seen2 + light * background[2], (a2x, a2y, a2z, b2x, b2y, b2z), own, direction, color, jacobian)
+    sums = np.zeros((4, 7), np.float32)
+    _keep(sums[0], seen0, (a0x, a0y, a0z, b0x, b0y, b0z))
+    _keep(sums[1], seen1, (a1x, a1y, a1z, b1x, b1y, b1z))
+    _keep(sums[2], seen2, (a2x, a2y, a2z, b2x, b2y, b2z))
+    _keep(sums[3], zero, (gx, gy, gz, hx, hy, hz))
+    if outer.shape[0] > 0 and light > STOPPED:
+        light, first = add_shells(outer, (start, slope, direction, shape, per_meter), begin, light, first, sums)
+    finish_ray(sums, light, background, direction, color, jacobian)
     return first
 
 
 @kernel(inline=True)
-def _finish(channel, total, sums, own, direction, color, jacobian):
-    """Fill colour and Jacobian of a channel, from its sums and those of grad o."""
-    color[channel] = total
-    jacobian[channel, 0] = sums[0] - total * own[0]
-    jacobian[channel, 1] = sums[1] - total * own[1]
-    jacobian[channel, 2] = sums[2] - total * own[2]
-    x, y, z = direction[0], direction[1], direction[2]
-    along_x, along_y, along_z = sums[3] - total * own[3], sums[4] - total * own[4], sums[5] - total * own[5]
-    jacobian[channel, 3] = y * along_z - z * along_y
-    jacobian[channel, 4] = z * along_x - x * along_z
-    jacobian[channel, 5] = x * along_y - y * along_x
+def _keep(row, seen, slopes):
+    """Fill a row of sums as `add_sample` has them."""
+    row[0] = seen
+    for index in range(6):
+        row[1 + index] = slopes[index]
 
 
 @kernel(parallel=True)
