@@ -3,7 +3,7 @@
 import numpy as np
 import viser
 
-from app.page.layers.field_surface import frame
+from app.page.layers.field_surface import first_view, look
 from app.state.session import Session
 from app.state.view_settings import CameraMode
 from nerfnav.geometry import Box
@@ -29,7 +29,7 @@ class CameraModesLayer:
         box, changed, self._mode = place.field.box, mode is not self._mode, mode
         if mode is CameraMode.FREE:
             if changed:
-                frame(self._server, (box.lower.tolist(), box.upper.tolist()))
+                look(self._server, session.view or first_view((box.lower.tolist(), box.upper.tolist())))
             return
         flight = session.shown_flight
         state = flight.steps[-1].truth if flight is not None and flight.steps else session.ends.start.state()

@@ -49,7 +49,7 @@ class FieldSurfaceLayer:
         """Look at another box."""
         if box is not None and box != self._framed:
             self._framed = box
-            look(self.server, view_of_box(_point(box[0]), _point(box[1])))
+            look(self.server, first_view(box))
 
     def _draw(self, surface: bytes | None, settings: ViewSettings) -> None:
         before, self._shown = self._shown, (surface, settings.opacity, settings.clip)
@@ -67,6 +67,11 @@ class FieldSurfaceLayer:
             self._node = self.server.scene.add_glb("/field", glb, cast_shadow=False, receive_shadow=False)
         else:
             self._node.glb_data = glb
+
+
+def first_view(box: tuple[Corner, Corner]) -> View:
+    """From where all of a box between two corners [m] is seen."""
+    return view_of_box(_point(box[0]), _point(box[1]))
 
 
 def _point(corner: Corner) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ import viser.transforms as tf
 from app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
 from app.page.layers.shapes import ball, robot_shape
 from app.page.theme import BELIEF, HIT, PLAN, TRUTH
+from app.places.place import Place
 from app.state.session import Session
 from app.text import number
 from nerfnav.estimator import Belief
@@ -63,7 +64,7 @@ class FlightLayer:
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
             self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
-            self._show_covariances([step.belief for step in steps], scale, float(session.place.field.box.size.max()))
+            self._show_covariances([step.belief for step in steps], scale, _size(session.place))
             self._nose.show(cone(steps[-1].belief, scale) if steps else None)
             # dots, for a good estimate's line lies within the line of the truth
             self._means.show(*_balls([step.belief.mean for step in steps], radius=0.014))
@@ -84,6 +85,11 @@ class FlightLayer:
         if self._told.visible:
             self._told.text = f"position uncertain by {number(half[-1].max(), 'm', digits=2)}"
             self._told.position = tuple(centers[-1].tolist())
+
+
+def _size(place: Place | None) -> float:
+    """Longest edge of a place [m]."""
+    return float(place.field.box.size.max()) if place is not None else np.inf
 
 
 def ellipsoids(beliefs: list[Belief]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

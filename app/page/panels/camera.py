@@ -28,8 +28,7 @@ class CameraPanel:
     def show(self, session: Session) -> None:
         """Show the last picture, once the field's answer to it is there."""
         if session.place is None:  # what the robot saw elsewhere is no picture of what is being opened
-            self._picture.visible, self._shown = False, None
-            self._caption.content = note("Opening…")
+            self._folder.visible, self._shown = False, None
         query, view = RobotViewQuery.asked_in(session), RobotViewQuery.result_in(session)
         if query is None or view is None:
             return
