@@ -13,7 +13,9 @@ from app.places.derived import occupancy_of, planning_place, searcher_of
 from app.places.place import Place
 from nerfnav.estimator import ColorNoise, FilterConfig, estimators
 from nerfnav.navigation import LoopEvent, Mission, Pilot, Simulator, navigate
-from nerfnav.planner import planners
+from nerfnav.navigation.backup import Guard
+from nerfnav.planner import FieldPlanner, planners
+from nerfnav.planner.spread import Disturbance
 
 
 def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
@@ -21,16 +23,21 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     route, seen_as = request.route, planning_place(place, request.route.unknown)
     estimator = estimators.load(request.estimator)
     occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
-    planner = planners.load(route.planner).planner(
-        seen_as.field, place.robot, route.settings, route.again, occupancy
-    )
+    entry = planners.load(route.planner)
+    again = route.again or entry.again(route.settings)
+    first = replace(route.settings, weights=replace(route.settings.weights, risk=again.weights.risk))
+    planner = entry.planner(seen_as.field, place.robot, first, again, occupancy)
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
+    pushed = Disturbance(config.noise.deviations)
+    if isinstance(planner, FieldPlanner):
+        planner = replace(planner, disturbance=pushed)
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
         planner,
         estimator.make(place.field, place.robot, CAMERA, config=config.filter),
         searcher_of(place, CAMERA, config.filter.color_noise),
+        Guard(seen_as.field, place.robot, pushed) if again.weights.risk else None,
     )
     camera, contact = camera_function(place), contact_function(place)
     simulator = Simulator(

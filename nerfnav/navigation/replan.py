@@ -3,7 +3,8 @@
     plan from the start (A*, Eq. 2)
     repeat:  first action of the plan -> picture -> filter (Eqs. 3-8) -> plan from the posterior mean, hot-started
 
-While pictures disagree with the belief, the plan is to come to rest (see navigation/recovery.py).
+While pictures disagree with the belief, the plan is to come to rest (see navigation/recovery.py), and so it is where a
+plan is no longer safe (navigation/backup.py).
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -14,6 +15,7 @@ from torch import Tensor
 
 from nerfnav.estimator import Belief, Estimator, FilterConfig, FilterOutcome, FilterStep, StateNoise
 from nerfnav.estimator.predict import predict
+from nerfnav.navigation.backup import Guard
 from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, Relocaliser, come_to_rest
 from nerfnav.navigation.simulator import Simulator
@@ -76,6 +78,8 @@ class Pilot:
     """Says where the robot is."""
     relocaliser: Relocaliser | None = None
     """Finds a robot that is lost; None: lost is lost."""
+    guard: Guard | None = None
+    """Keeps a way to come to rest ready beside each plan; None: plans are flown whatever becomes of them."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +165,7 @@ def _advance(
     update, filter_ms = yield from timed(
         flight.pilot.estimator.update(last.belief, believable, action, mission.dt, flight.generator)
     )
-    belief, recovery = yield from _trusted(update, image, flight, doubt)
+    backup, (belief, recovery) = None, (yield from _trusted(update, image, flight, doubt))
     if recovery is not None and recovery.holds:
         plan, replan_ms, restart = _rest(last, belief, recovery, flight), 0.0, None
     else:
@@ -172,9 +176,12 @@ def _advance(
             flight.pilot.planner.replan(way, Route(belief.mean, course.goal, left, way.dt), executed=1)
         )
         plan, restart = planned.motion, planned.restart
+        if flight.pilot.guard is not None:
+            backup, taken = flight.pilot.guard.beside(planned, mission.dt)
+            plan, recovery = (backup.motion, Recovery.BACKUP) if taken else (plan, recovery)
     return NavigationStep(
         index, index * mission.dt, action, simulator.state, belief, image, update, plan,
-        touched, filter_ms, replan_ms, recovery=recovery, restart=restart,
+        touched, filter_ms, replan_ms, recovery=recovery, restart=restart, backup=backup,
     )  # fmt: skip
 
 
@@ -196,7 +203,7 @@ def _trusted(
     found = (yield from lookout.search(belief, image)) if wanted else None
     if found is not None:
         return found, Recovery.RELOCALISED
-    blind = lookout.is_blind(belief, update.outcome is not FilterOutcome.PREDICTED_ONLY, doubt.held > 0)
+    blind = lookout.is_blind(belief, update.outcome is not FilterOutcome.PREDICTED_ONLY, doubt.unsure > 0)
     return belief, Recovery.BLIND if blind else None
 
 
