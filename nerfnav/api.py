@@ -25,9 +25,11 @@ from nerfnav.navigation import (
     navigate,
     world_generator,
 )
-from nerfnav.planner import FastPlanConfig, FastPlanner, PlanProblem, PlanStep, last_step, plan_fast, with_room
+from nerfnav.navigation.backup import Guard
+from nerfnav.planner import FastPlanConfig, FastPlanner, PlanProblem, PlanStep, last_step, plan_fast, with_risk
 from nerfnav.planner.duration import shortest_plan, timing_of
 from nerfnav.planner.problem import map_for, way_length
+from nerfnav.planner.spread import Disturbance
 from nerfnav.world import MeshRenderer, Scene, contact_check
 
 CAMERA = Camera.from_fov(200, 200, 90)
@@ -74,10 +76,11 @@ def fly(
     if isinstance(problem.field, GridField):
         config = replace(config, filter=config.filter.for_field(problem.field.info.noise_std))
     seen, robot = _careful(problem), problem.robot
-    again = with_room(FastPlanConfig())
+    careful, pushed = with_risk(FastPlanConfig()), Disturbance(config.noise.deviations)
     pilot = Pilot(
-        FastPlanner(seen.field, robot, again=again, terms=problem.terms),
+        FastPlanner(seen.field, robot, careful, careful, terms=problem.terms, disturbance=pushed),
         FastFilter(problem.field, robot, camera, config=config.filter),
+        guard=Guard(seen.field, robot, pushed),
     )
     contact = None if scene is None else contact_check(scene, robot.body)
     look = _pictures(problem, scene, camera)

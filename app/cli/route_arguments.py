@@ -1,6 +1,6 @@
 """Arguments that several subcommands share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from tyro.conf import Positional
@@ -8,6 +8,7 @@ from tyro.conf import Positional
 from app.cli.end_arguments import EndNumbers, end_of
 from app.cli.planner_arguments import PLANNER
 from app.jobs.plan_request import PlanRequest
+from app.jobs.validation import require_not_negative
 from app.places.ends import Ends
 from app.places.opening import open_place
 from app.places.place import Place
@@ -38,6 +39,9 @@ class Route:
     """Length of a step [s]; by default 0.1, and longer where a large robot's way would have more than 80 of them."""
     unknown: Literal["occupied", "free"] = "occupied"
     """What planners take space for that no camera ever saw into, such as the insides of walls."""
+    risk: float | None = None
+    """What a collision that noise brings about costs [J]: the planner keeps wider of what is solid; 0 plans as if
+    nothing disturbed the robot. By default 0 for plans, and 30 in flights of the fast planner."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
@@ -63,8 +67,15 @@ class Route:
             shortest=self.steps is None and self.task_name(place) is None,
             planner=self.planner,
             unknown=Unknown(self.unknown),
-            config=config,
+            config=self.weighing_risk(config),
         )
+
+    def weighing_risk(self, config: PlannerConfig) -> PlannerConfig:
+        """The planner's settings with the risk that was asked for."""
+        if self.risk is None:
+            return config
+        require_not_negative(risk=self.risk)
+        return replace(config, weights=replace(config.weights, risk=self.risk))
 
     def task_name(self, place: Place) -> str | None:
         """Name of the scene's task that is asked for; None where the ends are given."""

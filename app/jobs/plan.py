@@ -50,7 +50,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     if overlap and last.outcome in GOOD:
         last = replace(last, outcome=PlanOutcome.TOUCHES_MESH)
         yield last
-    summary = summary_of(last, place, clock.seconds, overlap, request.max_collision)
+    summary = summary_of(last, place, clock.seconds, overlap, request.max_collision, request.settings.weights.risk)
     return JobResult(summary, () if out is None else save(out, last.motion, place, summary))
 
 

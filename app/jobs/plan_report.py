@@ -12,9 +12,14 @@ from nerfnav.robots import Motion, limit_uses
 
 
 def summary_of(
-    step: PlanStep, place: Place, wall_s: float, overlap_m3: float | None, max_collision: float | None = None
+    step: PlanStep,
+    place: Place,
+    wall_s: float,
+    overlap_m3: float | None,
+    max_collision: float | None = None,
+    risk: float = 0.0,
 ) -> dict[str, Any]:
-    """What `plan --json` prints, for the last step of a planner."""
+    """What `plan --json` prints, for the last step of a planner whose J weighed collisions by noise with `risk`."""
     motion = step.motion
     safety = safety_of(place.field, motion, place.robot.body)
     return {
@@ -28,13 +33,15 @@ def summary_of(
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
         "duration_s": motion.actions.shape[-2] * motion.dt,
         "limits": _limits(place, motion),
-        "safety": _safety(safety, step, max_collision),
+        "safety": _safety(safety, step, max_collision, risk),
     }
 
 
 def _cost(cost: PlanCost) -> dict[str, Any]:
     """The terms of J, and of those that were added to Eq. 2 the time that each takes."""
     told: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
+    if cost.risk:
+        told["risk"] = cost.risk
     if cost.added:
         told["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
     return told
@@ -51,7 +58,7 @@ def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
     }  # fmt: skip
 
 
-def _safety(safety: Safety, step: PlanStep, max_collision: float | None) -> dict[str, Any]:
+def _safety(safety: Safety, step: PlanStep, max_collision: float | None, risk: float) -> dict[str, Any]:
     """What the field believes that the plan risks, and by how much this is more than was asked for."""
     told: dict[str, Any] = {
         "bound": safety.bound,
@@ -59,8 +66,11 @@ def _safety(safety: Safety, step: PlanStep, max_collision: float | None) -> dict
         "min_clearance_m": safety.min_clearance_m,
         "worst_step": safety.worst_step,
     }
+    by_noise = step.cost.risk / risk if risk else 0.0
+    if risk:
+        told["expected_by_noise"] = by_noise
     if step.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
-        told["missed_by"] = safety.bound - max_collision
+        told["missed_by"] = min(1.0, safety.bound + by_noise) - max_collision
     return told
 
 

@@ -27,19 +27,22 @@ class StateNoise:
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError unless all four are finite and at least 0."""
-        values = (self.position_m, self.velocity_mps, self.attitude_rad, self.body_rate_radps)
-        if not all(0 <= value < float("inf") for value in values):
-            raise InvalidInputError(f"standard deviations must be finite and at least 0, not {values}")
+        if not all(0 <= value < float("inf") for value in self.deviations):
+            raise InvalidInputError(f"standard deviations must be finite and at least 0, not {self.deviations}")
 
     @classmethod
     def isotropic(cls, variance: float) -> "StateNoise":
         """The same variance on all twelve numbers, as the paper's 0.1 I."""
         return cls(*(variance**0.5,) * 4)
 
+    @property
+    def deviations(self) -> tuple[float, float, float, float]:
+        """Standard deviations of position [m], velocity [m/s], attitude [rad] and body rate [rad/s]."""
+        return self.position_m, self.velocity_mps, self.attitude_rad, self.body_rate_radps
+
     def std(self) -> Float[Tensor, "12"]:
         """Standard deviation of each tangent number."""
-        parts = (self.position_m, self.velocity_mps, self.attitude_rad, self.body_rate_radps)
-        return torch.tensor(parts, dtype=torch.float32).repeat_interleave(3)
+        return torch.tensor(self.deviations, dtype=torch.float32).repeat_interleave(3)
 
     def covariance(self) -> Float[Tensor, "12 12"]:
         """The diagonal covariance."""

@@ -36,12 +36,18 @@ class Recovery(Enum):
     WIDENED = "the picture disagreed: the belief was widened, and the robot holds"
     BLIND = "the picture says too little for where the robot may be: it holds and looks around"
     SEARCHED = "the robot was looked for everywhere and not found: it holds and looks around"
+    BACKUP = "the plan was no longer safe: the robot comes to rest in free space"
     RELOCALISED = "the robot was lost, and found again by looking everywhere"
     LOST = "the robot was lost, and not found again"
 
     @property
     def holds(self) -> bool:
-        """Whether the robot comes to rest and waits, for it does not know where it is."""
+        """Whether the robot comes to rest and waits, for it does not know where it is, or no way on."""
+        return self.doubts or self is Recovery.BACKUP
+
+    @property
+    def doubts(self) -> bool:
+        """Whether it does not know where it is."""
         return self in (Recovery.WIDENED, Recovery.BLIND, Recovery.SEARCHED)
 
     @property

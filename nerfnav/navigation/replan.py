@@ -3,7 +3,8 @@
     plan from the start (A*, Eq. 2)
     repeat:  first action of the plan -> picture -> filter (Eqs. 3-8) -> plan from the posterior mean, hot-started
 
-While pictures disagree with the belief, the plan is to come to rest (see navigation/recovery.py).
+While pictures disagree with the belief, the plan is to come to rest (see navigation/recovery.py), and so it is where a
+plan is no longer safe (navigation/backup.py).
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -15,6 +16,7 @@ from torch import Tensor
 
 from nerfnav.estimator import Belief, Estimator, FilterConfig, FilterOutcome, FilterStep, StateNoise
 from nerfnav.estimator.predict import predict
+from nerfnav.navigation.backup import Guard
 from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.realtime import Clock, Overrun
 from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, Relocaliser, come_to_rest
@@ -82,6 +84,8 @@ class Pilot:
     """Says where the robot is."""
     relocaliser: Relocaliser | None = None
     """Finds a robot that is lost; None: lost is lost."""
+    guard: Guard | None = None
+    """Keeps a way to come to rest ready beside each plan; None: plans are flown whatever becomes of them."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +183,7 @@ def _advance(
     update, filter_ms = yield from timed(
         flight.pilot.estimator.update(last.belief, believable, action, mission.dt, flight.generator), mission.clock
     )
-    belief, recovery = yield from _trusted(update, image, flight, doubt)
+    backup, (belief, recovery) = None, (yield from _trusted(update, image, flight, doubt))
     if recovery is not None and recovery.holds:
         plan, replan_ms, restart = _rest(last, belief, recovery, flight), 0.0, None
     else:
@@ -190,9 +194,12 @@ def _advance(
             flight.pilot.planner.replan(way, Route(belief.mean, course.goal, left, way.dt), executed=1), mission.clock
         )
         plan, restart = planned.motion, planned.restart
+        if flight.pilot.guard is not None:
+            backup, taken = flight.pilot.guard.beside(planned, mission.dt)
+            plan, recovery = (backup.motion, Recovery.BACKUP) if taken else (plan, recovery)
     return NavigationStep(
         index, index * mission.dt, action, simulator.state, belief, image, update, plan,
-        touched, filter_ms, replan_ms, recovery=recovery, restart=restart,
+        touched, filter_ms, replan_ms, recovery=recovery, restart=restart, backup=backup,
     )  # fmt: skip
 
 
@@ -214,7 +221,7 @@ def _trusted(
     found = (yield from lookout.search(belief, image)) if wanted else None
     if found is not None:
         return found, Recovery.RELOCALISED
-    blind = lookout.is_blind(belief, update.outcome is not FilterOutcome.PREDICTED_ONLY, doubt.held > 0)
+    blind = lookout.is_blind(belief, update.outcome is not FilterOutcome.PREDICTED_ONLY, doubt.unsure > 0)
     return belief, Recovery.BLIND if blind else None
 
 

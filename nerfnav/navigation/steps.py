@@ -7,6 +7,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.estimator import Belief, FilterStep, RelocaliseStep
+from nerfnav.navigation.backup import Backup
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.planner import PlanStep
 from nerfnav.planner.steps import Restart
@@ -56,19 +57,21 @@ class NavigationStep:
     restart: Restart | None = None
     """Why the plan was made anew in this step; None where the last one was carried on."""
     recovery: Recovery | None = None
-    """What was done where the picture disagreed with the belief; None where it agreed."""
+    """What was done where the picture disagreed with the belief, or the plan was no longer safe; else None."""
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
+    backup: Backup | None = None
+    """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
 
     @property
     def holds(self) -> bool:
-        """Whether the robot comes to rest and waits, for it does not know where it is."""
+        """Whether the robot comes to rest and waits, for it does not know where it is, or no way on."""
         return self.recovery is not None and self.recovery.holds
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """How long a robot has not known where it is."""
+    """How long a robot has not known where it is, or no way on."""
 
     way: Motion
     """The last plan that was made to lead to the goal."""
@@ -76,6 +79,8 @@ class Doubt:
     """At which time step."""
     held: int = 0
     """Time steps since, in which the robot held."""
+    unsure: int = 0
+    """Of these, those in which it did not know where it is."""
     lost: int = 0
     """Pictures since that disagreed."""
 
@@ -83,8 +88,9 @@ class Doubt:
         """After one more time step."""
         if not step.holds:
             return Doubt(step.plan, step.index)
-        disagreed = step.recovery is not Recovery.BLIND and not step.late
-        return replace(self, held=self.held + 1, lost=self.lost + disagreed)
+        doubts = step.recovery is not Recovery.BACKUP
+        disagreed = doubts and step.recovery is not Recovery.BLIND and not step.late
+        return replace(self, held=self.held + 1, unsure=self.unsure + doubts, lost=self.lost + disagreed)
 
     @property
     def steps_left(self) -> int:

@@ -17,6 +17,7 @@ from .planner import FollowingPlanner as FollowingPlanner
 from .planner import Planner as Planner
 from .planner import PlannerConfig as PlannerConfig
 from .planner import PlannerEntry as PlannerEntry
+from .planner import with_risk as with_risk
 from .planner import with_room as with_room
 from .planners import PLANNERS as PLANNERS
 from .planners.fast import FastPlanner as FastPlanner

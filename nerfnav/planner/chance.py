@@ -2,6 +2,7 @@
 
     minimise J  subject to  sum_t sum_b rho(x_b) s(b) <= P
 
+with the collisions to be expected of noise (terms/risk.py) added to the sum where J counts them,
 by rounds of heavier weights on collision (a penalty method: Nocedal and Wright, "Numerical Optimization", 2006, chapter
 17). The body has no room around it meanwhile: the bound is on the body as it is, and a larger one, kept clear of
 light fog that the bound knows nothing of, meets more fog with the points that count.
@@ -17,6 +18,7 @@ from nerfnav.planner.fast import FastPlanConfig, improve, plan_fast
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep, last_step
+from nerfnav.planner.terms.risk import RISK
 
 _TO_REFINE = (*GOOD, PlanOutcome.LIKELY_COLLISION)
 """Outcomes of plans that can be made safer."""
@@ -42,28 +44,34 @@ def within_chance(
     """Yield the safest plan so far after each round, the last with the outcome; costs keep the weights of `config`.
 
     `planned` is the last step of any planner. The outcome is TOO_RISKY where the bound stays above `most`:
-    `safety.safety_of` says by how much.
+    `risk_of` says by how much.
     """
     chance, best = ChanceConfig(), planned
-    risk, weighed = _risk(problem, best), (*chance.improving, *chance.anew)
+    risk, weighed = risk_of(problem, best, config.weights), (*chance.improving, *chance.anew)
     for turn, factor in enumerate(weighed, 1):
         if risk <= most or best.outcome not in _TO_REFINE:
             break
-        weights = replace(config.weights, collision=factor * config.weights.collision, margin=0.0)
+        heavier = {name: factor * getattr(config.weights, name) for name in ("collision", "risk")}
+        weights = replace(config.weights, margin=0.0, **heavier)
         careful = replace(config, weights=weights)
         improving = turn <= len(chance.improving)
         found = last_step(
             improve(problem, (best.trajectory,), careful) if improving else plan_fast(problem, careful, occupancy)
         )
-        if found.outcome in _TO_REFINE and (now := _risk(problem, found)) < risk:
+        if found.outcome in _TO_REFINE and (now := risk_of(problem, found, config.weights)) < risk:
             best, risk = _restated(problem, found, config.weights, planned.iteration + turn), now
         yield replace(best, iteration=planned.iteration + turn, outcome=None)
     missed = best.outcome in _TO_REFINE and risk > most
     yield replace(best, outcome=PlanOutcome.TOO_RISKY if missed else best.outcome)
 
 
-def _risk(problem: PlanProblem, step: PlanStep) -> float:
-    return collision_probability_bound(problem.field, step.motion, problem.robot.body)
+def risk_of(problem: PlanProblem, step: PlanStep, weights: CostWeights) -> float:
+    """What is bounded, at most 1: Eq. 1 and, where the weights count risk, the collisions to be expected of noise."""
+    bound = collision_probability_bound(problem.field, step.motion, problem.robot.body)
+    if weights.risk == 0:
+        return bound
+    with torch.no_grad():
+        return min(1.0, bound + RISK.value(problem.context(weights), step.motion).item())
 
 
 def _restated(problem: PlanProblem, step: PlanStep, weights: CostWeights, iteration: int) -> PlanStep:

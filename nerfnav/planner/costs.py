@@ -41,6 +41,9 @@ class CostWeights:
     """Weight of the robot's own `limits`, such as a thrust floor; not in the paper."""
     outside: float = 1000.0
     """Weight of leaving the field's box [1/m^2], outside which every density is 0; not in the paper."""
+    risk: float = 0.0
+    """What a collision costs that the noise to come brings about [J]; 0 in the paper, which plans as if nothing
+    disturbed the robot. See terms/risk.py."""
     samples_per_step: int = 3
     """Densities taken along each body point's way through a step. The paper takes 1, at the end of the step: then
     a body slips between two waypoints through what is thinner than a step."""

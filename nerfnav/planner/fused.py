@@ -16,11 +16,12 @@ from nerfnav.planner.terms.collision import COLLISION
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.limits import LIMITS
 from nerfnav.planner.terms.outside import OUTSIDE
+from nerfnav.planner.terms.risk import RISK, danger_of
 from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.robots import FlatMap
 from nerfnav.robots.quadrotor_map import QuadrotorMap
 
-_KNOWN = (COLLISION, CONTROL, LIMITS, OUTSIDE)
+_KNOWN = (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK)
 
 
 @runtime_checkable
@@ -76,8 +77,9 @@ class FusedObjective:
         gamma = CONTROL.weighed(weights) * np.array(context.robot.action_weights)
         fractions = (np.arange(weights.samples_per_step) + 0.5) / weights.samples_per_step
         body = (context.body.points_body.double().cpu().numpy(), fractions)
-        weighed = tuple(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE))
-        return cls(((*flat.constants, gamma), body, field.density_grid, weighed))
+        weighed = tuple(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE, RISK))
+        space = (*field.density_grid, *danger_of(context))
+        return cls(((*flat.constants, gamma), body, space, weighed))
 
     def __call__(self, free: np.ndarray) -> Evaluation:
         """J and its gradient."""

@@ -65,11 +65,11 @@ class Objective:
         """J with all its terms."""
         if self.fused is not None:
             return self.fused(free)
-        flat, by, own = self._map, self._forward(free), [0.0, 0.0, 0.0]
+        flat, by, own = self._map, self._forward(free), [0.0] * 4
         for place, kernel in self._own:
             own[place] += kernel(flat, by)
         added = tuple([timed(flat, by) for timed in self._added])
-        return Evaluation(free, PlanCost(own[0], own[1], own[2], added), self._backward(by))
+        return Evaluation(free, PlanCost(*own, added=added), self._backward(by))
 
     def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Differences (k, k) of `effort_gradient` over a step of each free number, each divided by its step."""

@@ -16,6 +16,7 @@ from nerfnav.planner.ends import check_ends, check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.route import Route
 from nerfnav.planner.scales import Scales
+from nerfnav.planner.spread import PAPERS_NOISE, Disturbance, Outlook
 from nerfnav.planner.terms.evaluate import Evaluated, evaluate
 from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.planner.trajectory import Trajectory
@@ -47,6 +48,10 @@ class PlanProblem:
     """Length of a step [s]; 0.1 in the paper."""
     terms: tuple[CostTerm, ...] = dataclass_field(default_factory=terms.counted)
     """What J is the sum of: those of Eq. 2 and all that were registered, unless others are given."""
+    disturbance: Disturbance = PAPERS_NOISE
+    """What will disturb the robot, for plans that count risk."""
+    overdue: bool = False
+    """Whether the arrival is put off at each step, see terms/risk.py."""
 
     @property
     def route(self) -> Route:
@@ -55,7 +60,15 @@ class PlanProblem:
 
     def context(self, weights: CostWeights) -> TermContext:
         """What the terms are told."""
-        return TermContext(self.field, self.robot, weights)
+        return TermContext(self.field, self.robot, weights, self.outlook)
+
+    @property
+    def outlook(self) -> Outlook:
+        """What is known of the flight."""
+        apart = (self.goal.position - self.start.position).norm().item()
+        pace = max(apart, self.robot.body.radius) / self.steps if self.overdue else None
+        height = self.start.position[2].item() if self.robot.planar else None
+        return Outlook(self.dt, self.disturbance, pace, height)
 
     def cost(self, motion: Motion, weights: CostWeights) -> Evaluated:
         """The terms of J for a motion."""

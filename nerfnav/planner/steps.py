@@ -52,8 +52,8 @@ class TermCost:
     its value alone, once, elsewhere."""
 
 
-OWN = {"collision": 0, "control": 1, "limits": 2, "outside": 2}
-"""Terms of Eq. 2, and which number of a PlanCost has them."""
+OWN = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3}
+"""Terms of this project, and which number of a PlanCost has them."""
 
 
 @dataclass(frozen=True)
@@ -66,24 +66,26 @@ class PlanCost:
     """Sum of u' Gamma u."""
     limits: float
     """Penalties that keep the motion well defined, such as the thrust floor, and inside the box."""
+    risk: float = 0.0
+    """What is expected to be lost by what disturbs the robot, see terms/risk.py; 0 in the paper."""
     added: tuple[TermCost, ...] = ()
-    """What was added to Eq. 2, term by term."""
+    """What was added to these, term by term."""
 
     @classmethod
     def of(cls, terms: Iterable[TermCost]) -> "PlanCost":
         """The report of evaluated terms."""
-        own, added = [0.0, 0.0, 0.0], []
+        own, added = [0.0] * 4, []
         for term in terms:
             if term.name in OWN:
                 own[OWN[term.name]] += term.value
             else:
                 added.append(term)
-        return cls(own[0], own[1], own[2], tuple(added))
+        return cls(*own, added=tuple(added))
 
     @property
     def total(self) -> float:
         """J."""
-        return self.collision + self.control + self.limits + sum(term.value for term in self.added)
+        return self.collision + self.control + self.limits + self.risk + sum(term.value for term in self.added)
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,7 @@ def carry_on(
     """
     warm = WarmStartConfig() if warm is None else warm
     check_finite("start", problem.start)
+    problem = replace(problem, overdue=len(last.actions) - executed < problem.steps)
     reason, kept = _goal_left(problem, last, warm), None
     trajectory = None if reason else _rest(problem, last, executed)
     if trajectory is None:

@@ -187,7 +187,8 @@ def test_a_robot_that_is_carried_away_is_put_down_before_it_looks() -> None:
 
 def test_the_episode_tells_what_was_done_also_after_storage(tmp_path: Path) -> None:
     episode = Episode.of(flight(range(2, 5)))
-    assert episode.metrics()["recoveries"] == {"widened": 2, "blind": 0, "searched": 0, "relocalised": 1, "lost": 0}
+    told = {"widened": 2, "blind": 0, "searched": 0, "backup": 0, "relocalised": 1, "lost": 0}
+    assert episode.metrics()["recoveries"] == told
     episode.save(tmp_path)
     assert Episode.load(tmp_path).recoveries == episode.recoveries
 

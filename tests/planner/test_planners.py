@@ -1,7 +1,7 @@
 """The table of planners."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
@@ -9,7 +9,7 @@ from nerfnav.errors import NameTakenError, UnknownNameError
 from nerfnav.planner import planners
 from nerfnav.planner.fast import FastPlanConfig
 from nerfnav.planner.optimize import PlanConfig
-from nerfnav.planner.planner import Planner, PlannerConfig, PlannerEntry, with_room
+from nerfnav.planner.planner import RISK, Planner, PlannerConfig, PlannerEntry, with_room
 from nerfnav.planner.planners.minsnap import MinSnapPlanner
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome, last_step
@@ -37,7 +37,11 @@ def test_every_planner_is_made_from_its_entry_and_has_settings(name: str) -> Non
     first = entry.config()
     again = entry.again(first)
     assert isinstance(first, PlannerConfig) and type(again) is type(first)
-    assert again.weights.margin == 0.04 and again.weights.collision == 3 * first.weights.collision
+    assert first.weights.risk == 0
+    if again.weights.risk:  # which takes the place of room
+        assert name == "fast" and again.weights == replace(first.weights, risk=RISK)
+    else:
+        assert again.weights.margin == 0.04 and again.weights.collision == 3 * first.weights.collision
 
 
 def test_a_planner_from_outside_plans_under_its_name(mine: PlannerEntry) -> None:

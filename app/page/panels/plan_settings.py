@@ -12,7 +12,7 @@ from app.state.session import Session
 from app.text import capital
 from nerfnav.planner import CostWeights
 
-_UNITS = {"outside": "1/m²", "margin": "m"}
+_UNITS = {"outside": "1/m²", "margin": "m", "risk": "J"}
 
 
 class PlanningPanel:

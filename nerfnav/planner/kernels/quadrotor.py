@@ -4,8 +4,8 @@ The same as objective.py on the kernels of the terms and quasi_newton.py, whose 
 equal. The motion goes through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 
 `task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at which
-densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box); `weights`
-those of collision, limits and leaving the box.
+densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
+`chance_at` asks for, and its `by_way`); `weights` those of collision, limits, leaving the box and risk.
 """
 
 import math
@@ -15,6 +15,7 @@ import numpy as np
 from nerfnav.compiled import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
 from nerfnav.planner.kernels.collision import STANDSTILL, control, outside
+from nerfnav.planner.kernels.danger import endangered
 from nerfnav.planner.kernels.quasi_newton import rank_two
 from nerfnav.robots.kernels.quadrotor import adjoint, motion
 from nerfnav.robots.kernels.quadrotor_limits import limits
@@ -23,7 +24,7 @@ from nerfnav.robots.kernels.quadrotor_limits import limits
 @kernel(inline=True)
 def density_at(space, x, y, z):
     """rho [1/m] at a point of the world and its gradient [1/m^2]; all 0 in empty cells and outside the grid."""
-    values, leaps, lower, per_meter, scale, _, _ = space
+    values, leaps, lower, per_meter, scale = space[:5]
     nx, ny, nz, _ = values.shape
     x, y, z = (x - lower[0]) * per_meter[0], (y - lower[1]) * per_meter[1], (z - lower[2]) * per_meter[2]
     if not (0.0 <= x <= nx - 1 and 0.0 <= y <= ny - 1 and 0.0 <= z <= nz - 1):
@@ -108,9 +109,9 @@ def _pull(t, by_point, rotation, point, by_position, by_rotation):
 
 @kernel()
 def evaluate(free, task, body, space, weights, gradient):
-    """Collision, control and the penalties of J at `free` (k); fills the gradient (k).
+    """Collision, control, the penalties and risk of J at `free` (k); fills the gradient (k).
 
-    With a weight of 0 for collision nothing is asked of the field: the terms for preconditioning alone.
+    With weights of 0 for collision and risk nothing is asked of the field: the terms for preconditioning alone.
     """
     ends, attitudes, constants, bounds, gamma = task
     steps = (free.shape[0] + 12) // 4
@@ -118,7 +119,9 @@ def evaluate(free, task, body, space, weights, gradient):
     rotation, action = np.empty((steps + 1, 3, 3)), np.empty((steps, 4))
     motion(free, ends, attitudes, constants, position, velocity, rotation, rate, action)
     by_position, by_rotation, by_action = np.zeros((steps + 2, 3)), np.zeros((steps + 1, 3)), np.zeros((steps, 4))
-    met = 0.0
+    met, risked = 0.0, 0.0
+    if weights[3] != 0.0:
+        risked = endangered(position[: steps + 1], body[1], space[7], space[8], weights[3], by_position)
     if weights[0] != 0.0:
         met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
     effort = control(action, gamma, by_action)
@@ -129,14 +132,14 @@ def evaluate(free, task, body, space, weights, gradient):
     adjoint(
         free, attitudes, constants, velocity, rotation, rate, action, by_position, by_rotation, by_action, gradient
     )
-    return met, effort, over
+    return met, effort, over, risked
 
 
 @kernel()
 def effort_curvature(free, task, body, space, weights, steps):
     """Differences (k, k) of the gradient over `steps` (k) of each free number, without the collision term."""
     count = free.shape[0]
-    still = (0.0, weights[1], weights[2])
+    still = (0.0, weights[1], weights[2], 0.0)
     here, ahead, moved = np.empty(count), np.empty(count), free.copy()
     curvature = np.empty((count, count))
     evaluate(free, task, body, space, still, here)
@@ -161,13 +164,13 @@ def search_along(free, direction, lengths, task, body, space, weights, rule, tri
     for _ in range(most):
         for i in range(free.shape[0]):
             tried[i] = free[i] + length * direction[i]
-        met, effort, over = evaluate(tried, task, body, space, weights, gradient)
-        gain = met + effort + over - total
+        met, effort, over, risked = evaluate(tried, task, body, space, weights, gradient)
+        gain = met + effort + over + risked - total
         if gain <= armijo * length * slope:
-            return True, met, effort, over
+            return True, met, effort, over, risked
         best = -0.5 * slope * length**2 / (gain - slope * length)
         length *= min(max(best / length, low), high) if math.isfinite(best) else high
-    return False, 0.0, 0.0, 0.0
+    return False, 0.0, 0.0, 0.0, 0.0
 
 
 @kernel()
@@ -182,14 +185,15 @@ def newton_step(free, gradient, inverse, total, reach, task, body, space, weight
         direction[i] = along
         slope += along * gradient[i]
         longest = max(longest, abs(along) / reach[i])
-    tried, there, found, met, effort, over = np.empty(count), np.empty(count), False, 0.0, 0.0, 0.0
+    tried, there, found = np.empty(count), np.empty(count), False
+    met = effort = over = risked = 0.0
     if slope < 0.0:
         lengths = (total, slope, min(1.0, 1.0 / longest))
-        found, met, effort, over = search_along(
+        found, met, effort, over, risked = search_along(
             free, direction, lengths, task, body, space, weights, rule, tried, there
         )
     if not found:
-        return False, tried, there, inverse, met, effort, over
+        return False, tried, there, inverse, met, effort, over, risked
     step, change, squared, length = np.empty(count), np.empty(count), 0.0, 0.0
     for i in range(count):
         step[i], change[i] = tried[i] - free[i], there[i] - gradient[i]
@@ -213,4 +217,4 @@ def newton_step(free, gradient, inverse, total, reach, task, body, space, weight
             along[i] += inverse[i, j] * change[j]
         twice += change[i] * along[i]
     updated = rank_two(inverse, step, along, (1.0 + twice / seen) / seen, 1.0 / seen)
-    return True, tried, there, updated, met, effort, over
+    return True, tried, there, updated, met, effort, over, risked

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from nerfnav.planner.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.moved_ends import MovedEndsConfig, follow_ends
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.planner import FieldPlanner, PlannerEntry
+from nerfnav.planner.planner import FieldPlanner, PlannerEntry, with_risk
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.warm_start import carry_on
@@ -38,4 +38,4 @@ class FastPlanner(FieldPlanner):
         return follow_ends(self.problem(route), last, MovedEndsConfig(self.first), self.occupancy)
 
 
-FAST = PlannerEntry("fast", FastPlanner, FastPlanConfig, real_time=True, color=(70, 84, 255))
+FAST = PlannerEntry("fast", FastPlanner, FastPlanConfig, with_risk, real_time=True, color=(70, 84, 255))

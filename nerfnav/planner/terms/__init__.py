@@ -8,10 +8,11 @@ from nerfnav.planner.terms.collision import COLLISION
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.limits import LIMITS
 from nerfnav.planner.terms.outside import OUTSIDE
+from nerfnav.planner.terms.risk import RISK
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.registry import Registry
 
-TERMS: Registry[CostTerm] = Registry("cost term", (COLLISION, CONTROL, LIMITS, OUTSIDE))
+TERMS: Registry[CostTerm] = Registry("cost term", (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK))
 """Name to term."""
 
 

@@ -17,6 +17,7 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import Field
 from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.spread import PAPERS_OUTLOOK, Outlook
 from nerfnav.robots import Body, FlatMap, Motion, Robot
 
 
@@ -30,6 +31,8 @@ class TermContext:
     """What moves."""
     weights: CostWeights
     """What the terms of Eq. 2 weigh, how densely they sample, and the room around the body."""
+    outlook: Outlook = PAPERS_OUTLOOK
+    """What is known of the flight: time steps, and the noise to come."""
     points: int | None = None
     """How many well spread body points stand for the body; None: all of them."""
 

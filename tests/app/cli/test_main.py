@@ -246,6 +246,14 @@ def test_a_bound_that_cannot_be_met_is_said_to_be_missed_by_how_much(field_file:
     assert risky["safety"]["missed_by"] == pytest.approx(risky["collision_probability_bound"], rel=1e-6)
 
 
+def test_what_noise_may_do_counts_in_a_plan_where_that_is_asked(field_file: Path, capsys: Capture) -> None:
+    words = ["plan", str(field_file), *FROM, *TO]
+    calm, careful = printed(words, capsys), printed([*words, "--risk", "30"], capsys)
+    assert "risk" not in calm["cost"] and "expected_by_noise" not in calm["safety"]
+    assert careful["cost"]["risk"] == pytest.approx(30 * careful["safety"]["expected_by_noise"])
+    assert "risk must be a number, at least 0, not -1" in refused([*words, "--risk", "-1"], capsys)
+
+
 def test_without_json_a_plan_is_told_in_words(field_file: Path, capsys: Capture) -> None:
     code, out, err = run(["plan", str(field_file), *FROM, *TO, *QUICK], capsys)
     assert code == 0
@@ -263,7 +271,7 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
         "final_position_error_m": None,
         "mesh_collision_steps": None,
         "estimation": dict.fromkeys(("position_rmse_m", "rotation_rmse_rad", "velocity_rmse", "nees_mean")),
-        "recoveries": dict.fromkeys(("widened", "blind", "searched", "relocalised", "lost")),
+        "recoveries": dict.fromkeys(("widened", "blind", "searched", "backup", "relocalised", "lost")),
         "timing_ms": {f"{part}_p{share}": None for part in ("replan", "filter", "step") for share in (50, 95)},
     }
     assert flight["outcome"] in ("reached", "collided", "diverged", "timeout")

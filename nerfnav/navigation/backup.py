@@ -1,0 +1,122 @@
+"""A backup: beside the plan, a way to come to rest in free space, flown when the plan is no longer good.
+
+Each candidate brakes to a wanted velocity and then to rest: straight on, upwards, and away from what is near (down the
+slope of danger.py). It is judged as plans are, by Eq. 1 on the field that planners see, where unproven space is solid;
+it counts as safe when no point of the body is as likely as not to be hit and it ends at rest where the body fits. (As
+SUPER does on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science Robotics, 2025.)
+"""
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field import Field
+from nerfnav.planner import PlanOutcome, PlanStep, collision_probability_bound, fits
+from nerfnav.planner.danger import DangerMap
+from nerfnav.planner.kernels.danger import endangered
+from nerfnav.planner.safety import NEAR_CERTAIN
+from nerfnav.planner.spread import PAPERS_NOISE, Disturbance, Outlook
+from nerfnav.robots import Motion, RigidState, Robot
+
+_NO_GOOD = (
+    PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.NO_PATH, PlanOutcome.DIVERGED,
+)  # fmt: skip
+"""Outcomes of plans for which a backup is flown."""
+
+
+@dataclass(frozen=True)
+class BackupConfig:
+    """How a robot would come to rest."""
+
+    steps: int = 10
+    """Time steps in which it has to."""
+    evading: int = 4
+    """Of these, the first ones in which it evades."""
+    speed: float = 0.4
+    """With which it evades [m/s]."""
+    resting: float = 0.1
+    """Speed below which it counts as at rest [m/s]."""
+
+
+@dataclass(frozen=True)
+class Backup:
+    """A way to come to rest."""
+
+    motion: Motion
+    """From where the robot believes to be."""
+    bound: float
+    """Upper bound of the probability that it collides, by Eq. 1."""
+    safe: bool
+    """Whether it ends at rest where the body fits, and a collision on the way is less likely than not."""
+
+
+@dataclass(frozen=True)
+class Guard:
+    """What keeps a backup ready."""
+
+    field: Field
+    """Where, as planners see it."""
+    robot: Robot
+    """Who."""
+    disturbance: Disturbance = PAPERS_NOISE
+    """What pushes it."""
+    config: BackupConfig = dataclasses.field(default_factory=BackupConfig)
+    """How."""
+
+    def beside(self, planned: PlanStep, dt: float) -> tuple[Backup, bool]:
+        """The backup from where a plan starts, and whether it is to be flown: it is safe, and the plan is not.
+
+        Beside a good plan it is to brake straight on; evading is tried where the plan is no longer good.
+        """
+        start = planned.trajectory.start
+        best = self._judged(self._braking(start, torch.zeros_like(start.velocity), dt))
+        if planned.outcome not in _NO_GOOD:
+            return best, False
+        for wanted in () if best.safe else self._ways_out(start, dt):
+            found = self._judged(self._braking(start, wanted, dt))
+            best = max(best, found, key=lambda backup: (backup.safe, -backup.bound))
+            if best.safe:
+                break
+        return best, best.safe and best.bound < self._bound(planned.motion)
+
+    def _bound(self, motion: Motion) -> float:
+        finite = motion.states.position.isfinite().all()
+        return collision_probability_bound(self.field, motion, self.robot.body) if finite else 1.0
+
+    def _ways_out(self, start: RigidState, dt: float) -> Iterator[Float[Tensor, "3"]]:
+        """Velocities [m/s] with which it may evade; what costs time is made only when it is asked for."""
+        if not self.robot.planar:
+            yield torch.zeros_like(start.velocity).index_fill(0, torch.tensor(2), self.config.speed)
+        slope = self._slope(start, dt)
+        if slope.norm() > 0:
+            yield -self.config.speed * slope / slope.norm()
+
+    def _slope(self, start: RigidState, dt: float) -> Float[Tensor, "3"]:
+        """Along which the chance of being pushed into something rises most."""
+        height = start.position[2].item() if self.robot.planar else None
+        danger = DangerMap.of(self.field, self.robot, Outlook(dt, self.disturbance, height=height)).parts
+        here, slope = np.repeat(start.position.double().numpy()[None], 2, 0), np.zeros((2, 3))
+        endangered(here, np.array([0.5]), danger, 0.0, 1.0, slope)
+        return torch.from_numpy(slope.sum(0)).to(start.velocity)
+
+    def _braking(self, start: RigidState, wanted: Float[Tensor, "3"], dt: float) -> Motion:
+        """Brake to a velocity, for so long as the robot evades, then to rest."""
+        states, actions = [start], []
+        for step in range(self.config.steps):
+            aim = wanted if step < self.config.evading else torch.zeros_like(wanted)
+            seen = replace(states[-1], velocity=states[-1].velocity - aim)  # to hold is to brake this to 0
+            actions.append(self.robot.hold(seen, dt))
+            states.append(self.robot.step(states[-1], actions[-1], dt))
+            if not aim.any() and states[-1].velocity.norm() < self.config.resting:
+                break
+        return Motion(RigidState.stack(states), torch.stack(actions), dt)
+
+    def _judged(self, motion: Motion) -> Backup:
+        bound, last = self._bound(motion), motion.states[-1]
+        rests = bool(last.velocity.norm() < self.config.resting) and fits(self.field, self.robot.body, last)
+        return Backup(motion, bound, rests and bound < NEAR_CERTAIN and bool(self.field.box.contains(last.position)))

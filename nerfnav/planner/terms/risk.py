@@ -1,0 +1,69 @@
+"""The risk term: the collisions to be expected of the noise that will come, which Eq. 2 knows nothing of.
+
+    sum_t c(p_t)        c of danger.py; the mean over the way of each step
+
+counts the steps in which the robot will be pushed into something: plans keep wider of what is solid, pass a strait in
+few steps, and leave the ground early. It is soft: where there is no wider way the least dangerous is taken.
+
+When the arrival is put off at each step (a receding horizon that has reached its shortest), a sum over steps would be
+least for whoever waits outside of a strait for ever. There the same counts by way, sum_t c(p_t) s_t / pace, with s_t
+the way of the step: waiting neither costs nor helps.
+"""
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.planner.danger import NONE, Danger, DangerMap
+from nerfnav.planner.kernels import danger as kernels
+from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
+from nerfnav.robots import FlatMap, Motion
+
+
+def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
+    """Collisions to be expected [1]."""
+    if context.weights.risk == 0:
+        return motion.actions.new_zeros(motion.actions.shape[:-2])
+    position, parts, pace = motion.states.position, context.weights.samples_per_step, context.outlook.pace
+    fractions = ((torch.arange(parts) + 0.5) / parts).to(position)
+    way = position.diff(dim=-2)
+    along = position[..., :-1, None, :] + fractions[:, None] * way[..., None, :]
+    chance = _chance(DangerMap.of(context.field, context.robot, context.outlook), along).mean(-1)
+    if pace is not None:
+        chance = chance * (way.square().sum(-1) + kernels.STANDSTILL).sqrt() / pace
+    return chance.sum(-1)
+
+
+def _chance(danger: DangerMap, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+    """c at points of the world [m]."""
+    chances, lower, per_meter = (torch.from_numpy(part).to(points) for part in danger.parts)
+    last = torch.tensor(chances.shape).to(points) - 1
+    at = (points - lower) * per_meter
+    flat = (2 * at / last - 1).reshape(1, -1, 1, 1, 3).flip(-1)  # grid_sample counts axes from the last
+    found = torch.nn.functional.grid_sample(chances[None, None], flat, padding_mode="border", align_corners=True)
+    inside = ((at >= 0) & (at <= last)).all(-1)
+    return torch.where(inside, found.reshape(inside.shape), torch.zeros_like(at[..., 0]))
+
+
+def danger_of(context: TermContext) -> tuple[Danger, float]:
+    """What the compiled twin asks for: the map, and 1 / pace, or 0 where each step counts once."""
+    if context.weights.risk == 0:
+        return NONE, 0.0
+    pace = context.outlook.pace
+    danger = DangerMap.of(context.field, context.robot, context.outlook).parts
+    return danger, 0.0 if pace is None else 1 / pace
+
+
+def risk_kernel(context: TermContext, weight: float) -> Kernel:
+    """The compiled twin."""
+    danger, by_way = danger_of(context)
+    fractions = (np.arange(context.weights.samples_per_step) + 0.5) / context.weights.samples_per_step
+
+    def weighed(flat: FlatMap, by: Adjoint) -> float:
+        return kernels.endangered(flat.position, fractions, danger, by_way, weight, by.position) if weight else 0.0
+
+    return weighed
+
+
+RISK = CostTerm("risk", risk, None, risk_kernel)

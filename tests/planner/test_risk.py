@@ -1,0 +1,173 @@
+"""Plans that know the noise that will come: how far it takes a robot, and what they do about it."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from nerfnav.planner import planners, terms
+from nerfnav.planner.chance import risk_of, within_chance
+from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.danger import DangerMap
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.objective import Objective
+from nerfnav.planner.planner import RISK, with_risk
+from nerfnav.planner.planners.fast import FastPlanner
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.route import Route
+from nerfnav.planner.safety import SafetyConfig, clearance_of
+from nerfnav.planner.spread import Disturbance, Outlook, position_spread
+from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
+from nerfnav.planner.terms.risk import risk
+from nerfnav.planner.terms.term import CostTerm
+from nerfnav.robots.diffdrive import DiffDrive
+from nerfnav.robots.state import RigidState
+from tests.planner.places import ROBOT, Colorless, Wall, across, ball
+from tests.planner.test_fused import room
+from tests.planner.test_objective import DT, GOAL, START, STEPS, guess
+
+PUSHED = Disturbance((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+"""Noise on the position alone, and a state that is known."""
+CAREFUL = FastPlanConfig(weights=CostWeights(risk=RISK))
+WEIGHED = CostWeights(risk=RISK, collision=0.3)
+
+
+@dataclass(frozen=True)
+class Lawn(Colorless):
+    """Solid ground up to a height of 0.1 m."""
+
+    def density(self, points: Tensor) -> Tensor:
+        ground = 200 * torch.sigmoid((0.1 - points[..., 2]) / 0.005)
+        return torch.where(self.box.contains(points), ground, torch.zeros_like(ground))
+
+
+def planned(problem: PlanProblem, config: FastPlanConfig | None = None) -> PlanStep:
+    step = last_step(plan_fast(problem, config))
+    assert step.outcome is PlanOutcome.CONVERGED
+    return step
+
+
+def expected(problem: PlanProblem, step: PlanStep) -> float:
+    """Collisions to be expected of noise."""
+    return risk(problem.context(CostWeights(risk=1.0)), step.motion).item()
+
+
+def test_noise_grows_until_the_next_action_reaches_the_position():
+    level, height = position_spread(ROBOT, 0.1, PUSHED)
+    assert level == pytest.approx(0.02 * math.sqrt(4)) and height == pytest.approx(0.02 * math.sqrt(2))
+    by_default = position_spread(ROBOT, 0.1, Disturbance())
+    assert level < by_default[0] < 1.1 * level and height < by_default[1] < 1.1 * height
+    assert position_spread(DiffDrive(), 0.1, PUSHED)[0] == pytest.approx(0.04)  # to the side never reached
+
+
+def test_the_spread_is_that_of_robots_that_nothing_takes_back():
+    draws, disturbance = torch.Generator().manual_seed(0), Disturbance()
+    std, known = (torch.tensor(part).repeat_interleave(3) for part in (disturbance.noise, disturbance.estimate))
+    still = RigidState.at_rest((0.0, 0.0, 0.0))
+    hover = ROBOT.hold(still, 0.1)
+    ends = []
+    for _ in range(600):
+        state = still.retract(known * torch.randn(12, generator=draws))
+        for _ in range(4):
+            state = ROBOT.step(state, hover, 0.1).retract(std * torch.randn(12, generator=draws))
+        ends.append(state.position)
+    level = torch.stack(ends)[:, :2].std().item()
+    assert level == pytest.approx(position_spread(ROBOT, 0.1, disturbance)[0], rel=0.08)
+
+
+def test_the_chance_at_a_wall_is_the_tail_of_the_noise():
+    outlook, wall = Outlook(disturbance=PUSHED), Wall(door=0.0)
+    danger = DangerMap.of(wall, ROBOT, outlook)
+    row = danger.chances[:, danger.chances.shape[1] // 2, danger.chances.shape[2] // 2]
+    x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
+    edge = 0.05 + 0.1 + 0.01 * math.log(200 / 5 - 1)  # half of the body, and where the wall's density falls below 5 / m
+    tail = [0.5 * math.erfc((at - edge) / 0.04 / math.sqrt(2)) for at in x[x > 0]]
+    np.testing.assert_allclose(row[x > 0], tail, atol=0.12)  # a node is 2.5 cm from the next
+    assert row[np.abs(x) < 0.02].min() > 0.99 and row[x > 0.35].max() < 1e-3
+
+
+@pytest.mark.parametrize("overdue", [False, True])
+def test_the_compiled_term_is_that_of_the_reference_and_its_gradient_that_of_finite_differences(overdue: bool):
+    problem = PlanProblem(room(), ROBOT, START, GOAL, STEPS, DT, overdue=overdue)
+    nothing = CostTerm("nothing", lambda context, motion: 0 * motion.actions.sum((-2, -1)))
+    j = Objective(problem.context(WEIGHED), problem.route, terms.counted())
+    plain = Objective(problem.context(WEIGHED), problem.route, (*terms.counted(), nothing))
+    assert j.fused is not None and plain.fused is None
+    free, step = guess(0.02), 1e-6
+    here, there = j(free), plain(free)
+    ends = START.to(torch.float64), GOAL.to(torch.float64)
+    at = torch.from_numpy(free).requires_grad_()
+    found = problem.cost(ROBOT.motion(at, *ends, STEPS, DT), WEIGHED)
+    assert here.cost.risk > 1 and here.cost.risk == pytest.approx(found.numbers().risk, rel=1e-6)
+    assert here.cost.risk == pytest.approx(there.cost.risk, rel=1e-9)
+    (gradient,) = torch.autograd.grad(found.total, at)
+    np.testing.assert_allclose(here.gradient, gradient, rtol=1e-4, atol=1e-5 * gradient.abs().max().item())
+    np.testing.assert_allclose(here.gradient, there.gradient, rtol=1e-7, atol=1e-9 * np.abs(here.gradient).max())
+    for index in range(len(free)):
+        offset = step * np.eye(len(free))[index]
+        slope = (j(free + offset).cost.total - j(free - offset).cost.total) / (2 * step)
+        assert slope == pytest.approx(here.gradient[index], rel=1e-3, abs=1e-3)
+
+
+def test_without_weight_risk_is_no_part_of_a_plan_and_so_it_is_in_the_paper():
+    problem = across(ball())
+    off = planned(problem)
+    assert off.cost.risk == 0 and off.cost.total == off.cost.collision + off.cost.control + off.cost.limits
+    paper = planners.load("paper")
+    assert paper.config().weights.risk == 0 and paper.again(paper.config()).weights.risk == 0
+    fast = planners.load("fast")
+    assert fast.again(fast.config()).weights.risk == RISK
+    assert with_risk(FastPlanConfig(weights=CostWeights(risk=7.0))).weights.risk == 7.0
+
+
+def test_a_plan_that_counts_risk_keeps_wider_of_what_is_solid():
+    problem = across(Wall(door=0.6))
+    near, wide = planned(problem), planned(problem, CAREFUL)
+    room_of = [clearance_of(Wall(door=0.6), step.motion, ROBOT.body, SafetyConfig()) or 1.0 for step in (near, wide)]
+    assert room_of[1] > room_of[0] + 0.03
+    assert expected(problem, wide) < 0.1 * expected(problem, near)
+    assert wide.cost.control < 1.5 * near.cost.control
+
+
+def test_a_plan_that_counts_risk_leaves_the_ground_early():
+    start, goal = RigidState.at_rest((-0.7, 0.0, 0.15)), RigidState.at_rest((0.7, 0.0, 0.35))
+    problem = PlanProblem(Lawn(), ROBOT, start, goal)
+    low, high = (planned(problem, config).motion.states.position[:, 2] for config in (None, CAREFUL))
+    assert (high[3:8] > low[3:8] + 0.03).all()
+
+
+def test_a_plan_that_counts_risk_goes_through_a_strait_all_the_same_and_in_fewer_steps():
+    problem = across(Wall(door=0.3))
+    slow, quick = planned(problem), planned(problem, CAREFUL)
+    within = [int((step.motion.states.position[:, 0].abs() < 0.15).sum()) for step in (slow, quick)]
+    assert 0 < within[1] <= within[0]
+    middle = quick.motion.states.position[quick.motion.states.position[:, 0].abs() < 0.15][:, 1]
+    assert (middle - 0.5).abs().max() < 0.03  # and amid the door
+    assert expected(problem, quick) < 0.7 * expected(problem, slow)
+
+
+def test_a_robot_whose_arrival_is_put_off_does_not_wait_outside_of_a_strait():
+    wall = Wall(door=0.3)
+    start, goal = RigidState.at_rest((-0.35, 0.5, 0.4)), RigidState.at_rest((0.0, 0.5, 0.4))
+    planner = FastPlanner(wall, ROBOT, CAREFUL, CAREFUL)
+    step, state = last_step(planner.plan(Route(start, goal, 8))), start
+    for _ in range(16):
+        state = ROBOT.step(state, step.motion.actions[0], 0.1)
+        left = max(len(step.motion.actions) - 1, 6)
+        step = last_step(planner.replan(step.motion, Route(state, goal, left), executed=1))
+    assert (state.position - goal.position).norm() < 0.08
+
+
+def test_where_noise_makes_every_way_too_risky_the_plan_says_so_and_is_the_least_risky_found():
+    problem = across(Wall(door=0.26))
+    first = planned(problem, CAREFUL)
+    last = last_step(within_chance(problem, first, CAREFUL, 0.05))
+    assert last.outcome is PlanOutcome.TOO_RISKY
+    least, begun = (risk_of(problem, step, CAREFUL.weights) for step in (last, first))
+    assert 0.05 < least <= begun
+    little = (0.001, 0.001, 0.001, 0.001)
+    calm = replace(problem, disturbance=Disturbance(little, little))
+    assert last_step(within_chance(calm, planned(calm, CAREFUL), CAREFUL, 0.05)).outcome is PlanOutcome.CONVERGED
