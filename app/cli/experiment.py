@@ -37,6 +37,8 @@ class Arguments:
     """Of flights: between the ends of the place's tasks in turn, random ones, or both by turns (the default)."""
     world: WorldName | None = None
     """Of flights: the paper's noise (the default), or a physical world with motors, drag, wind and late pictures."""
+    risk: float | None = None
+    """Of flights: what a collision that noise brings about costs [J], as for `fly`; 0: plan as if nothing pushed."""
     truth: bool = False
     """Of flights: fly each a second time with the state known, which says what noise alone costs."""
     json: bool = False
@@ -63,7 +65,7 @@ def run(arguments: Arguments) -> None:
 
 def _options(arguments: Arguments) -> FlightOptions | None:
     """The options of whole flights; None where none was given."""
-    if arguments.ends is None and arguments.world is None and not arguments.truth:
+    if arguments.ends is None and (arguments.world, arguments.risk) == (None, None) and not arguments.truth:
         return None
     own = FlightOptions()
-    return FlightOptions(arguments.ends or own.ends, arguments.world or own.world, arguments.truth)
+    return FlightOptions(arguments.ends or own.ends, arguments.world or own.world, arguments.risk, arguments.truth)

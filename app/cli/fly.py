@@ -14,7 +14,7 @@ from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import PATIENCE, NavigateConfig, WorldName
-from nerfnav.planner import planners, with_room
+from nerfnav.planner import planners
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ def run(arguments: Any) -> None:
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
     entry = planners.load(arguments.planner)
     again = None if asked.replan == entry.again(entry.config()) else asked.replan  # unsaid, it follows the first plan
-    if again is None and arguments.risk == 0 and entry.again(asked.plan).weights.risk:
-        again = with_room(asked.plan)
+    if again is None and arguments.risk is not None:
+        again = entry.in_flight(asked.plan, arguments.risk)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
     route = replace(arguments.request(place, asked.plan), again=again)

@@ -24,9 +24,8 @@ from nerfnav.navigation import (
     with_late_pictures,
     world_generator,
 )
-from nerfnav.navigation.backup import Guard
-from nerfnav.planner import FieldPlanner, planners
-from nerfnav.planner.spread import Disturbance
+from nerfnav.navigation.guarded import guarded
+from nerfnav.planner import planners
 
 
 def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
@@ -35,22 +34,18 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     robot, seen_with = place.robot, place.robot.camera
     estimator = estimators.load(request.estimator)
     occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
-    entry = planners.load(route.planner)
-    again = route.again or entry.again(route.settings)
-    first = replace(route.settings, weights=replace(route.settings.weights, risk=again.weights.risk))
-    planner = entry.planner(seen_as.field, robot, first, again, occupancy)
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
     config = expecting_physics(config) if request.world == "physical" else config
-    pushed = Disturbance(config.noise.deviations)
-    if isinstance(planner, FieldPlanner):
-        planner = replace(planner, disturbance=pushed)
+    planner, guard = guarded(
+        planners.load(route.planner), (seen_as.field, occupancy, robot), route.settings, route.again, config.noise
+    )
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
         planner,
         estimator.make(place.field, robot, seen_with, mount=robot.mount, config=config.filter),
         searcher_of(place, seen_with, config.filter.color_noise),
-        Guard(seen_as.field, robot, pushed) if again.weights.risk else None,
+        guard,
     )
     camera, contact = camera_function(place), contact_function(place)
     simulator = Simulator(

@@ -33,7 +33,7 @@ def trials_of(study: Study) -> list[FlightTrial]:
     """The flights, those with the state known right after those by camera."""
     states = (False, True) if study.flights.truth else (False,)
     return [
-        FlightTrial(_task(study, index), study.seed + index, known, study.flights.world)
+        FlightTrial(_task(study, index), study.seed + index, known, study.flights.world, study.flights.risk)
         for index in range(study.trials or _TRIALS)
         for known in states
     ]

@@ -1,8 +1,10 @@
 """Options of the experiment on whole flights."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.navigation import WorldName
 
 EndsChoice = Literal["tasks", "random", "both"]
@@ -17,5 +19,12 @@ class FlightOptions:
     """The tasks of the place in turn, ends drawn at random, or the two by turns."""
     world: WorldName = "paper"
     """The paper's noise, or the physical world, in which other robots than quadrotors do not fly."""
+    risk: float | None = None
+    """What a collision that noise brings about costs [J], as `nerfnav fly --risk` has it; None: as flights have it."""
     truth: bool = False
     """Whether each flight is flown a second time with the state known: what the noise alone costs."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for a risk that is no weight."""
+        if self.risk is not None and not 0 <= self.risk < math.inf:
+            raise InvalidInputError(f"risk must be a number, at least 0, not {self.risk:g}")

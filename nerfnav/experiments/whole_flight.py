@@ -33,6 +33,7 @@ from nerfnav.navigation import (
     with_late_pictures,
     world_generator,
 )
+from nerfnav.navigation.guarded import guarded
 from nerfnav.planner import FastPlanConfig, OccupancyConfig, OccupancyMap, PlanProblem, planners
 from nerfnav.planner.duration import timing_of
 from nerfnav.planner.problem import way_length
@@ -52,6 +53,8 @@ class FlightTrial:
     """Whether the robot is told its state, and needs no pictures."""
     world: WorldName = "paper"
     """Where it happens."""
+    risk: float | None = None
+    """What a collision by noise costs [J]; None: as flights have it."""
 
 
 def fly(arena: Arena, trial: FlightTrial) -> Row:
@@ -89,15 +92,17 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     config = expecting_physics(config) if physical else config
     config = replace(config, filter=config.filter.for_field(arena.field.info.noise_std))
     robot, draws = problem.robot, world_generator(trial.seed)
-    planner = planners.load("fast").planner(problem.field, robot, occupancy=_map(arena, problem))
+    entry, settings = planners.load("fast"), FastPlanConfig()
+    where, again = (problem.field, _map(arena, problem), robot), entry.in_flight(settings, trial.risk)
+    planner, guard = guarded(entry, where, settings, again, config.noise)
     contact, look = contact_check(arena.scene, robot.body), _black if trial.known else partial(_photo, _renderer(arena))
     simulator = Simulator(robot, problem.start, look, draws, noise=config.noise, contact=contact)
     simulator = in_physical_world(simulator) if physical else simulator
     if trial.known:
-        config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator))
+        config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator), guard=guard)
     else:
         estimator = estimators.load("fast").make(arena.field, robot, CAMERA, config=config.filter)
-        pilot = Pilot(planner, estimator, _searcher(arena, config.filter.color_noise))
+        pilot = Pilot(planner, estimator, _searcher(arena, config.filter.color_noise), guard)
         pilot = with_late_pictures(pilot, simulator, config.filter)
     mission = Mission(problem.goal, problem.steps, problem.dt)
     return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))

@@ -139,6 +139,16 @@ class PlannerEntry:
     color: tuple[int, int, int] = (148, 163, 184)
     """Of its line where planners are compared, sRGB."""
 
+    def in_flight(self, settings: PlannerConfig, risk: float | None = None) -> PlannerConfig:
+        """The settings with which plans are redone in flight; `risk` [J] in place of the planner's own.
+
+        Without risk, 0, they keep room around the body instead.
+        """
+        again = self.again(settings)
+        if risk is None or not again.weights.risk:
+            return again
+        return with_room(settings) if risk == 0 else replace(again, weights=replace(again.weights, risk=risk))
+
     def planner(
         self,
         field: Field,
