@@ -29,7 +29,7 @@ def test_an_experiment_prints_its_summary_and_writes_its_folder(
         (["experiment", "nothing"], "there is no experiment named 'nothing'"),
         (["experiment", "planners", "--trials", "21"], "there are 20 tasks"),
         (["experiment", "planners", "--jobs", "0"], "jobs must be 1 or more"),
-        (["experiment", "planners", "--truth"], "takes no options of whole flights, only flights does"),
+        (["experiment", "planners", "--truth"], "takes no options of whole flights"),
         (["bench", "--place", "nowhere"], "'nowhere'"),
     ],
 )

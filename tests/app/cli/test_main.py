@@ -270,6 +270,7 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
         "steps": None,
         "final_position_error_m": None,
         "mesh_collision_steps": None,
+        "late_steps": None,
         "estimation": dict.fromkeys(("position_rmse_m", "rotation_rmse_rad", "velocity_rmse", "nees_mean")),
         "recoveries": dict.fromkeys(("widened", "blind", "searched", "backup", "relocalised", "lost")),
         "timing_ms": {f"{part}_p{share}": None for part in ("replan", "filter", "step") for share in (50, 95)},
