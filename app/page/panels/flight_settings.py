@@ -55,7 +55,7 @@ class FlyingPanel:
     def show(self, session: Session) -> None:
         """Put the session's settings into the widgets."""
         settings = session.flight_settings
-        self._speed.value = next(name for name, pace in _SPEEDS.items() if pace == settings.pace)
+        self._speed.value = next((name for name, pace in _SPEEDS.items() if pace == settings.pace), self._speed.value)
         self._world.value = next(name for name, world in _WORLDS.items() if world == settings.world)
         self._realtime.value = settings.realtime
         self._position.disabled = self._attitude.disabled = settings.world == "physical"
