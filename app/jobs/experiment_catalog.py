@@ -43,16 +43,16 @@ class Experiment:
 
 EXPERIMENTS: Registry[Experiment] = Registry("experiment", (
     Experiment(
-        "flights",
-        closed_loop.run,
-        "whole flights by camera, of the tasks and between random ends: how many arrive, errors, honesty, times",
-        flies=True,
-    ),
-    Experiment(
         "planners",
         planners.run,
         "nerfnav, minimum snap and RRT on the same flights: collision cost, effort, failures",
         tasks=stonehenge.EXPERIMENT_TASKS,
+    ),
+    Experiment(
+        "flights",
+        closed_loop.run,
+        "whole flights by camera, of the tasks and between random ends: how many arrive, errors, honesty, times",
+        flies=True,
     ),
     Experiment(
         "collision-correlation",
