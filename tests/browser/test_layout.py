@@ -8,8 +8,8 @@ from playwright.sync_api import Browser
 
 from app.places.ends import Which
 from app.server import App
-from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab, to_screen
+from tests.browser.works import small_work
 
 Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
@@ -30,9 +30,9 @@ _CANVAS = """
 @pytest.fixture
 def tab(serve: Serve, open_tab: OpenTab) -> Tab:
     """A tab with a plan."""
-    app = serve(ScriptedWork())
+    app = serve(small_work())
     tab = open_tab(app)
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: app.session.fresh_plan is not None and app.session.job is None, "no plan was found")
     tab.until(lambda: tab.is_visible("/plan/line"), "the plan is not drawn")
     return tab
@@ -81,7 +81,7 @@ def test_the_plan_is_drawn_through_what_hides_it(tab: Tab) -> None:
 
 
 def test_help_opens_at_first_sight_and_by_its_key(serve: Serve, browser: Browser) -> None:
-    app = serve(ScriptedWork())
+    app = serve(small_work())
     context = browser.new_context(viewport={"width": 1000, "height": 640})
     page = context.new_page()
     dialog = page.get_by_role("dialog", name="Help")
