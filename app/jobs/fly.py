@@ -1,5 +1,7 @@
 """Fly: Algorithm 1 in a simulated world, from a plan to an episode."""
 
+from dataclasses import replace
+
 from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.flight_setup import begin, timed
 from app.jobs.fly_report import metadata_of, save, summary_of
@@ -9,7 +11,7 @@ from app.storage.output_files import prepare_folder
 from app.storage.step_log import logged
 from nerfnav.estimator import RelocaliseStep
 from nerfnav.navigation import Episode, NavigationStep
-from nerfnav.planner import PlanStep
+from nerfnav.planner import GOOD, PlanStep
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:
@@ -33,6 +35,10 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
             elif isinstance(event, PlanStep) and not flown:
                 fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
                 stop = (yield Progress("optimising the first plan", fraction)) or stop
+                if event.outcome is not None and request.plan is None:
+                    if request.cautious and event.outcome not in GOOD:
+                        return JobResult({"outcome": event.outcome.name.lower()})
+                    request = replace(request, plan=event.motion)  # what follows is planned again from the belief
             elif isinstance(event, RelocaliseStep):
                 stop = (yield Progress("looking everywhere for the robot", event.fraction)) or stop
             if stop and flown:

@@ -17,6 +17,8 @@ class FlyRequest:
     """From where to where, and how plans are made; its `out` is not used."""
     plan: Motion | None = None
     """The first plan where it is already made, from the route's start to its goal."""
+    cautious: bool = False
+    """Whether it stays on the ground where its own first plan is not to be flown: the page asks people then."""
     estimator: str = "fast"
     """Name of the estimator."""
     open_loop: bool = False

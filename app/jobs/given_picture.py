@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import torch
 from jaxtyping import UInt8
-from PIL import ExifTags, Image
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
@@ -73,6 +72,8 @@ def camera_of(
 
 def focal_35mm(path: Path) -> float | None:
     """Focal length [mm] as on 35 mm film that a picture's EXIF tells; None where it tells none."""
+    from PIL import ExifTags, Image  # slow to import, and few pictures come without a camera
+
     with suppress(OSError, ValueError, SyntaxError), Image.open(path) as picture:
         told = picture.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
         return float(told) if told else None

@@ -74,6 +74,7 @@ class JobStarter:
         return FlyRequest(
             plan_request(session.plan_settings, job.ends, name, self.plans.get(name)),
             plan=None if made is None else made.motion,
+            cautious=made is None and not job.anyway,
             estimator=session.choice.estimator,
             open_loop=flying.open_loop,
             seed=flying.seed,

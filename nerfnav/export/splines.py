@@ -57,7 +57,7 @@ def fit(samples: Samples, count: int, smoothing: float) -> PiecewisePolynomial:
     return PiecewisePolynomial(length * torch.arange(count + 1, dtype=torch.float64), torch.from_numpy(coefficients))
 
 
-def _rows(u: np.ndarray, piece: np.ndarray, count: int, order: int) -> scipy.sparse.csr_array:
+def _rows(u: np.ndarray, piece: np.ndarray, count: int, order: int) -> "scipy.sparse.csr_array":
     """What each coefficient of all pieces, side by side, adds to a derivative at u of a piece: (n, 8 count)."""
     powers = derivative_rows(torch.from_numpy(u), order, _TERMS).numpy()
     columns = piece[:, None] * _TERMS + np.arange(_TERMS)

@@ -123,9 +123,9 @@ def test_one_persons_viewpoint_is_their_own(serve: Serve, open_tab: OpenTab) -> 
     first.page.bring_to_front()
     own = np.array(first.page.evaluate(_EYE))
     mouse = first.page.mouse
-    mouse.move(300, 500)
+    mouse.move(400, 300)
     mouse.down()
-    mouse.move(480, 460, steps=8)
+    mouse.move(560, 260, steps=8)
     mouse.up()
     first.until(lambda: np.linalg.norm(np.array(first.page.evaluate(_EYE)) - own) > 0.1, "the view did not turn")
     second.page.bring_to_front()

@@ -46,6 +46,7 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
         tab.until(lambda n=count: len(placing().measured) == n, "the click told no point")
     assert placing().length == pytest.approx(np.linalg.norm(np.subtract(*FLOOR[:2])), abs=0.08)
     distance = tab.page.get_by_label("Distance [m]")
+    tab.page.wait_for_timeout(1000)  # until the page has shown what was measured: it would put that over what is typed
     distance.fill(f"{2 * (placing().length or 0):.4f}")
     distance.press("Enter")
     tab.until(lambda: (placing().distance or 0) > 1, "the distance was not taken")
