@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import random
+import re
 import sys
 import tempfile
 import time
@@ -37,6 +38,8 @@ LEAST_ACTIONS = 20
 _WINDOW_S = 300.0
 _KEYS = ("f", "f", "f", "p", "t", "g", "s", "Space", "x", "Shift+r")
 _QUIET = ("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save")  # which ask for files, or touch what is kept
+_BEGINS = re.compile(r"Plan the way|Fly it|Fly all the same|Allow [\d.]+ s|Restore the weights")
+"""What the main button offers while nothing runs."""
 _READY = "'/goal' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__viserMutable?.nodePoseData?.['/goal']"
 
 
@@ -120,12 +123,17 @@ class Crowd:
     def _reload(self, tab: Tab) -> None:
         self._load(tab)
 
+    def _is_idle(self, tab: Tab) -> bool:
+        """Whether a page offers something to begin, and nothing to stop."""
+        buttons = {entry.inner_text().strip() for entry in tab.page.get_by_role("button").all() if entry.is_visible()}
+        return "Stop now" not in buttons and any(_BEGINS.fullmatch(words) for words in buttons)
+
     def leave_quiet(self, patience_s: float) -> bool:
         """Stop what is running; whether it then ends."""
         tab, end = self._tabs[0], time.monotonic() + patience_s
         self._load(tab)
         while time.monotonic() < end:
-            if tab.page.get_by_text("Move start and goal, plan, then fly.").count():
+            if self._is_idle(tab):
                 return True
             tab.page.keyboard.press("x")
             tab.page.wait_for_timeout(500)
