@@ -183,19 +183,18 @@ class Tab:
 
     def on_screen(self, point: np.ndarray) -> tuple[float, float]:
         """Where a world point is in the page [pixels]."""
-        x, y = self.page.evaluate(_TO_SCREEN, point.tolist())
-        return x, y
+        return to_screen(self.page, point)
 
     def click_at(self, point: tuple[float, float, float]) -> None:
         """Click into the scene where a world point is."""
-        x, y = self.page.evaluate(_TO_SCREEN, list(point))
+        x, y = to_screen(self.page, point)
         self.page.mouse.click(x, y)
 
     def drag_along_x(self, which: Which, distance: float, gizmo: float) -> None:
         """Drag the red arrow of an end's gizmo of size `gizmo` [m] by `distance` [m] along x."""
         grip = self.position(which) + np.array([0.8 * gizmo, 0, 0])
         aim = grip + np.array([distance, 0, 0])
-        (x0, y0), (x1, y1) = (self.page.evaluate(_TO_SCREEN, list(p)) for p in (grip, aim))
+        (x0, y0), (x1, y1) = (to_screen(self.page, point) for point in (grip, aim))
         mouse = self.page.mouse
         mouse.move(x0, y0)
         self.page.wait_for_timeout(200)

@@ -66,11 +66,18 @@ def lags(frames: Any) -> tuple[int, np.ndarray]:
     return changes, (now - now[at]) / 1000
 
 
-def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(serve: Serve, open_tab: OpenTab) -> None:
+def planned_in(serve: Serve, open_tab: OpenTab) -> tuple[App, Tab]:
+    """An app and a tab of it with a plan."""
     app = serve(small_work())
     tab = open_tab(app)
     tab.press("Plan the way")
-    tab.until(lambda: app.session.fresh_plan is not None and not app.session.replaying, "there is no plan")
+    tab.until(lambda: app.session.fresh_plan is not None, "there is no plan")
+    return app, tab
+
+
+def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(serve: Serve, open_tab: OpenTab) -> None:
+    app, tab = planned_in(serve, open_tab)
+    tab.until(lambda: not app.session.replaying, "the plan is not shown to its end")
     tab.until(lambda: tab.is_visible("/plan/line"), "no plan is shown")
     tab.page.evaluate(_RECORD)
     before = app.session.ends.goal.position[0]
@@ -100,10 +107,7 @@ def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(serve: S
 def test_another_duration_is_planned_for_and_too_little_time_is_told_with_its_remedy(
     serve: Serve, open_tab: OpenTab
 ) -> None:
-    app = serve(small_work())
-    tab = open_tab(app)
-    tab.press("Plan the way")
-    tab.until(lambda: app.session.fresh_plan is not None, "there is no plan")
+    app, tab = planned_in(serve, open_tab)
     app.post(Adjust(Settings.PLAN, "duration_s", 0.8))
     tab.until(lambda: tab.says("Too fast for 0.8 s: allow"), "nobody says that it is too fast")
     tab.until(lambda: tab.property("/plan/line", "colors") == list(HIT), "it looks as if it could be flown")
@@ -120,10 +124,7 @@ def test_another_duration_is_planned_for_and_too_little_time_is_told_with_its_re
 def test_without_weight_on_collision_fly_asks_first_and_reset_restores_the_weights(
     serve: Serve, open_tab: OpenTab
 ) -> None:
-    app = serve(small_work())
-    tab = open_tab(app)
-    tab.press("Plan the way")
-    tab.until(lambda: app.session.fresh_plan is not None, "there is no plan")
+    app, tab = planned_in(serve, open_tab)
     app.post(Adjust(Settings.WEIGHTS, "collision", 0.0))
     tab.until(lambda: app.session.unsafe_plan is not None, "the plan does not know that it is not safe")
     tab.until(lambda: tab.says("The robot "), "nobody says what is wrong")
