@@ -25,15 +25,11 @@ from nerfnav.navigation import (
     navigate,
     world_generator,
 )
-from nerfnav.navigation.backup import Guard
-from nerfnav.planner import FastPlanConfig, FastPlanner, PlanProblem, PlanStep, last_step, plan_fast, with_risk
+from nerfnav.navigation.guarded import guarded
+from nerfnav.planner import FastPlanConfig, PlanProblem, PlanStep, last_step, plan_fast, planners
 from nerfnav.planner.duration import shortest_plan, timing_of
 from nerfnav.planner.problem import map_for, way_length
-from nerfnav.planner.spread import Disturbance
 from nerfnav.world import MeshRenderer, Scene, contact_check
-
-CAMERA = Camera.from_fov(200, 200, 90)
-"""What a robot sees with unless another camera is given."""
 
 
 def plan(
@@ -62,29 +58,32 @@ def plan(
 def fly(
     problem: PlanProblem,
     scene: Scene | None = None,
-    camera: Camera = CAMERA,
+    camera: Camera | None = None,
     config: NavigateConfig | None = None,
     seed: int = 0,
 ) -> Episode:
     """A simulated flight by Algorithm 1 of the paper to its end: plan, act, look, filter, plan again, until the goal.
 
-    With a `scene` the camera photographs its mesh, and the episode says where the body touched it; without one the
-    camera photographs the field itself, and nothing is judged. The same `seed` gives the same noise. Raises as
-    `plan` does.
+    With a `scene` the camera (by default the robot's own) photographs its mesh, and the episode says where the body
+    touched it; without one it photographs the field itself, and nothing is judged. The same `seed` gives the same
+    noise. Raises as `plan` does.
     """
     config, generator = config or NavigateConfig(), torch.Generator().manual_seed(seed)
     if isinstance(problem.field, GridField):
         config = replace(config, filter=config.filter.for_field(problem.field.info.noise_std))
     seen, robot = _careful(problem), problem.robot
-    careful, pushed = with_risk(FastPlanConfig()), Disturbance(config.noise.deviations)
+    camera, settings = camera or robot.camera, FastPlanConfig()
+    where = (seen.field, map_for(seen, settings.occupancy), robot)
+    planner, guard = guarded(planners.load("fast"), where, settings, None, config.noise, problem.terms)
     pilot = Pilot(
-        FastPlanner(seen.field, robot, careful, careful, terms=problem.terms, disturbance=pushed),
-        FastFilter(problem.field, robot, camera, config=config.filter),
-        guard=Guard(seen.field, robot, pushed),
+        planner,
+        FastFilter(problem.field, robot, camera, robot.mount, config=config.filter),
+        guard=guard,
     )
     contact = None if scene is None else contact_check(scene, robot.body)
     look = _pictures(problem, scene, camera)
-    simulator = Simulator(robot, problem.start, look, world_generator(seed), noise=config.noise, contact=contact)
+    draws = world_generator(seed)
+    simulator = Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
     mission = Mission(problem.goal, problem.steps, problem.dt)
     events = navigate(mission, simulator, pilot, config, generator)
     return Episode.of([event for event in events if isinstance(event, NavigationStep)])

@@ -14,8 +14,8 @@ from app.benchmarks.comparison import Comparison, interleaved, milliseconds
 from app.benchmarks.plan import both_threads
 from nerfnav.estimator import Belief, Estimator, FastFilter, FilterConfig, PixelConfig, PoseFilter, StateNoise
 from nerfnav.experiments import Arena
-from nerfnav.experiments.views import CAMERA, SUPERSAMPLE, held_out_poses, take_picture
-from nerfnav.robots import ATTITUDE, POSITION, Quadrotor, RigidState
+from nerfnav.experiments.views import SUPERSAMPLE, held_out_poses, take_picture
+from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState
 from nerfnav.world import MeshRenderer
 
 _PIXELS = 1024

@@ -20,7 +20,7 @@ def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
 
 def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
     """Write a flight's files into `folder`."""
-    table = episode_table(episode, place.robot.action_names, place.robot.source)
+    table = episode_table(episode, place.robot.action_names, place.robot.name)
     return (
         *episode.save(folder),
         write_text(folder / "trajectory.csv", csv_text(table)),

@@ -85,8 +85,11 @@ def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
 
 def save(folder: Path, motion: Motion, place: Place, summary: dict[str, Any]) -> tuple[Path, ...]:
     """Write a plan's three files into `folder`."""
-    table = motion_table(motion, place.robot.action_names, place.robot.source)
-    table = replace(table, info=table.info | {"outcome": summary["outcome"]})
+    table = motion_table(motion, place.robot.action_names, place.robot.name)
+    told = {"outcome": summary["outcome"]}
+    if place.robot.file is not None:
+        told["robot_file"] = str(place.robot.file)
+    table = replace(table, info=table.info | told)
     return (
         write_text(folder / "trajectory.csv", csv_text(table)),
         write_text(folder / "trajectory.json", json_text(table)),

@@ -21,7 +21,7 @@ def read_run(folder: Path) -> Recording:
     path = folder / TRAJECTORY
     try:
         table = table_of_json(path.read_text())
-        name = str(table.info.get("robot", ""))
+        name = str(table.info.get("robot_file") or table.info.get("robot", ""))
         if not robots.known(name):
             return Recording(table)
         robot = robots.load(name)

@@ -1,6 +1,7 @@
 """Reducer of stored runs and the timeline."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import torch
 
@@ -78,8 +79,9 @@ def opened(session: Session, stored: StoredFlight) -> Session:
     if about.robot != session.choice.robot:
         try:
             place = place.with_robot(about.robot)
-        except NerfnavError as error:
-            return noticed(session, "Could not open", f"The robot of this flight is gone: {error}.", bad=True)
+        except NerfnavError:  # whose text names a folder, and browsers read this
+            told = f"Its robot, {Path(about.robot).stem}, is not here any more, or its file describes none."
+            return noticed(session, "Could not open", told, bad=True)
     timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # all of it is seen at once
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.flight_row import REFUSED, TIMES, mean, quantile
+from nerfnav.experiments.flight_row import REFUSED, mean, quantile, times_of
 from nerfnav.experiments.study import Row
 from nerfnav.navigation import EpisodeOutcome
 
@@ -48,11 +48,7 @@ def summary_of(flights: Sequence[Row]) -> Row:
         **({"truth": {"trials": len(known), **counts(known)}} if known else {}),
         "silent": sum(flight["row"]["silent"] for flight in camera),
         **_errors(camera),
-        **{
-            f"{name}_{what}_ms": quantile(_all(camera, f"{name}_ms"), share)
-            for name in TIMES
-            for what, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0))
-        },
+        **times_of({name: _all(camera, name) for name in ("filter_ms", "replan_ms", "step_ms")}),
     }
 
 

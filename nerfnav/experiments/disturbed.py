@@ -13,10 +13,9 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import StateNoise
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.flights import Trial
-from nerfnav.experiments.views import CAMERA
 from nerfnav.geometry import FORWARD_MOUNT
 from nerfnav.planner import FastPlanConfig, FastPlanner, Route, last_step, with_room
-from nerfnav.robots import Motion, Quadrotor, RigidState
+from nerfnav.robots import CAMERA, Motion, Quadrotor, RigidState
 from nerfnav.world import MeshRenderer, Task, contact_check
 
 STEPS, DT = 20, 0.1

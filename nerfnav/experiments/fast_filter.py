@@ -5,7 +5,7 @@ from functools import lru_cache
 from nerfnav import robots
 from nerfnav.estimator import FastFilter, FilterConfig
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.views import CAMERA
+from nerfnav.robots import CAMERA
 
 
 @lru_cache(maxsize=2)

@@ -12,8 +12,6 @@ from nerfnav.robots import RigidState
 REFUSED = "refused"
 """Outcome where the field has something dense at an end."""
 _OFF, _IN_A_ROW = 0.05, 3
-TIMES = ("filter", "replan", "step")
-"""What is timed."""
 
 
 def steps_of(flown: Sequence[NavigationStep]) -> Row:
@@ -35,11 +33,6 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
     """The numbers of one flight; None where there are none."""
     last = flown[-1] if flown else None
     outcome = REFUSED if last is None or last.outcome is None else last.outcome.name.lower()
-    times = {
-        f"{name}_{what}_ms": quantile(steps[f"{name}_ms"], share)
-        for name in TIMES
-        for what, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0))
-    }
     return {
         "outcome": outcome,
         "steps": len(steps["nees"]),
@@ -51,7 +44,16 @@ def row_of(flown: Sequence[NavigationStep], goal: RigidState, steps: Row) -> Row
         "inside_95": mean(steps["inside_95"]),
         "silent": is_silent(steps),
         "held": sum(steps["holds"]),
-        **times,
+        **times_of(steps),
+    }
+
+
+def times_of(steps: Row) -> Row:
+    """Median, 95th percentile and most of the times [ms] of some time steps."""
+    return {
+        f"{name}_{what}_ms": quantile(steps[f"{name}_ms"], share)
+        for name in ("filter", "replan", "step")
+        for what, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0))
     }
 
 

@@ -24,7 +24,8 @@ def random_task(arena: Arena, seed: int) -> Task:
     Between some of them there may be no way. Raises InvalidInputError where the place has no room for such ends.
     """
     generator = torch.Generator().manual_seed(seed)
-    apart = APART * float(arena.field.box.size.max())
+    apart, body = APART * float(arena.field.box.size.max()), Quadrotor().body
+    field, touches = planning_field(arena.field, Unknown.OCCUPIED), contact_check(arena.scene, body.grown(SPARE))
     ends: list[tuple[tuple[float, float, float], float]] = []
     for _ in range(_DRAWS):
         drawn = torch.rand(4, generator=generator)
@@ -32,7 +33,8 @@ def random_task(arena: Arena, seed: int) -> Task:
         point, yaw = (x, y, z), math.tau * (drawn[3].item() - 0.5)
         if ends and math.dist(point, ends[0][0]) < apart:
             continue
-        if _is_free(arena, RigidState.at_rest(point, yaw)):
+        state = RigidState.at_rest(point, yaw)
+        if fits(field, body, state) and not touches(state, state):
             ends.append((point, yaw))
         if len(ends) == 2:
             (start, start_yaw), (goal, goal_yaw) = ends
@@ -40,8 +42,3 @@ def random_task(arena: Arena, seed: int) -> Task:
     raise InvalidInputError(
         f"{arena.scene.name} has no two ends {apart:.2g} m apart with {100 * SPARE:g} cm to spare: fly its tasks"
     )
-
-
-def _is_free(arena: Arena, state: RigidState) -> bool:
-    body, field = Quadrotor().body, planning_field(arena.field, Unknown.OCCUPIED)
-    return fits(field, body, state) and not contact_check(arena.scene, body.grown(SPARE))(state, state)

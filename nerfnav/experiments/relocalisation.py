@@ -19,8 +19,9 @@ from nerfnav.estimator import ColorNoise, Searcher
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.relocalisation_results import KINDS, picture, summary_of
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.experiments.views import CAMERA, renderer_of
+from nerfnav.experiments.views import renderer_of
 from nerfnav.geometry import Pose, so3
+from nerfnav.robots import CAMERA
 from nerfnav.world import CaptureConfig, capture_poses
 
 RIGHT = {"position_m": 0.05, "rotation_deg": 5.0}

@@ -9,10 +9,10 @@ from nerfnav.estimator import Belief, ColorNoise, Observation, StateNoise
 from nerfnav.estimator.cost import PoseCost
 from nerfnav.estimator.pyramid import View
 from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.views import CAMERA, held_out_poses
+from nerfnav.experiments.views import held_out_poses
 from nerfnav.field import levels_of
 from nerfnav.geometry import FORWARD_MOUNT
-from nerfnav.robots import ATTITUDE, POSITION, TANGENT, RigidState
+from nerfnav.robots import ATTITUDE, CAMERA, POSITION, TANGENT, RigidState
 
 _PIXELS, _HALVINGS = 128, 3
 _OFF = 0.02

@@ -5,12 +5,10 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.experiments.arena import Arena
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
-from nerfnav.robots import RigidState
+from nerfnav.geometry import FORWARD_MOUNT, Pose
+from nerfnav.robots import CAMERA, RigidState
 from nerfnav.world import CaptureConfig, MeshRenderer, capture_poses
 
-CAMERA = Camera.from_fov(200, 200, 90)
-"""As wide as the photographs that bundled fields learned from."""
 SUPERSAMPLE = 2
 """Rays along each side of a pixel: as of those photographs."""
 _FIRST_SEED = 7001

@@ -15,9 +15,9 @@ from nerfnav.experiments.flight_row import row_of, steps_of
 from nerfnav.experiments.known_state import KNOWN, KnownState
 from nerfnav.experiments.random_ends import random_task
 from nerfnav.experiments.study import Row
-from nerfnav.experiments.views import CAMERA, renderer_of
+from nerfnav.experiments.views import renderer_of
 from nerfnav.field import Unknown, planning_field
-from nerfnav.geometry import Pose
+from nerfnav.geometry import Camera, Pose
 from nerfnav.navigation import (
     PATIENCE,
     LoopEvent,
@@ -79,7 +79,7 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
 
 def _problem(arena: Arena, task: Task, is_drawn: bool) -> PlanProblem:
     """What is to be planned, in the field with what no camera saw taken for solid."""
-    robot, field = robots.load(task.robot), planning_field(arena.field, Unknown.OCCUPIED)
+    robot, field = _robot(task.robot), planning_field(arena.field, Unknown.OCCUPIED)
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
     if not is_drawn:
         return problem
@@ -95,26 +95,28 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     entry, settings = planners.load("fast"), FastPlanConfig()
     where, again = (problem.field, _map(arena, problem), robot), entry.in_flight(settings, trial.risk)
     planner, guard = guarded(entry, where, settings, again, config.noise)
-    contact, look = contact_check(arena.scene, robot.body), _black if trial.known else partial(_photo, _renderer(arena))
-    simulator = Simulator(robot, problem.start, look, draws, noise=config.noise, contact=contact)
+    contact = contact_check(arena.scene, robot.body)
+    look = partial(_black if trial.known else partial(_photo, _renderer(arena)), robot.camera)
+    simulator = Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
     simulator = in_physical_world(simulator) if physical else simulator
     if trial.known:
         config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator), guard=guard)
     else:
-        estimator = estimators.load("fast").make(arena.field, robot, CAMERA, config=config.filter)
-        pilot = Pilot(planner, estimator, _searcher(arena, config.filter.color_noise), guard)
+        make, camera = estimators.load("fast").make, robot.camera
+        estimator = make(arena.field, robot, camera, mount=robot.mount, config=config.filter)
+        pilot = Pilot(planner, estimator, _searcher(arena, camera, config.filter.color_noise), guard)
         pilot = with_late_pictures(pilot, simulator, config.filter)
     mission = Mission(problem.goal, problem.steps, problem.dt)
     return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))
 
 
-def _photo(renderer: MeshRenderer, pose: Pose) -> Tensor:
-    return renderer.render(CAMERA, pose).image
+def _photo(renderer: MeshRenderer, camera: Camera, pose: Pose) -> Tensor:
+    return renderer.render(camera, pose).image
 
 
-def _black(pose: Pose) -> Tensor:
+def _black(camera: Camera, pose: Pose) -> Tensor:
     """What nobody looks at."""
-    return torch.zeros(CAMERA.height, CAMERA.width, 3, dtype=torch.uint8)
+    return torch.zeros(camera.height, camera.width, 3, dtype=torch.uint8)
 
 
 @lru_cache(maxsize=2)
@@ -123,9 +125,9 @@ def _renderer(arena: Arena) -> MeshRenderer:
 
 
 @lru_cache(maxsize=1)
-def _searcher(arena: Arena, noise: ColorNoise) -> Searcher:
+def _searcher(arena: Arena, camera: Camera, noise: ColorNoise) -> Searcher:
     """Made once in each process."""
-    return Searcher(arena.field, CAMERA, noise)
+    return Searcher(arena.field, camera, noise)
 
 
 def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
@@ -136,7 +138,13 @@ def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
 @lru_cache(maxsize=4)
 def _map_at(arena: Arena, robot: str, height: float | None) -> OccupancyMap:
     field = planning_field(arena.field, Unknown.OCCUPIED)
-    return OccupancyMap.of(field, robots.load(robot).body, OccupancyConfig(), height)
+    return OccupancyMap.of(field, _robot(robot).body, OccupancyConfig(), height)
+
+
+@lru_cache
+def _robot(name: str) -> robots.Robot:
+    """One object for each, by which planners know again what they have made for it."""
+    return robots.load(name)
 
 
 def _words(*numbers: float) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from nerfnav.estimator import StateNoise
 from nerfnav.field import Field
 from nerfnav.navigation.backup import Guard
-from nerfnav.planner import FieldPlanner, OccupancyMap, Planner, PlannerConfig, PlannerEntry
+from nerfnav.planner import CostTerm, FieldPlanner, OccupancyMap, Planner, PlannerConfig, PlannerEntry
 from nerfnav.planner.spread import Disturbance
 from nerfnav.robots import Robot
 
@@ -16,11 +16,13 @@ def guarded(
     settings: PlannerConfig,
     again: PlannerConfig | None,
     noise: StateNoise,
+    terms: tuple[CostTerm, ...] | None = None,
 ) -> tuple[Planner, Guard | None]:
     """The planner of `entry` for the field as planners see it, its map and a robot, and what keeps a backup ready.
 
     The first plan counts as much risk as those `again` do (None: as the entry has them); where they count none, there
-    is no backup. `noise` is what pushes the robot at each step.
+    is no backup. `noise` is what pushes the robot at each step; `terms` are what J is the sum of, None: all that
+    are registered.
     """
     field, occupancy, robot = where
     again = again or entry.again(settings)
@@ -28,5 +30,5 @@ def guarded(
     first = replace(settings, weights=replace(settings.weights, risk=risk))
     planner = entry.planner(field, robot, first, again, occupancy)
     if isinstance(planner, FieldPlanner):
-        planner = replace(planner, disturbance=pushed)
+        planner = replace(planner, disturbance=pushed, terms=planner.terms if terms is None else terms)
     return planner, Guard(field, robot, pushed) if risk else None

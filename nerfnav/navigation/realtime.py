@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 from nerfnav.estimator import StateNoise
 from nerfnav.estimator.predict import predict
-from nerfnav.navigation.recovery import come_to_rest
+from nerfnav.navigation.recovery import RecoveryConfig, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.robots import Motion, RigidState, Robot
 
 Clock = Callable[[], float]
 """Seconds since any time."""
-_REST = 6
 
 
 @dataclass(frozen=True)
@@ -63,4 +62,4 @@ def later(plan: Motion, steps: int, believed: RigidState, robot: Robot) -> Motio
     """What is left of a plan some time steps later; where nothing is, the robot comes to rest."""
     if steps < len(plan.actions):
         return Motion(plan.states[steps:], plan.actions[steps:], plan.dt)
-    return come_to_rest(robot, believed, _REST, plan.dt)
+    return come_to_rest(robot, believed, RecoveryConfig.rest, plan.dt)

@@ -195,7 +195,9 @@ def _advance(
         )
         plan, restart = planned.motion, planned.restart
         if flight.pilot.guard is not None:
+            began = mission.clock()
             backup, taken = flight.pilot.guard.beside(planned, mission.dt)
+            replan_ms += 1e3 * (mission.clock() - began)
             plan, recovery = (backup.motion, Recovery.BACKUP) if taken else (plan, recovery)
     return NavigationStep(
         index, index * mission.dt, action, simulator.state, belief, image, update, plan,

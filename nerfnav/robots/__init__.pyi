@@ -8,6 +8,7 @@ from .headings import unwrapped as unwrapped
 from .limits import limit_uses as limit_uses
 from .quadrotor import Quadrotor as Quadrotor
 from .quadrotor_config import QuadrotorConfig as QuadrotorConfig
+from .robot import CAMERA as CAMERA
 from .robot import Limit as Limit
 from .robot import Robot as Robot
 from .robots import ROBOTS as ROBOTS

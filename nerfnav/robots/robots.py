@@ -55,7 +55,7 @@ def load(name: str) -> Robot:
     if not is_file(name):
         return ROBOTS[name].make()
     robot = read_robot(Path(name))
-    robot.file = Path(name)
+    robot.file = Path(name).resolve()
     return robot
 
 

@@ -24,9 +24,10 @@ from nerfnav.experiments.disturbed import DT, disturbed_flight
 from nerfnav.experiments.estimation_errors import errors_of
 from nerfnav.experiments.flights import Trial
 from nerfnav.experiments.study import Row
-from nerfnav.experiments.views import CAMERA, renderer_of, take_picture
+from nerfnav.experiments.views import renderer_of, take_picture
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.voxel import VoxelField
+from nerfnav.robots import CAMERA
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
 

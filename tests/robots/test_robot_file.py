@@ -103,6 +103,15 @@ def test_a_robot_sees_with_the_camera_that_its_file_names(tmp_path: Path) -> Non
                                + torch.tensor([0.0, 0.0, -0.479425538604203]))  # fmt: skip
 
 
+def test_a_robot_is_found_again_by_its_source_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written(tmp_path, SCOUT)
+    monkeypatch.chdir(tmp_path)
+    robot = robots.load("robot.yaml")
+    monkeypatch.chdir("/")
+    assert robots.load(robot.source).name == "scout" and robots.known(robot.source)
+    assert robots.load("couch").source == "couch" and not robots.known("robot.yaml")
+
+
 def test_a_name_that_is_no_robot_is_told_with_the_known_ones() -> None:
     with pytest.raises(UnknownNameError, match="crazyflie"):
         robots.load("drone")

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import viser
 
 from app.state.actions import Choose, Command
 from app.state.session import Session
 from app.text import capital
+from nerfnav import robots
 
 _LABELS = {
     "planner": {
@@ -19,6 +21,11 @@ _LABELS = {
     "estimator": {"fast": "quick", "paper": "as in the paper, slow"},
 }
 """What people read in place of a name; names that are not here are read as they are."""
+
+
+def label_of(name: str) -> str:
+    """A name as people read it: of a robot's file no more than what it is called."""
+    return Path(name).stem if robots.is_file(name) else name
 
 
 class ChoiceList:
@@ -45,4 +52,9 @@ class ChoiceList:
     def show(self, session: Session) -> None:
         """Show what is chosen."""
         self._session = session
-        self._list.value = self._labels[getattr(session.choice, self._field)]
+        chosen = getattr(session.choice, self._field)
+        if chosen not in self._labels:  # the robot of a file, by which a stored flight was flown
+            self._labels[chosen] = label_of(chosen)
+            self._names[label_of(chosen)] = chosen
+            self._list.options = list[str](self._names)
+        self._list.value = self._labels[chosen]

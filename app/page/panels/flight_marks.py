@@ -12,6 +12,7 @@ def marks_of(flight: FlightRecord) -> tuple[tuple[float, str], ...]:
     happened = {
         "hit": [step.touched for step in steps],
         "lost": [_is_lost(step) for step in steps],
+        "braked": [step.recovery is Recovery.BACKUP for step in steps],
         "found": [step.recovery is Recovery.RELOCALISED for step in steps],
         "gust": _at(flight.gusts, len(steps)),
         "goal moved": _at(flight.goals_moved, len(steps)),
@@ -21,7 +22,7 @@ def marks_of(flight: FlightRecord) -> tuple[tuple[float, str], ...]:
 
 
 def _is_lost(step: NavigationStep) -> bool:
-    return step.recovery is not None and step.recovery is not Recovery.RELOCALISED
+    return step.recovery not in (None, Recovery.RELOCALISED, Recovery.BACKUP)
 
 
 def _at(indices: Iterable[int], count: int) -> list[bool]:

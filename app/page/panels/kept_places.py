@@ -1,6 +1,7 @@
 """Places that were brought: what they look like, and what can be done with them."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import cv2
@@ -8,6 +9,7 @@ import numpy as np
 import viser
 
 from app.page.html import note, table
+from app.page.panels.delete_dialog import ask_to_delete
 from app.places.library import KeptPlace, PlaceLibrary
 from app.queries.place_list import PlaceListQuery
 from app.state.actions import Command, ListPlaces, OpenPlace, Tell
@@ -85,20 +87,9 @@ class KeptPlacesPanel:
         if self._session is not None and self._session.what == entry.what:
             self._post(Tell("Not deleted", f"{entry.name} is open: open another place first.", bad=True))
             return
-        modal = client.gui.add_modal("Delete this place?")
-        with modal:
-            client.gui.add_html(note(f"{entry.name} and its field are deleted for good; flights in it stay."))
-            really = client.gui.add_button("Delete for good", color="red", icon=viser.Icon.TRASH)
-            keep = client.gui.add_button("Keep it", color="gray")
-
-        @really.on_click
-        def _(_: viser.GuiEvent) -> None:
-            self._do("Not deleted", lambda: self._library.delete(entry.key))
-            modal.close()
-
-        @keep.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            modal.close()
+        warning = f"{entry.name} and its field are deleted for good; flights in it stay."
+        delete = partial(self._library.delete, entry.key)
+        ask_to_delete(client, "this place", warning, lambda: self._do("Not deleted", delete))
 
     def show(self, session: Session) -> None:
         """Show the places that are kept."""

@@ -1,11 +1,14 @@
 """Panel of stored runs: flights that were flown here, to open, compare, rename and delete."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import viser
 
 from app.page.html import columns, legend, note, table
+from app.page.panels.delete_dialog import ask_to_delete
+from app.page.panels.dropdown import label_of
 from app.page.theme import OTHER_PLAN, OTHER_TRUTH
 from app.state.actions import Command
 from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
@@ -65,7 +68,8 @@ class RunsPanel:
             self._renamed[entry.name] = name
             self._post(RenameRun(entry.name, name))
         elif word == "Delete":
-            ask_to_delete(event.client, entry.name, self._post)
+            warning = f"{entry.name} and its pictures are deleted for good."
+            ask_to_delete(event.client, "this flight", warning, partial(self._post, DeleteRun(entry.name)))
 
     def show(self, session: Session) -> None:
         """Show the stored runs."""
@@ -99,31 +103,13 @@ class RunsPanel:
             )
 
 
-def ask_to_delete(client: viser.ClientHandle, name: str, post: Callable[[Command], None]) -> None:
-    """Ask the one who wants it whether a flight is to be deleted for good."""
-    modal = client.gui.add_modal("Delete this flight?")
-    with modal:
-        client.gui.add_html(note(f"{name} and its pictures are deleted for good."))
-        really = client.gui.add_button("Delete for good", color="red", icon=viser.Icon.TRASH)
-        keep = client.gui.add_button("Keep it", color="gray")
-
-    @really.on_click
-    async def _(_: viser.GuiEvent) -> None:
-        post(DeleteRun(name))
-        modal.close()
-
-    @keep.on_click
-    async def _(_: viser.GuiEvent) -> None:
-        modal.close()
-
-
 def describe(entry: StoredRun) -> str:
     """What is known of a flight, as HTML."""
     about = entry.metadata
     rows = [
         ("Place", about.place),
         ("Task", about.task or "ends put down by hand"),
-        ("Robot", about.robot),
+        ("Robot", label_of(about.robot)),
         ("Planner, estimator", f"{about.planner}, {'none (open loop)' if about.open_loop else about.estimator}"),
         ("Seed", str(about.seed)),
         ("Took off (UTC)", about.date[:19].replace("T", " ")),

@@ -14,12 +14,12 @@ import numpy as np
 
 from nerfnav.compiled import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, cell_of
+from nerfnav.field.kernels.march import STOPPED
 from nerfnav.field.kernels.ray_sums import add_sample, values_and_slopes
 from nerfnav.field.kernels.shells import RAW_TO_DEPTH, shell_count
 
 _OPAQUE_RAW = np.float32(1e3)
 _LEAST_SLOPE = np.float32(1e-9)
-_DARK = np.float32(3e-5)
 
 
 @kernel()
@@ -62,7 +62,7 @@ def add_shells(outer, ray, begin, light, first, sums):
             first = before if first == zero else first
             _along_face(mixed, direction, face)
             light = add_sample(mixed, RAW_TO_DEPTH, one, distance, light, sums)
-        if light < _DARK:
+        if light < STOPPED:
             break
         before = distance
     return light, first

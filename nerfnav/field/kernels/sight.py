@@ -1,13 +1,6 @@
 """Colours of rays and their derivatives by the camera's pose: twin of differentiating `render_rays`.
 
-Notation as in field/render.py, with o_i = rho_i step and p_i = origin + t_i direction. The light behind sample i is
-T_i+1 = T_i exp(-o_i), and what it shines on is C - P_i, with P_i = sum_{j<=i} T_j alpha_j c_j. Then
-
-    dC = sum_i [ (T_i+1 c_i + P_i - C) grad o_i' + T_i alpha_i grad c_i' ] dp_i
-    dp_i = d(centre) + d(turn) x t_i direction
-
-for a camera whose centre moves by d(centre) [m] and that turns by d(turn) [rad] about its centre, both in the world's
-axes. One march is enough: C leaves the sum, sum_i (P_i - C) grad o_i = sum_i P_i grad o_i - C sum_i grad o_i.
+The equations are those of kernels/ray_sums.py; here the sums of a ray are numbers, which is quicker than arrays.
 
 exp(-o) and do/draw are functions of the raw density alone, and come from a table: three transcendental functions would
 take longer than all the rest. Empty cells are leapt over (leaps.py).

@@ -21,7 +21,7 @@ from nerfnav.field.checkpoint import save_field
 from nerfnav.field.render import render_image
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
-from nerfnav.robots.robot import CAMERA as ROBOTS_CAMERA
+from nerfnav.robots import CAMERA as ROBOTS_CAMERA
 from nerfnav.robots.state import RigidState
 from tests.app.doubles import balls_place
 from tests.app.following import followed

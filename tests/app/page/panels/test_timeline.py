@@ -33,6 +33,12 @@ def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
     )  # fmt: skip
 
 
+def test_a_robot_that_brakes_for_want_of_a_way_is_not_lost() -> None:
+    steps = [flight_step(ENDS, index) for index in range(4)]
+    steps[2] = replace(steps[2], recovery=Recovery.BACKUP)
+    assert marks_of(FlightRecord(ENDS, tuple(steps))) == ((steps[2].time, "braked"),)
+
+
 def test_gusts_and_moves_of_the_goal_are_kept_with_their_flight(opened: Session) -> None:
     begun = after(planned(opened), m.StartFlight())
     flying = reports(begun, flight_step(begun.ends, 0), flight_step(begun.ends, 1))

@@ -1,0 +1,32 @@
+"""Lists of names in the page."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import viser
+
+from app.page.panels.dropdown import ChoiceList
+from app.state.choice import Choice
+from app.state.session import Session
+from nerfnav import robots
+
+
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    server = viser.ViserServer(port=0, verbose=False)
+    yield server
+    server.stop()
+
+
+def test_the_robot_of_a_file_is_listed_by_its_name_alone_and_can_be_taken_again(
+    server: viser.ViserServer, opened: Session, tmp_path: Path
+) -> None:
+    shown = ChoiceList(server, "robot", robots.names(), "What moves", lambda command: None)
+    path = str(tmp_path / "scout.yaml")
+    shown.show(replace(opened, choice=Choice(robot=path)))
+    assert shown._list.value == "scout" and set(robots.names()) < set(shown._list.options)
+    assert not any("/" in option for option in shown._list.options), "visitors need not know where files lie"
+    shown.show(opened)
+    assert shown._list.value == opened.choice.robot and shown._names["scout"] == path
