@@ -13,7 +13,7 @@ LEVELS = (
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
-    ("navigation",),
+    ("navigation", "tracking"),
     ("export",),
     ("experiments",),
     ("api",),
@@ -21,7 +21,7 @@ LEVELS = (
 """Packages of nerfnav from the ground up; a package imports only from levels below its own, and itself."""
 BESIDE = {("world", "robots")}
 """Exceptions within a level: ground truth judges the bodies of robots."""
-WALL = ("planner", "estimator", "navigation")
+WALL = ("planner", "estimator", "navigation", "tracking")
 """They plan and estimate on the field alone: planned on the field, judged on the mesh."""
 ROOMS: dict[str, tuple[str, ...]] = {
     "cli": ("server", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
