@@ -27,7 +27,7 @@ class Arguments(Route):
     """How the fast filter tells how sure it is: from what its steps know anyway, or by the exact second derivatives
     of the paper, which takes longer."""
     camera: Path | None = None
-    """What the robot sees with: a calibration by ROS, OpenCV or nerfstudio; by default the robot's own camera."""
+    """What the robot sees with, calibrated by ROS, OpenCV, nerfstudio or COLMAP; by default the robot's own camera."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning."""
     world: WorldName = "paper"

@@ -26,7 +26,7 @@ class Arguments:
     intrinsics: tuple[float, float, float, float] | None = None
     """fx fy cx cy [pixels], in place of --fov."""
     camera: Path | None = None
-    """Calibration of the camera by ROS, OpenCV or nerfstudio, in place of --fov and --intrinsics."""
+    """Calibration of the camera by ROS, OpenCV, nerfstudio or COLMAP, in place of --fov and --intrinsics."""
     json: bool = False
     """Print one JSON object and nothing else."""
 

@@ -6,8 +6,13 @@ from .camera import Camera as Camera
 from .camera import Pose as Pose
 from .camera import look_at as look_at
 from .camera_file import read_camera as read_camera
+from .colmap_cameras import ColmapBytes as ColmapBytes
+from .colmap_cameras import ColmapCamera as ColmapCamera
+from .colmap_cameras import colmap_cameras as colmap_cameras
+from .colmap_cameras import colmap_lines as colmap_lines
 from .directions import spiral as spiral
 from .ellipsoid import ellipsoid_95 as ellipsoid_95
+from .fisheye import fisheye_points as fisheye_points
 from .grid import node_positions as node_positions
 from .grid import shape_for as shape_for
 from .grid import spacing_of as spacing_of

@@ -83,14 +83,19 @@ class Camera:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Width, height, fx, fy, cx, cy [pixels], then the distortion, as files keep a camera that is no fisheye."""
-        return self.width, self.height, self.fx, self.fy, self.cx, self.cy, *self.distortion
+        """Width, height, fx, fy, cx, cy [pixels], then the distortion, as files keep a camera.
+
+        A fisheye's four numbers are followed by two zeros, for Brown's distortion has five numbers at most.
+        """
+        beyond = (0.0, 0.0) if self.fisheye else ()
+        return self.width, self.height, self.fx, self.fy, self.cx, self.cy, *self.distortion, *beyond
 
     @classmethod
     def of_numbers(cls, numbers: tuple[float, ...]) -> "Camera":
         """The camera of `numbers`."""
         width, height, fx, fy, cx, cy, *distortion = numbers
-        return cls(int(width), int(height), fx, fy, cx, cy, tuple(distortion))
+        fisheye = len(distortion) > max(COUNTS)
+        return cls(int(width), int(height), fx, fy, cx, cy, tuple(distortion[:4] if fisheye else distortion), fisheye)
 
     def for_picture(self, width: int, height: int) -> "Camera":
         """The same camera at the resolution of a picture [pixels]: several resolutions of one camera are one camera.

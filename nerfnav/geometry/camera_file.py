@@ -1,8 +1,9 @@
-"""Calibrations of cameras as other programs write them: ROS, OpenCV, nerfstudio and instant-ngp.
+"""Calibrations of cameras as other programs write them: ROS, OpenCV, nerfstudio and instant-ngp, COLMAP.
 
     ROS's camera_info (.yaml)      image_width, camera_matrix.data, distortion_model, distortion_coefficients.data
     OpenCV's FileStorage (.yaml)   image_width, camera_matrix, distortion_coefficients
     transforms.json                w, h, fl_x, fl_y, cx, cy, camera_model, k1, k2, p1, p2, k3, k4
+    COLMAP's cameras.txt or .bin   the only camera there
 
 Models: none, Brown's (plumb_bob, OPENCV) and Kannala and Brandt's (equidistant, OPENCV_FISHEYE, KANNALA_BRANDT).
 """
@@ -17,6 +18,7 @@ import yaml
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera
+from nerfnav.geometry.colmap_cameras import colmap_cameras
 
 _FISHEYE = ("equidistant", "fisheye", "OPENCV_FISHEYE", "KANNALA_BRANDT", "kannala_brandt")
 _BROWN = ("plumb_bob", "rational_polynomial", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL",
@@ -27,6 +29,8 @@ _OPENCV = ("%YAML:1.0", "!!opencv-matrix")
 
 def read_camera(path: Path) -> Camera:
     """The camera of a calibration file. Raises InvalidInputError for a file without, or of another model."""
+    if path.name in ("cameras.txt", "cameras.bin"):
+        return _of_colmap(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
@@ -42,6 +46,19 @@ def read_camera(path: Path) -> Camera:
         return _of_transforms(told) if "fl_x" in told else _of_matrices(told)
     except (InvalidInputError, ValueError, TypeError, yaml.YAMLError) as error:
         raise InvalidInputError(f"{path} is no calibration of a camera: {' '.join(str(error).split())}") from error
+
+
+def _of_colmap(path: Path) -> Camera:
+    if not path.is_file():
+        raise InvalidInputError(f"there is no calibration {path}")
+    cameras = list(colmap_cameras(path))
+    lenses = {(camera.size, camera.model, camera.numbers) for camera in cameras}
+    if len(lenses) != 1:
+        raise InvalidInputError(f"{path} has {len(lenses)} cameras: leave the one that takes the pictures, as text")
+    (camera,) = cameras[:1]
+    model = "OPENCV_FISHEYE" if camera.fisheye else "OPENCV"
+    coefficients = (*camera.distortion, *4 * (0.0,))[: max(4, len(camera.distortion))]
+    return _camera(camera.size, (*camera.focal, *camera.center), model, coefficients)
 
 
 def _stored(text: str) -> dict[str, Any]:

@@ -18,9 +18,7 @@ _ROUNDS, _ASTRAY = 50, 1e-6
 """Newton's steps, and how far from the wanted radius they may end."""
 
 
-def fisheye_directions(
-    points: Float[Tensor, "*batch 2"], coefficients: tuple[float, ...]
-) -> Float[Tensor, "*batch 3"]:
+def fisheye_directions(points: Float[Tensor, "*batch 2"], coefficients: tuple[float, ...]) -> Float[Tensor, "*batch 3"]:
     """Unit directions (x right, y down, z ahead) that a lens with (k1, k2, k3, k4) shows at points of the plane.
 
     Raises InvalidInputError where a point is shown by no ray up to half a turn, or by several: the lens folds.
@@ -39,6 +37,14 @@ def fisheye_directions(
         )
     around = wanted / radius[..., None].clamp_min(1e-12)
     return torch.cat([around * theta.sin()[..., None], theta.cos()[..., None]], -1).to(points)
+
+
+def fisheye_points(flat: Float[Tensor, "*batch 2"], coefficients: tuple[float, ...]) -> Float[Tensor, "*batch 2"]:
+    """Where a lens with (k1, k2, k3, k4) shows points of the plane at depth 1; NaN where it folds its picture there."""
+    radius = flat.double().norm(dim=-1)
+    shown, slope = _shown(radius.atan(), coefficients)
+    scale = torch.where(slope > 0, shown, torch.nan) / radius.clamp_min(1e-12)
+    return torch.where(radius[..., None] > 1e-12, flat * scale[..., None], flat).to(flat)
 
 
 def _shown(theta: Tensor, coefficients: tuple[float, ...]) -> tuple[Tensor, Tensor]:

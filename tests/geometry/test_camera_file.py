@@ -113,3 +113,31 @@ def test_a_lens_of_more_numbers_than_are_known_is_refused(tmp_path: Path) -> Non
 def test_a_fisheye_that_folds_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="cannot be undone"):
         Camera(400, 400, 100, 100, 200, 200, (-0.5, 0.0, 0.0, 0.0), fisheye=True).directions(torch.tensor([[0, 0]]))
+
+
+@pytest.mark.parametrize("fisheye", [False, True])
+def test_colmaps_cameras_are_a_calibration(tmp_path: Path, fisheye: bool) -> None:
+    coefficients = FISHEYE if fisheye else BROWN[:4]
+    numbers = " ".join(map(str, (320.0, 322.0, 318.0, 242.0, *coefficients)))
+    model = "OPENCV_FISHEYE" if fisheye else "OPENCV"
+    (tmp_path / "cameras.txt").write_text(f"# a comment\n3 {model} 640 480 {numbers}\n")
+    camera = read_camera(tmp_path / "cameras.txt")
+    assert camera == Camera(640, 480, 320, 322, 318, 242, tuple(coefficients), fisheye)
+    assert Camera.of_numbers(camera.numbers) == camera
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("1 PINHOLE 64 48 50 50 32 24\n2 PINHOLE 64 48 51 50 32 24\n", "has 2 cameras"),
+        ("", "has 0 cameras"),
+        ("1 OMNI 64 48 50\n", "known are: SIMPLE_PINHOLE"),
+        ("1 PINHOLE 64 48 50 50 32\n", "has 3 numbers, but the model PINHOLE has 4"),
+        ("1 PINHOLE 64 48 50 -50 32 24\n", "focal lengths are above 0"),
+        ("1 FULL_OPENCV 64 48 50 50 32 24 0 0 0 0 0 1 0 0\n", "calibrate with those"),
+    ],
+)
+def test_colmaps_cameras_that_cannot_be_used_are_told_in_one_sentence(tmp_path: Path, content: str, said: str) -> None:
+    (tmp_path / "cameras.txt").write_text(content)
+    with pytest.raises(InvalidInputError, match=said):
+        read_camera(tmp_path / "cameras.txt")

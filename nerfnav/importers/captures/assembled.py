@@ -57,6 +57,8 @@ def assembled(
 
 def _camera(shot: Picture) -> tuple[float, ...]:
     """What took a picture, its lens included; nothing where the lens has more numbers than k1, k2, p1, p2 and k3."""
+    if shot.camera.fisheye:
+        return shot.camera.numbers
     lens = shot.distortion[:5]
     return () if any(shot.distortion[5:]) else replace(shot.camera, distortion=lens if any(lens) else ()).numbers
 

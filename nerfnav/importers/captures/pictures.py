@@ -1,17 +1,20 @@
 """Photographs as pixels: read, made smaller, undistorted, and all resampled to one pinhole camera.
 
 One camera for all keeps everything behind it simple. It sees what every photograph shows: the borders that only some
-of them show, or that undistortion leaves empty, are cut off.
+of them show, or that undistortion leaves empty, are cut off. Of a fisheye it sees 120 degrees at most, for a pinhole
+draws what lies beyond ever larger.
 """
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 from PIL import Image
 
-from nerfnav.geometry import Camera
+from nerfnav.geometry import Camera, fisheye_points
 from nerfnav.importers.captures.views import CaptureError, Lens
 
 _LEAST_PIXELS = 8
@@ -22,6 +25,10 @@ _ASTRAY = 0.5
 """How far undistorting and distorting again may lead from a point [pixels]."""
 _ROUNDS = 200
 """Steps in which a distortion is undone."""
+_WIDEST = math.tan(math.radians(60))
+"""Half of what is kept of a fisheye's picture, on the plane at depth 1."""
+_SHRINKING = np.linspace(1, 0.01, 397)
+"""Shares of it that are tried, the largest first, until what they leave lies in the picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +38,9 @@ class Picture:
     pixels: np.ndarray
     """Colours (height, width, 3) or colours and opacity (height, width, 4), 0 to 255, RGB."""
     camera: Camera
-    """Its intrinsics, distortion left out."""
+    """Its intrinsics; a distortion is left out, but for a fisheye's."""
     distortion: tuple[float, ...]
-    """OpenCV's coefficients; none: a pinhole."""
+    """OpenCV's coefficients; none: a pinhole, or a fisheye."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,8 @@ def shrunk(pixels: np.ndarray, lens: Lens, downscale: int) -> Picture:
     if size != (width, height):
         pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     # the shape was judged at full size, where rounding is small
-    return Picture(pixels, replace(lens, aspect=None).camera(*size), lens.distortion)
+    distortion = () if lens.fisheye else lens.distortion
+    return Picture(pixels, replace(lens, aspect=None).camera(*size), distortion)
 
 
 def common_camera(pictures: list[Picture]) -> Camera:
@@ -93,7 +101,8 @@ def common_camera(pictures: list[Picture]) -> Camera:
 
 def resampled(picture: Picture, camera: Camera) -> np.ndarray:
     """What `camera` sees of a picture: (height, width, 3 or 4)."""
-    if not picture.distortion and np.allclose(_numbers(picture.camera), _numbers(camera), rtol=0, atol=1e-6):
+    straight = not picture.distortion and not picture.camera.fisheye
+    if straight and np.allclose(picture.camera.numbers, camera.numbers, rtol=0, atol=1e-6):
         return picture.pixels
     maps = undistortion(picture.camera, picture.distortion, camera)
     return cv2.remap(picture.pixels, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -101,14 +110,10 @@ def resampled(picture: Picture, camera: Camera) -> np.ndarray:
 
 def undistortion(seen: Camera, distortion: tuple[float, ...], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Where the pixels of a pinhole `camera` lie in pictures of another one with a distortion, as cv2.remap has it."""
-    return cv2.initUndistortRectifyMap(
-        _matrix(seen),
-        np.array(distortion or (0.0, 0.0, 0.0, 0.0)),
-        np.eye(3),
-        _matrix(camera),
-        (camera.width, camera.height),
-        cv2.CV_32FC1,
-    )
+    straightened = cv2.fisheye.initUndistortRectifyMap if seen.fisheye else cv2.initUndistortRectifyMap
+    coefficients = np.array((seen.distortion if seen.fisheye else distortion) or (0.0, 0.0, 0.0, 0.0))
+    size = camera.width, camera.height
+    return straightened(_matrix(seen), coefficients, np.eye(3), _matrix(camera), size, cv2.CV_32FC1)
 
 
 def over_white(pixels: np.ndarray) -> np.ndarray:
@@ -121,6 +126,8 @@ def over_white(pixels: np.ndarray) -> np.ndarray:
 
 def _window(camera: Camera, distortion: tuple[float, ...]) -> _Window:
     """The largest window without an empty corner."""
+    if camera.fisheye:
+        return _fisheye_window(camera)
     along_u, along_v = np.linspace(0, camera.width, _BORDER_POINTS), np.linspace(0, camera.height, _BORDER_POINTS)
     if not distortion:
         left, top = -camera.cx / camera.fx, -camera.cy / camera.fy
@@ -131,6 +138,31 @@ def _window(camera: Camera, distortion: tuple[float, ...]) -> _Window:
     ]
     left, right, top, bottom = (_straightened(border, camera, distortion) for border in borders)
     return _Window(*map(float, (left[:, 0].max(), right[:, 0].min(), top[:, 1].max(), bottom[:, 1].min())))
+
+
+def _fisheye_window(camera: Camera) -> _Window:
+    """What lies in the picture up to 60 degrees along each axis, shrunk until its corners lie in it too."""
+    reach = torch.from_numpy(_WIDEST * _SHRINKING)
+    none = torch.zeros_like(reach)
+    sides = [torch.stack(side, -1) for side in ((-reach, none), (reach, none), (none, -reach), (none, reach))]
+    left, right, top, bottom = (float(side.sum(-1)[_inside(camera, side)][:1].sum()) for side in sides)
+    across, down = torch.linspace(left, right, _BORDER_POINTS), torch.linspace(top, bottom, _BORDER_POINTS)
+    borders = [torch.stack(torch.broadcast_tensors(x, y), -1) for x, y in (
+        (torch.tensor(left), down), (torch.tensor(right), down), (across, torch.tensor(top)),
+        (across, torch.tensor(bottom)),
+    )]  # fmt: skip
+    border = torch.cat(borders).double()
+    fits = next((share for share in _SHRINKING if bool(_inside(camera, share * border).all())), 0.0)
+    if fits * min(right - left, bottom - top) == 0:
+        raise CaptureError("a fisheye's picture shows nothing around its principal point: check its calibration")
+    return _Window(*(float(fits * edge) for edge in (left, right, top, bottom)))
+
+
+def _inside(camera: Camera, flat: torch.Tensor) -> torch.Tensor:
+    """Which points (n, 2) of the plane at depth 1 a fisheye shows in its picture."""
+    u, v = (fisheye_points(flat, camera.distortion) * flat.new_tensor([camera.fx, camera.fy])).unbind(-1)
+    u, v = u + camera.cx, v + camera.cy
+    return (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)  # NaN is not
 
 
 def _straightened(points: np.ndarray, camera: Camera, distortion: tuple[float, ...]) -> np.ndarray:
@@ -152,7 +184,3 @@ def _straightened(points: np.ndarray, camera: Camera, distortion: tuple[float, .
 def _matrix(camera: Camera) -> np.ndarray:
     """OpenCV's intrinsics: its pixel centres are at whole numbers."""
     return np.array([[camera.fx, 0.0, camera.cx - 0.5], [0.0, camera.fy, camera.cy - 0.5], [0.0, 0.0, 1.0]])
-
-
-def _numbers(camera: Camera) -> tuple[float, ...]:
-    return camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy

@@ -17,6 +17,7 @@ SPLITS = ("train", "val", "test")
 """Blender's files are called transforms_{split}.json."""
 _SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG", ".webp")
 _KNOWN_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL", "FULL_OPENCV", "PERSPECTIVE")
+_FISHEYES = ("OPENCV_FISHEYE", "KANNALA_BRANDT", "EQUIDISTANT")
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
@@ -85,15 +86,21 @@ def _lens(entries: dict[str, Any], where: str) -> Lens:
     model = str(entries.get("camera_model", "OPENCV")).upper()
     if entries.get("is_fisheye"):
         model = "OPENCV_FISHEYE"
-    if model not in _KNOWN_MODELS:
-        raise CaptureError(f"{where} has the camera model {model}; known are: {', '.join(_KNOWN_MODELS)}")
+    fisheye = model in _FISHEYES
+    if model not in (*_KNOWN_MODELS, *_FISHEYES):
+        known = ", ".join((*_KNOWN_MODELS, *_FISHEYES))
+        raise CaptureError(f"{where} has the camera model {model}; known are: {known}")
     numbers = {key: _number(entries, key, where) for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "camera_angle_x")}
-    distortion = tuple(_number(entries, key, where) or 0.0 for key in _DISTORTION)
+    names = ("k1", "k2", "k3", "k4") if fisheye else _DISTORTION
+    distortion = tuple(_number(entries, key, where) or 0.0 for key in names)
     width, height, fx = numbers["w"], numbers["h"], numbers["fl_x"]
     if fx is not None and width is not None and height is not None:
         fy, cx, cy = numbers["fl_y"], numbers["cx"], numbers["cy"]
         center = (width / 2 if cx is None else cx, height / 2 if cy is None else cy)
-        return Lens.measured((width, height), (fx, fx if fy is None else fy), center, *distortion)
+        lens = Lens.measured((width, height), (fx, fx if fy is None else fy), center, *distortion)
+        return lens.as_fisheye() if fisheye else lens
+    if fisheye:
+        raise CaptureError(f"{where} is a fisheye's, and has no intrinsics: fl_x with w and h is needed")
     angle = numbers["camera_angle_x"]
     if angle is None:
         raise CaptureError(f"{where} has no intrinsics: fl_x with w and h, or camera_angle_x is needed")

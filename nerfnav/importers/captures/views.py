@@ -32,9 +32,11 @@ class Lens:
     center: tuple[float, float] = (0.5, 0.5)
     """Principal point along u and v."""
     distortion: tuple[float, ...] = ()
-    """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; none: a pinhole."""
+    """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; none: a pinhole. Of a fisheye, k1, k2, k3, k4."""
     aspect: float | None = None
     """Width over height of the pictures that it was measured with, where that is known."""
+    fisheye: bool = False
+    """Whether it is a fisheye, see geometry/fisheye.py."""
 
     @classmethod
     def measured(
@@ -51,8 +53,12 @@ class Lens:
         shares = (focal[0] / width, focal[1] / height), (center[0] / width, center[1] / height)
         return cls(*shares, known, width / height)
 
+    def as_fisheye(self) -> "Lens":
+        """The same numbers as those of a fisheye, k1 to k4."""
+        return replace(self, distortion=(self.distortion + 4 * (0.0,))[:4], fisheye=True)
+
     def camera(self, width: int, height: int) -> Camera:
-        """The camera of a picture of that size [pixels], distortion left out.
+        """The camera of a picture of that size [pixels]; a distortion is left out, but for a fisheye's.
 
         Raises CaptureError where the picture has another shape than those that the lens was measured with.
         """
@@ -63,7 +69,8 @@ class Lens:
             )
         fx = self.focal[0] * width
         fy = fx if self.focal[1] is None else self.focal[1] * height
-        return Camera(width, height, fx, fy, self.center[0] * width, self.center[1] * height)
+        known = self.distortion if self.fisheye else ()
+        return Camera(width, height, fx, fy, self.center[0] * width, self.center[1] * height, known, self.fisheye)
 
 
 @dataclass(frozen=True)

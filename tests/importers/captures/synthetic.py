@@ -37,12 +37,15 @@ def sky(directions: np.ndarray) -> np.ndarray:
 
 
 def picture(camera: Camera, pose: np.ndarray, distortion: tuple[float, ...] = ()) -> np.ndarray:
-    """What a camera with OpenCV's distortion sees of the sky (height, width, 3)."""
+    """What a camera with OpenCV's distortion sees of the sky (height, width, 3); fisheyes have theirs in the camera."""
     u, v = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     pixels = np.stack([u, v], -1).reshape(-1, 1, 2)
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
-    flat = cv2.undistortPoints(pixels, matrix, np.array(distortion or (0.0, 0.0, 0.0, 0.0)))[:, 0]
-    rays = np.c_[flat[:, 0], -flat[:, 1], -np.ones(len(flat))]
+    if camera.fisheye:
+        rays = camera.directions(camera.pixels()).double().numpy()
+    else:
+        flat = cv2.undistortPoints(pixels, matrix, np.array(distortion or (0.0, 0.0, 0.0, 0.0)))[:, 0]
+        rays = np.c_[flat[:, 0], -flat[:, 1], -np.ones(len(flat))]
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ pose[:3, :3].T
     return sky(rays).reshape(camera.height, camera.width, 3)
 
@@ -103,11 +106,12 @@ def write_colmap(
     model: tuple[int, str, tuple[float, ...]] | None = None,
     names: list[str] | None = None,
     poses: Pose | None = None,
+    camera: Camera = CAMERA,
 ) -> Path:
     """Write a whole COLMAP capture with one camera, and return its folder."""
     poses = ring() if poses is None else poses
     number, name, numbers = model or (1, "PINHOLE", (CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy))
-    written = write_pictures(folder, poses)
+    written = write_pictures(folder, poses, camera)
     names = names or written
     for old, new in zip(written, names, strict=True):
         (folder / "images" / old).rename(folder / "images" / new)

@@ -1,6 +1,7 @@
 """Whole captures: read, placed in the world, parted, and told about."""
 
 import json
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import torch
 from PIL import Image
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry.camera import look_at
+from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.importers.captures import capture
 from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.imported import ImportConfig, ImportedCapture
@@ -200,6 +201,25 @@ def test_a_picture_of_a_wrong_shape_is_named(tmp_path: Path) -> None:
 def test_a_folder_without_a_capture_is_told_what_was_looked_for(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match=r"no transforms\.json .* no transforms_train\.json .* sparse/0"):
         imported(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["transforms", "colmap"])
+def test_a_capture_through_a_fisheye_is_straightened_and_its_lens_remembered(tmp_path: Path, kind: str) -> None:
+    lens = (0.02, -0.004, 0.001, 0.0)
+    if kind == "transforms":
+        fisheye = Camera(100, 80, 31.0, 31.5, 51.0, 39.0, lens, fisheye=True)
+        told = dict(zip(("k1", "k2", "k3", "k4"), lens, strict=True))
+        folder = write_transforms(tmp_path, camera=fisheye, camera_model="OPENCV_FISHEYE", **told)
+    else:  # which writes the size of the camera that all its tests have
+        fisheye = replace(CAMERA, fx=16.0, fy=16.5, distortion=lens, fisheye=True)
+        numbers = (16.0, 16.5, CAMERA.cx, CAMERA.cy, *lens)
+        folder = write_colmap(tmp_path, True, (5, "OPENCV_FISHEYE", numbers), camera=fisheye)
+    found = imported(folder)
+    assert Camera.of_numbers(found.report.camera) == fisheye
+    camera = found.learned.camera
+    assert not camera.fisheye and 115 < 2 * math.degrees(math.atan(camera.width / camera.fx / 2)) <= 120
+    expected = picture(camera, matrices(ring())[0])
+    assert np.abs(found.learned.images[0].numpy().astype(float) - expected).mean() < 2
 
 
 def test_lenses_of_two_phones_come_to_one_camera(tmp_path: Path) -> None:

@@ -48,9 +48,27 @@ def test_names_may_have_spaces(tmp_path: Path, binary: bool) -> None:
 
 @pytest.mark.parametrize("binary", [False, True])
 def test_a_model_that_nobody_knows_is_refused_with_those_that_are_known(tmp_path: Path, binary: bool) -> None:
-    fisheye = (5, "OPENCV_FISHEYE", (40.0, 41.0, 24.0, 18.0, 0.0, 0.0, 0.0, 0.0))
-    with pytest.raises(CaptureError, match="camera model OPENCV_FISHEYE; known are: SIMPLE_PINHOLE, PINHOLE"):
-        read_views(write_colmap(tmp_path, binary, fisheye))
+    prism = (10, "THIN_PRISM_FISHEYE", (40.0, 41.0, 24.0, 18.0, *8 * (0.0,)))
+    with pytest.raises(CaptureError, match="camera model THIN_PRISM_FISHEYE; known are: SIMPLE_PINHOLE, PINHOLE"):
+        read_views(write_colmap(tmp_path, binary, prism))
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize(
+    ("number", "name", "numbers", "known"),
+    [
+        (5, "OPENCV_FISHEYE", (40, 41, 24, 18, 0.1, 0.2, 0.3, 0.4), (0.1, 0.2, 0.3, 0.4)),
+        (8, "SIMPLE_RADIAL_FISHEYE", (40, 24, 18, 0.1), (0.1, 0.0, 0.0, 0.0)),
+        (9, "RADIAL_FISHEYE", (40, 24, 18, 0.1, 0.2), (0.1, 0.2, 0.0, 0.0)),
+        (5, "OPENCV_FISHEYE", (40, 41, 24, 18, 0, 0, 0, 0), (0.0, 0.0, 0.0, 0.0)),
+    ],
+)
+def test_a_fisheye_is_known_as_one_also_without_distortion(
+    tmp_path: Path, binary: bool, number: int, name: str, numbers: tuple[float, ...], known: tuple[float, ...]
+) -> None:
+    lens = read_views(write_colmap(tmp_path, binary, (number, name, numbers))).views[0].lens
+    camera = lens.camera(CAMERA.width, CAMERA.height)
+    assert camera.fisheye and camera.distortion == pytest.approx(known)
 
 
 @pytest.mark.parametrize("binary", [False, True])

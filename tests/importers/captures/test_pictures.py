@@ -1,5 +1,6 @@
 """Photographs as pixels: lenses straightened, all through one camera, colours unharmed."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from nerfnav.importers.captures.pictures import (
     read_pixels,
     resampled,
     shrunk,
+    undistortion,
 )
 from nerfnav.importers.captures.views import CaptureError, Lens
 from tests.importers.captures.synthetic import CAMERA, matrices, picture, ring
@@ -31,6 +33,35 @@ def test_a_distorted_picture_becomes_what_a_pinhole_sees_to_a_tenth_of_a_pixel(d
     error = resampled(shot, camera).astype(float) - picture(camera, POSE)
     # a shift of a whole pixel changes colours by 2.5 x 120 / 40 = 7.5 levels; interpolation rounds by about 1
     assert np.abs(error).max() < 4 and np.abs(error).mean() < 0.75
+
+
+FISHEYE = Camera(200, 160, 62.0, 62.5, 101.0, 78.0, (-0.01, 0.001, 0.0005, 0.0), fisheye=True)
+"""Its picture is some 180 degrees wide."""
+
+
+def test_a_fisheyes_picture_becomes_what_a_pinhole_of_120_degrees_sees() -> None:
+    shot = Picture(picture(FISHEYE, POSE), FISHEYE, ())
+    camera = common_camera([shot])
+    assert not camera.fisheye and not camera.distortion
+    widest = 2 * math.degrees(math.atan(camera.width / camera.fx / 2))
+    assert 118 < widest <= 120
+    error = resampled(shot, camera).astype(float) - picture(camera, POSE)
+    assert np.abs(error).max() < 6 and np.abs(error).mean() < 1
+
+
+def test_a_fisheye_with_a_narrow_picture_shows_no_empty_corner() -> None:
+    narrow = Camera(60, 40, 62.0, 62.0, 25.0, 20.0, (0.0, 0.0, 0.0, 0.0), fisheye=True)
+    shot = Picture(np.full((40, 60, 3), 255, np.uint8), narrow, ())
+    camera = common_camera([shot])
+    u, v = undistortion(narrow, (), camera)
+    assert u.min() >= -0.51 and u.max() <= 59.51 and v.min() >= -0.51 and v.max() <= 39.51
+    assert camera.width > 45 and camera.height > 30
+
+
+def test_a_fisheye_that_looks_beside_its_picture_is_refused() -> None:
+    beside = Camera(60, 40, 62.0, 62.0, -25.0, 20.0, (0.0, 0.0, 0.0, 0.0), fisheye=True)
+    with pytest.raises(CaptureError, match="nothing around its principal point"):
+        common_camera([Picture(np.zeros((40, 60, 3), np.uint8), beside, ())])
 
 
 def test_pictures_of_one_pinhole_keep_every_pixel() -> None:
