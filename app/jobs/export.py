@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.recorded import read_run
+from app.jobs.recorded import planned_in, read_run
 from app.jobs.surface import surface_of
 from app.places.opening import open_place
 from app.storage.output_files import prepare_file, write_bytes
@@ -36,6 +36,9 @@ def run(request: ExportRequest) -> JobEvents:
     folder = _folder(request.run)
     made = replace(read_run(folder), datum=request.datum)
     out = prepare_file(request.out)
+    if form.moves_vehicle:
+        yield Progress("opening the field, to judge what the vehicle is to fly", 0.1)
+        made = made.planned_in(planned_in(folder))
     if form.shows_place and made.steps:
         yield Progress("shaping the surface of the place", 0.2)
         made = made.standing_in(_surface(folder))

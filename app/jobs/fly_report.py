@@ -42,4 +42,5 @@ def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
         ends=route.ends,
         task=request.task,
         open_loop=request.open_loop or request.config.open_loop,
+        unknown=route.unknown.value,
     )

@@ -51,7 +51,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
         last = replace(last, outcome=PlanOutcome.TOUCHES_MESH)
         yield last
     summary = summary_of(last, place, clock.seconds, overlap, request.max_collision, request.settings.weights.risk)
-    return JobResult(summary, () if out is None else save(out, last.motion, place, summary))
+    return JobResult(summary, () if out is None else save(out, last.motion, place, summary, request.unknown))
 
 
 def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep_dt: bool = False) -> Timing:

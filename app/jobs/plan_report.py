@@ -7,6 +7,7 @@ from typing import Any
 from app.places.place import Place
 from app.storage.output_files import json_line, write_text
 from nerfnav.export import csv_text, json_text, motion_table
+from nerfnav.field import Unknown
 from nerfnav.planner import PlanCost, PlanOutcome, PlanStep, Safety, safety_of
 from nerfnav.robots import Motion, limit_uses
 
@@ -83,10 +84,12 @@ def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
     return judge(place.scene, place.robot.body, motion.states).max_overlap_m3
 
 
-def save(folder: Path, motion: Motion, place: Place, summary: dict[str, Any]) -> tuple[Path, ...]:
-    """Write a plan's three files into `folder`."""
+def save(
+    folder: Path, motion: Motion, place: Place, summary: dict[str, Any], unknown: Unknown
+) -> tuple[Path, ...]:
+    """Write a plan's three files into `folder`; `unknown` is what its planner took unproven space for."""
     table = motion_table(motion, place.robot.action_names, place.robot.name)
-    told = {"outcome": summary["outcome"]}
+    told = {"outcome": summary["outcome"], "place": place.source, "unknown": unknown.value}
     if place.robot.file is not None:
         told["robot_file"] = str(place.robot.file)
     table = replace(table, info=table.info | told)

@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+from app.places.derived import planning_place
+from app.places.opening import open_place
 from app.storage.run_metadata import RunMetadata
 from app.storage.step_codec import FILE
 from app.storage.stored_steps import read_steps
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
+from nerfnav.errors import InvalidInputError, NerfnavError
 from nerfnav.export import Recording, table_of_json
+from nerfnav.field import StoredField, Unknown
 
 TRAJECTORY = "trajectory.json"
 """What the folder of a plan holds."""
@@ -33,6 +36,20 @@ def read_run(folder: Path) -> Recording:
         ) from error
     except (OSError, UnicodeDecodeError) as error:
         raise InvalidInputError(f"{path} cannot be read: {error}") from error
+
+
+def planned_in(folder: Path) -> StoredField | None:
+    """The field that a run was planned in, as its planner saw it; None where its place is gone, or was never noted."""
+    try:
+        if (folder / FILE).is_file():
+            about = RunMetadata.load(folder)
+            source, unknown = about.source, about.unknown
+        else:
+            told = table_of_json((folder / TRAJECTORY).read_text()).info
+            source, unknown = str(told.get("place") or ""), str(told.get("unknown", ""))
+        return planning_place(open_place(source), Unknown(unknown)).field if source else None
+    except (NerfnavError, OSError, ValueError):
+        return None
 
 
 def title_of(about: RunMetadata) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import scenes
 from nerfnav.field import StoredField
 from nerfnav.geometry import Camera
 from nerfnav.importers import Splats
@@ -41,6 +42,12 @@ class Place:
     """The splats that the field was made of; None where it was made of something else."""
     file: Path | None = None
     """Where the field was read; None where it was made in memory."""
+
+    @property
+    def source(self) -> str | None:
+        """What opens it again, wherever that is done: a bundled scene's name, else its file; None where it has none."""
+        bundled = self.name in scenes.names() and self.file == scenes.trained_path(self.name)
+        return self.name if bundled else str(self.file.resolve()) if self.file is not None else None
 
     @property
     def tasks(self) -> tuple[Task, ...]:

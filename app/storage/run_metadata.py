@@ -35,6 +35,8 @@ class RunMetadata:
     task: str | None = None
     """The scene's task; None where the ends were chosen freely."""
     open_loop: bool = False
+    unknown: str = "occupied"
+    """What planners took unproven space for."""
     date: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     """When it took off, UTC."""
     outcome: str | None = None

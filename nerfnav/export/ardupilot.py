@@ -32,4 +32,4 @@ def ardupilot(recording: Recording) -> Exported:
         f"of {curve.motion}; outcome: {recording.outcome or 'not known'}"
     )
     content = csv_of(comment, COLUMNS, np.concatenate(table, -1).tolist())
-    return Exported(content, {"type_mask": TYPE_MASK, "origin": "the world's", **told(recording, curve)})
+    return Exported(content, {"type_mask": TYPE_MASK, "origin": "the world's", **told(recording, curve)}, curve.shape)

@@ -72,7 +72,7 @@ def crazyflie(recording: Recording, config: FitConfig | None = None) -> Exported
     shape = PiecewisePolynomial(duration * torch.arange(count + 1, dtype=torch.float64), shape.coefficients)
     told = {"pieces": count, "max_fit_error_m": worst, "max_fit_error_rad": float(off[:, 3].max())}
     told |= {"motion": flown.motion, "stretched_by": curve.stretched_by * duration * count / curve.duration}
-    return Exported(_csv(shape), told | {"off_rows_m": flown.off_m} | demands_of(shape, room))
+    return Exported(_csv(shape), told | {"off_rows_m": flown.off_m} | demands_of(shape, room), shape)
 
 
 def demands_of(shape: PiecewisePolynomial, room: Room) -> dict[str, float]:

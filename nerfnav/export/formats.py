@@ -1,12 +1,14 @@
 """All formats in which a plan or a flight can be taken away: name, ending, what it is for, and what makes it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.ardupilot import ardupilot
 from nerfnav.export.crazyflie import crazyflie
+from nerfnav.export.curves import quadrotor_of
 from nerfnav.export.gltf import gltf
+from nerfnav.export.judged import judged
 from nerfnav.export.px4 import px4, px4_odometry
 from nerfnav.export.qgroundcontrol import qgroundcontrol
 from nerfnav.export.recording import Exported, Recording
@@ -17,6 +19,7 @@ from nerfnav.export.table_text import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import GOOD, PlanOutcome
+from nerfnav.planner.polynomials import PiecewisePolynomial
 from nerfnav.registry import Registry
 
 _HURT = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)
@@ -47,13 +50,15 @@ class ExportFormat:
     def exported(self, recording: Recording, force: bool = False) -> Exported:
         """The content of a file.
 
-        Raises InvalidInputError for what should not be flown, unless that is forced (`--force` on the command line),
-        and where the format cannot take the recording.
+        What a vehicle is to follow is judged on the field that the recording knows. Raises InvalidInputError for what
+        should not be flown, unless that is forced (`--force` on the command line), and where the format cannot take
+        the recording.
         """
         why = unsafe(_ending(recording), self)
         if why and not force:
             raise InvalidInputError(f"{why}; --force exports it all the same")
-        return self.make(recording)
+        exported = self.make(recording)
+        return exported if exported.curve is None else _on_the_field(exported, exported.curve, recording, force)
 
 
 def unsafe(ended: PlanOutcome | EpisodeOutcome | None, form: ExportFormat) -> str:
@@ -66,6 +71,24 @@ def unsafe(ended: PlanOutcome | EpisodeOutcome | None, form: ExportFormat) -> st
     if form.moves_vehicle and ended in _HURT:
         return f"this flight is not to be flown again: {ended.value}"
     return ""
+
+
+def _on_the_field(exported: Exported, curve: PiecewisePolynomial, recording: Recording, force: bool) -> Exported:
+    """The file, with what the field says of its curve; nothing is said where no field is known."""
+    if recording.field is None:
+        return replace(exported, info=exported.info | {"curve": None})
+    found = judged(recording.field, curve, quadrotor_of(recording))
+    if found.outcome not in GOOD and not force:
+        raise InvalidInputError(
+            f"the curve that the vehicle would fly is not to be flown, for it cuts the corners of what was planned: "
+            f"{found.outcome.value}; plan with more room or time, or give --force to export it all the same"
+        )
+    told = {
+        "outcome": found.outcome.name.lower(),
+        "collision_probability_bound": found.bound,
+        "min_clearance_m": found.min_clearance_m,
+    }
+    return replace(exported, info=exported.info | {"curve": told})
 
 
 def _ending(recording: Recording) -> PlanOutcome | EpisodeOutcome | None:

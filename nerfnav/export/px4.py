@@ -49,7 +49,7 @@ def px4(recording: Recording) -> Exported:
         f"{RATE_HZ} Hz; of {curve.motion}; {_ending(recording)}"
     )
     content = csv_of(comment, SETPOINT_COLUMNS, np.concatenate(table, -1).tolist())
-    return Exported(content, {"message_version": MESSAGE_VERSION, **told(recording, curve)})
+    return Exported(content, {"message_version": MESSAGE_VERSION, **told(recording, curve)}, curve.shape)
 
 
 def px4_odometry(recording: Recording) -> Exported:

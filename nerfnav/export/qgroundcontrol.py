@@ -20,6 +20,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.export.curves import Curve, curve_of
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.setpoints import yaw_ned_of_enu
+from nerfnav.planner.polynomials import PiecewisePolynomial
 
 _SEMI_MAJOR, _ECCENTRICITY_2 = 6378137.0, 6.69437999014e-3
 """Of WGS 84: a [m] and e^2."""
@@ -28,6 +29,8 @@ _WAYPOINT, _GLOBAL_FRAME, _ABSOLUTE = 16, 0, 2
 _OFF_M = 0.02
 """How far the path may be from the lines between waypoints [m]."""
 _SAMPLE_S = 0.05
+_PACE_MPS = 1
+"""The mission's speed [m/s]."""
 
 
 def qgroundcontrol(recording: Recording) -> Exported:
@@ -48,12 +51,13 @@ def qgroundcontrol(recording: Recording) -> Exported:
         "nerfnav": {"title": recording.title, "motion": curve.motion, "outcome": recording.outcome or "not known"},
         "geoFence": {"circles": [], "polygons": [], "version": 2}, "rallyPoints": {"points": [], "version": 2},
         "mission": {
-            "version": 2, "firmwareType": 0, "vehicleType": 2, "cruiseSpeed": 1, "hoverSpeed": 1, "items": items,
+            "version": 2, "firmwareType": 0, "vehicleType": 2, "cruiseSpeed": _PACE_MPS, "hoverSpeed": _PACE_MPS,
+            "items": items,
             "globalPlanAltitudeMode": _ABSOLUTE, "plannedHomePosition": [latitude, longitude, height],
         },
     }  # fmt: skip
     info = {"waypoints": len(items), "motion": curve.motion, "datum": [latitude, longitude, height]}
-    return Exported((json.dumps(content, indent=1) + "\n").encode(), info)
+    return Exported((json.dumps(content, indent=1) + "\n").encode(), info, _straight(rows))
 
 
 def _datum(recording: Recording) -> tuple[float, float, float]:
@@ -87,6 +91,13 @@ def _corners(curve: Curve) -> np.ndarray:
             kept.add(middle)
             spans += [(first, middle), (middle, last)]
     return samples[sorted(kept)]
+
+
+def _straight(rows: np.ndarray) -> PiecewisePolynomial:
+    """The lines between waypoints (n, 4), at a steady and slow pace: it is the way that counts."""
+    spans = np.maximum(np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=-1) / _PACE_MPS, _SAMPLE_S)
+    coefficients = np.stack([rows[:-1], np.diff(rows, axis=0)], 1)
+    return PiecewisePolynomial(torch.from_numpy(np.append(0.0, spans.cumsum())), torch.from_numpy(coefficients))
 
 
 def _item(number: int, yaw: float, place: tuple[float, float, float]) -> dict[str, object]:

@@ -1,16 +1,19 @@
 """What is exported: a plan or a flight as a table, and for richer formats the time steps and the place around them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from typing import Any
 
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.export.tables import Table, episode_table, motion_table
+from nerfnav.field import Field
 from nerfnav.geometry import so3
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.planner import PlanOutcome
+from nerfnav.planner.polynomials import PiecewisePolynomial
 from nerfnav.robots import Motion, Robot, unwrapped
 
 
@@ -30,6 +33,8 @@ class Recording:
     """The place's surface as unlit binary glTF in world axes; None where it is not known."""
     robot: Robot | None = None
     """Who it is for; None where only its name is known."""
+    field: Field | None = None
+    """What it was planned in, as planners see it; None where that is not known: no vehicle's curve is judged then."""
     datum: tuple[float, float, float] | None = None
     """Where on Earth the world's origin is: latitude and longitude [deg], height above the ellipsoid or sea [m]."""
 
@@ -52,6 +57,10 @@ class Recording:
     def standing_in(self, surface: bytes | None) -> "Recording":
         """The same in a place with this surface."""
         return replace(self, surface=surface)
+
+    def planned_in(self, field: Field | None) -> "Recording":
+        """The same beside the field that it was planned in, as planners see it."""
+        return replace(self, field=field)
 
     @property
     def outcome(self) -> str:
@@ -100,5 +109,7 @@ class Exported:
 
     content: bytes
     """What is to be written."""
-    info: dict[str, Any] = field(default_factory=dict)
+    info: dict[str, Any] = dataclass_field(default_factory=dict)
     """What the format has to say about how well it fits, such as the error of an approximation."""
+    curve: PiecewisePolynomial | None = None
+    """x, y, z [m] and yaw [rad] over time that a vehicle is to follow; None where the file moves none."""

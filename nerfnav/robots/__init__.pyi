@@ -25,3 +25,4 @@ from .state import TANGENT as TANGENT
 from .state import VELOCITY as VELOCITY
 from .state import Motion as Motion
 from .state import RigidState as RigidState
+from .thrust import thrust_and_attitude as thrust_and_attitude

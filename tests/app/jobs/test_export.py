@@ -1,6 +1,7 @@
 """Exporting stored plans and flights, as the command line does."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,8 @@ from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.table_text import json_text
 from nerfnav.export.tables import motion_table
 from nerfnav.export.tum import poses_of_tum
+from nerfnav.field.checkpoint import load_field, save_field
+from nerfnav.field.voxel import VoxelField
 from nerfnav.robots.state import Motion
 from tests.app.following import result_of
 from tests.app.storage.stored_runs import put
@@ -63,6 +66,27 @@ def test_a_replay_shows_the_place_where_it_can_still_be_opened(tmp_path: Path, f
     assert exported(here, "html", tmp_path / "here.html")["has_surface"]
     assert not exported(gone, "html", tmp_path / "gone.html")["has_surface"]
     assert "balls" in (tmp_path / "gone.html").read_text()
+
+
+def test_what_a_vehicle_is_to_fly_is_judged_in_the_field_of_its_plan_as_long_as_that_is_there(
+    tmp_path: Path, field_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.npz"
+    shutil.copyfile(field_file, mine)
+    ends = ["--start", "-0.8", "-0.5", "0.5", "--goal", "0.8", "-0.5", "0.5"]
+    assert main(["plan", str(mine), *ends, "--out", str(tmp_path / "plan"), "--json"]) == 0
+    capsys.readouterr()
+    told = exported(tmp_path / "plan", "px4", tmp_path / "a.csv")["curve"]
+    assert told["outcome"] == "converged" and told["min_clearance_m"] > 0
+    blocked = load_field(mine)
+    assert isinstance(blocked, VoxelField)
+    blocked.values[:, :, :, 0] = 1.0
+    save_field(blocked, mine)
+    with pytest.raises(InvalidInputError, match="the curve that the vehicle would fly is not to be flown"):
+        exported(tmp_path / "plan", "px4", tmp_path / "b.csv")
+    assert not (tmp_path / "b.csv").exists()
+    mine.unlink()
+    assert exported(tmp_path / "plan", "px4", tmp_path / "c.csv")["curve"] is None
 
 
 def test_an_interrupted_flight_is_exported_as_far_as_it_went(tmp_path: Path) -> None:
