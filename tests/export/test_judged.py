@@ -8,7 +8,7 @@ import torch
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.curves import curve_of
 from nerfnav.export.formats import FORMATS
-from nerfnav.export.judged import judged, motion_along
+from nerfnav.export.judged import motion_along
 from nerfnav.field.analytic import BallsField
 from nerfnav.geometry.box import Box
 from nerfnav.robots.quadrotor import Quadrotor
