@@ -62,10 +62,15 @@ def module_of(path: Path) -> str:
 
 
 @cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(ast.parse(path.read_text())))
+
+
+@cache
 def imported(path: Path) -> set[str]:
     """Every module that a file names in an import, anywhere in it, as deep as it can be resolved."""
     modules: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             modules |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -75,6 +80,7 @@ def imported(path: Path) -> set[str]:
     return modules
 
 
+@cache
 def is_module(name: str) -> bool:
     path = ROOT.joinpath(*name.split("."))
     return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
@@ -126,6 +132,11 @@ def on_the_face(stub: Path) -> dict[tuple[str, str], str]:
     return {(f"{package}.{node.module}", alias.name): package for node in imports for alias in node.names}
 
 
+@cache
+def on_all_faces() -> dict[tuple[str, str], str]:
+    return {name: face for stub in FACES if stub.parent.name != "nerfnav" for name, face in on_the_face(stub).items()}
+
+
 @pytest.mark.parametrize("stub", FACES, ids=relative)
 def test_a_face_imports_nothing_of_its_package_before_it_is_asked_for(stub: Path) -> None:
     assert imported(stub.with_suffix(".py")) <= {"os", "lazy_loader"}
@@ -133,11 +144,10 @@ def test_a_face_imports_nothing_of_its_package_before_it_is_asked_for(stub: Path
 
 @pytest.mark.parametrize("path", SOURCES, ids=relative)
 def test_what_a_package_has_on_its_face_is_imported_from_there_by_other_packages(path: Path) -> None:
-    given = {name: face for stub in FACES if stub.parent.name != "nerfnav" for name, face in on_the_face(stub).items()}
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
-                face = given.get((node.module or "", alias.name))
+                face = on_all_faces().get((node.module or "", alias.name))
                 inside = face is None or within(module_of(path), (face,))
                 assert inside or alias.asname, f"{relative(path)}: {alias.name} is on the face of {face}"
 
@@ -168,7 +178,7 @@ def test_the_library_has_no_viewer_no_threads_no_arguments_and_no_prints(path: P
     roots = {module.split(".")[0] for module in imported(path)}
     banned = {"viser", "threading", "argparse", "tyro", "tqdm", "rich", "concurrent", "multiprocessing"}
     assert not roots & banned, f"{relative(path)} imports {roots & banned}"
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         assert not (isinstance(node, ast.Name) and node.id == "print"), f"{relative(path)} prints"
         assert not (isinstance(node, ast.Attribute) and node.attr == "argv"), f"{relative(path)} reads argv"
 
