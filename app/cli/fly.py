@@ -13,7 +13,7 @@ from app.jobs.fly import run as run_job
 from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
 from nerfnav.geometry import read_camera
-from nerfnav.navigation import PATIENCE, NavigateConfig, WorldName
+from nerfnav.navigation import NavigateConfig, WorldName
 from nerfnav.planner import planners
 
 
@@ -32,7 +32,7 @@ class Arguments(Route):
     """Fly the first plan blindly: no pictures, no replanning."""
     world: WorldName = "paper"
     """The paper's noise at each time step, or a physical world with motors, drag, wind and late pictures (quadrotors
-    alone), where flights take twice as long unless --steps says otherwise."""
+    alone), where --duration auto gives a flight time for wind."""
     realtime: bool = False
     """Let the world go on while filter and planner compute: steps that take longer than dt are late, and counted."""
     seed: int = 0
@@ -68,8 +68,6 @@ def run(arguments: Any) -> None:
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
     route = replace(arguments.request(place, asked.plan), again=again)
-    if arguments.world == "physical" and arguments.steps is None and not route.shortest:
-        route = replace(route, steps=PATIENCE * route.steps)
     request = FlyRequest(
         route,
         estimator=arguments.estimator,

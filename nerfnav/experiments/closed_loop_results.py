@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import matplotlib.axes
     import matplotlib.figure
 
-_OUTCOMES = ("reached", "collided", "diverged", "timeout", "no_plan", REFUSED)
+_OUTCOMES = ("reached", "collided", "diverged", "timeout", "no_plan", "too_risky", REFUSED)
 _QUANTILE_95 = 1.96
 """Of the normal distribution, both sides together."""
 

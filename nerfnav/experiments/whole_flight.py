@@ -19,7 +19,6 @@ from nerfnav.experiments.views import renderer_of
 from nerfnav.field import Unknown, planning_field
 from nerfnav.geometry import Camera, Pose
 from nerfnav.navigation import (
-    PATIENCE,
     LoopEvent,
     Mission,
     NavigateConfig,
@@ -30,7 +29,9 @@ from nerfnav.navigation import (
     expecting_physics,
     in_physical_world,
     navigate,
+    with_inertial_unit,
     with_late_pictures,
+    with_reserve,
     world_generator,
 )
 from nerfnav.navigation.guarded import guarded
@@ -45,8 +46,7 @@ class FlightTrial:
     """One trial."""
 
     task: Task | None
-    """From where to where, in 20 steps of 0.1 s; None: between random ends, drawn by the seed, as long as it takes.
-    In the physical world both take twice as long."""
+    """From where to where, in 20 steps of 0.1 s; None: between random ends, drawn by the seed, as long as it takes."""
     seed: int
     """Of everything random in it."""
     known: bool = False
@@ -60,9 +60,7 @@ class FlightTrial:
 def fly(arena: Arena, trial: FlightTrial) -> Row:
     """Fly: `row` of the table, and `steps`, lists of what was measured at each time step."""
     task = random_task(arena, trial.seed) if trial.task is None else trial.task
-    problem = _problem(arena, task, is_drawn=trial.task is None)
-    if trial.world == "physical":
-        problem = replace(problem, steps=PATIENCE * problem.steps)
+    problem = _problem(arena, task, trial)
     told = {
         "ends": "tasks" if trial.task else "random", "task": task.name, "seed": trial.seed,
         "state": "known" if trial.known else "camera", "world": trial.world,
@@ -77,11 +75,12 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
     return {"row": told | row_of(flown, task.goal_state, steps), "steps": steps}
 
 
-def _problem(arena: Arena, task: Task, is_drawn: bool) -> PlanProblem:
+def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     """What is to be planned, in the field with what no camera saw taken for solid."""
-    robot, field = _robot(task.robot), planning_field(arena.field, Unknown.OCCUPIED)
+    robot = _careful(task.robot) if trial.world == "physical" else _robot(task.robot)
+    field = planning_field(arena.field, Unknown.OCCUPIED)
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
-    if not is_drawn:
+    if trial.task is not None:
         return problem
     length = way_length(problem, _map(arena, problem), FastPlanConfig().search)
     return replace(problem, steps=timing_of(robot, length, problem.dt, problem.dt).steps)
@@ -91,9 +90,9 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     physical, config = trial.world == "physical", NavigateConfig()
     config = expecting_physics(config) if physical else config
     config = replace(config, filter=config.filter.for_field(arena.field.info.noise_std))
-    robot, draws = problem.robot, world_generator(trial.seed)
+    robot, draws = _robot(problem.robot.name), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
-    where, again = (problem.field, _map(arena, problem), robot), entry.in_flight(settings, trial.risk)
+    where, again = (problem.field, _map(arena, problem), problem.robot), entry.in_flight(settings, trial.risk)
     planner, guard = guarded(entry, where, settings, again, config.noise)
     contact = contact_check(arena.scene, robot.body)
     look = partial(_black if trial.known else partial(_photo, _renderer(arena)), robot.camera)
@@ -103,7 +102,8 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
         config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator), guard=guard)
     else:
         make, camera = estimators.load("fast").make, robot.camera
-        estimator = make(arena.field, robot, camera, mount=robot.mount, config=config.filter)
+        moved = with_inertial_unit(robot) if physical else robot
+        estimator = make(arena.field, moved, camera, mount=robot.mount, config=config.filter)
         pilot = Pilot(planner, estimator, _searcher(arena, camera, config.filter.color_noise), guard)
         pilot = with_late_pictures(pilot, simulator, config.filter)
     mission = Mission(problem.goal, problem.steps, problem.dt)
@@ -145,6 +145,12 @@ def _map_at(arena: Arena, robot: str, height: float | None) -> OccupancyMap:
 def _robot(name: str) -> robots.Robot:
     """One object for each, by which planners know again what they have made for it."""
     return robots.load(name)
+
+
+@lru_cache
+def _careful(name: str) -> robots.Robot:
+    """The same for the physical world."""
+    return with_reserve(_robot(name))
 
 
 def _words(*numbers: float) -> str:

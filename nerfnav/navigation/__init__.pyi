@@ -1,6 +1,5 @@
 from .episode import Episode as Episode
 from .orders import Orders as Orders
-from .physical.config import PATIENCE as PATIENCE
 from .physical.config import PhysicalConfig as PhysicalConfig
 from .recovery import Recovery as Recovery
 from .replan import Mission as Mission
@@ -17,4 +16,6 @@ from .steps import NavigationStep as NavigationStep
 from .worlds import WorldName as WorldName
 from .worlds import expecting_physics as expecting_physics
 from .worlds import in_physical_world as in_physical_world
+from .worlds import with_inertial_unit as with_inertial_unit
 from .worlds import with_late_pictures as with_late_pictures
+from .worlds import with_reserve as with_reserve

@@ -16,11 +16,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import Field
-from nerfnav.planner import PlanOutcome, PlanStep, collision_probability_bound, fits
+from nerfnav.planner import CostWeights, PlanOutcome, PlanProblem, PlanStep, collision_probability_bound, fits
 from nerfnav.planner.danger import DangerMap
 from nerfnav.planner.kernels.danger import endangered
 from nerfnav.planner.safety import NEAR_CERTAIN
 from nerfnav.planner.spread import PAPERS_NOISE, Disturbance, Outlook
+from nerfnav.planner.terms.risk import RISK
 from nerfnav.robots import Motion, RigidState, Robot
 
 _NO_GOOD = (
@@ -83,6 +84,15 @@ class Guard:
             if best.safe:
                 break
         return best, best.safe and best.bound < self._bound(planned.motion)
+
+    def hits_expected(self, motion: Motion) -> float:
+        """Collisions to be expected of noise along a plan."""
+        states = motion.states
+        problem = PlanProblem(
+            self.field, self.robot, states[0], states[-1], len(motion.actions), motion.dt, disturbance=self.disturbance
+        )
+        with torch.no_grad():
+            return RISK.value(problem.context(CostWeights(risk=1.0)), motion).item()
 
     def _bound(self, motion: Motion) -> float:
         finite = motion.states.position.isfinite().all()

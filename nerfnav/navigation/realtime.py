@@ -1,7 +1,7 @@
 """Deadlines: time steps that pass in the world while filter and planner still compute.
 
 A step whose filter and planner take longer than dt is late. Meanwhile the robot does what was planned before, without
-looking, and its belief is moved on by the dynamics alone; what it does is counted step by step. Then the late plan
+looking, and its belief is moved on without a picture; what it does is counted step by step. Then the late plan
 goes on from where it is by then.
 """
 
@@ -9,8 +9,9 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from nerfnav.estimator import StateNoise
-from nerfnav.estimator.predict import predict
+import torch
+
+from nerfnav.estimator import Estimator
 from nerfnav.navigation.recovery import RecoveryConfig, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
@@ -30,8 +31,10 @@ class Overrun:
     """The plan that was being flown when its picture was taken, from that time on."""
     simulator: Simulator
     """The world."""
-    noise: StateNoise
-    """What the filter expects of each time step."""
+    estimator: Estimator
+    """Moves the belief on, without pictures."""
+    generator: torch.Generator
+    """Its draws."""
 
     @property
     def missed(self) -> int:
@@ -44,7 +47,9 @@ class Overrun:
         for late in range(1, self.missed + 1):
             flown = later(self.before, late - 1, belief.mean, robot)
             touched = self.simulator.follow(flown, believed=belief.mean)
-            belief = predict(belief, flown.actions[0], robot, dt, self.noise)
+            *_, blind = self.estimator.update(belief, None, flown.actions[0], dt, self.generator)
+            assert blind.posterior is not None, "the last step of an estimator has the posterior"
+            belief = blind.posterior
             made = self.step.plan if late == self.missed else self.before
             index = self.step.index + late
             yield NavigationStep(

@@ -43,8 +43,15 @@ class NavigateConfig:
     """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
     timeout_factor: float = 2.0
     """TIMEOUT after this many times the planned steps; those in which the robot held count only beyond as many."""
+    most_hits: float | None = None
+    """TOO_RISKY, on the ground, where more collisions than this are to be expected of noise along the first plan, of a
+    flight with a guard; None: any number will do."""
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
+    leash_m: float = 0.0
+    """How far the believed position may be from where the last plan has led by now, for the next plan to begin there
+    [m]: something must track plans then, between steps. 0, as in the paper: plans begin where the robot believes to
+    be."""
     open_loop: bool = False
     """Fly the first plan blindly: no pictures, no replanning, beliefs moved by the dynamics alone."""
 
@@ -147,7 +154,9 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: _Flight) ->
     yield step
     if flight.mission.realtime:
         under_way = Motion(last.plan.states[1:], last.plan.actions[1:], last.plan.dt)
-        yield from Overrun(step, under_way, flight.simulator, flight.config.filter.process_noise).steps()
+        yield from Overrun(
+            step, under_way, flight.simulator, flight.pilot.estimator, flight.generator
+        ).steps()
 
 
 def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
@@ -169,7 +178,14 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
             flight.pilot.planner.replan(motion, Route(mean, mission.goal, steps, motion.dt), executed=0)
         )
         motion, spent_ms = planned.motion, spent_ms + again_ms
-    return NavigationStep(0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome)
+    guard, expected = flight.pilot.guard, None
+    if outcome is None and guard is not None:
+        expected = guard.hits_expected(motion)
+        if config.most_hits is not None and expected > config.most_hits:
+            outcome = EpisodeOutcome.TOO_RISKY
+    return NavigationStep(
+        0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome, hits_expected=expected
+    )
 
 
 def _advance(
@@ -191,7 +207,10 @@ def _advance(
         left = mission.steps if elsewhere else max(doubt.steps_left, flight.config.minimum_horizon)
         way = doubt.way
         planned, replan_ms = yield from timed(
-            flight.pilot.planner.replan(way, Route(belief.mean, course.goal, left, way.dt), executed=1), mission.clock
+            flight.pilot.planner.replan(
+                way, Route(_onward(last, belief, flight), course.goal, left, way.dt), executed=1
+            ),
+            mission.clock,
         )
         plan, restart = planned.motion, planned.restart
         if flight.pilot.guard is not None:
@@ -205,10 +224,16 @@ def _advance(
     )  # fmt: skip
 
 
+def _onward(last: NavigationStep, belief: Belief, flight: _Flight) -> RigidState:
+    """Where the next plan begins."""
+    led = last.plan.states[1]
+    return led if (led.position - belief.mean.position).norm() < flight.config.leash_m else belief.mean
+
+
 def _rest(last: NavigationStep, belief: Belief, recovery: Recovery, flight: _Flight) -> Motion:
     """What a robot intends that does not know where it is."""
     robot, config = flight.simulator.robot, flight.config.recovery
-    start = robot.settled(belief.mean, last.plan.states[0])
+    start = robot.settled(_onward(last, belief, flight), last.plan.states[0])
     return come_to_rest(robot, start, config.rest, flight.mission.dt, config.turn if recovery.turns else 0.0)
 
 
@@ -230,7 +255,7 @@ def _trusted(
 def _act(last: NavigationStep, flight: _Flight) -> tuple[Tensor, bool]:
     """Let the world move on by the first action of the plan; returns it, and whether the body touched anything."""
     simulator, orders, action = flight.simulator, flight.orders, last.plan.actions[0]
-    touched = simulator.follow(last.plan, orders.gust)
+    touched = simulator.follow(last.plan, orders.gust, last.belief.mean)
     if orders.carried is not None:
         simulator.carry(orders.carried)
     return action, touched

@@ -22,6 +22,7 @@ class EpisodeOutcome(Enum):
     DIVERGED = "the filter lost the robot"
     TIMEOUT = "the goal was not reached in time"
     NO_PLAN = "no plan leads to the goal"
+    TOO_RISKY = "no way was found that is safe enough in the noise to come"
     STOPPED = "the flight was stopped on the way"
 
 
@@ -60,6 +61,9 @@ class NavigationStep:
     """What was done where the picture disagreed with the belief, or the plan was no longer safe; else None."""
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
+    hits_expected: float | None = None
+    """Collisions to be expected of noise along the first plan, at index 0: an upper bound of their probability as long
+    as the robot keeps to its plan as well as planner/spread.py says. None where nobody guards the flight."""
     backup: Backup | None = None
     """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
 

@@ -1,7 +1,8 @@
 """How long a plan must take: the fewest steps in which the robot keeps its limits, begun where they should be.
 
 No robot is sooner at its goal than its way is long and its limit of speed lets it: T >= L / v. Easing in and out takes
-more; 1.4 L / v is nearly always enough, and no more than 40 % too long.
+more; 1.4 L / v is nearly always enough, and no more than 40 % too long. From rest to rest with least jerk, a way takes
+the acceleration 5.8 L / T^2 at most.
 """
 
 import math
@@ -12,7 +13,7 @@ from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.robots import Robot, limit_uses
 
 _HOPELESS = (PlanOutcome.NO_PATH, PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIVERGED)
-_EASING = 1.4
+_EASING, _LEAST_JERK = 1.4, 10 / 3**0.5
 _SAMPLES = 3
 """Densities taken along each step, see CostWeights.samples_per_step."""
 _MANY = 80
@@ -67,7 +68,10 @@ def timing_of(robot: Robot, length: float, dt: float, longest_dt: float | None =
     least_s = length / speed
     longest_dt = longest_step(robot, speed) if longest_dt is None else longest_dt
     dt = min(max(dt, _EASING * least_s / _MANY), max(dt, longest_dt))
-    return Timing(max(fewest, math.ceil(_EASING * least_s / dt)), dt, math.floor(least_s / dt))
+    enough_s = _EASING * least_s
+    if robot.acceleration is not None:
+        enough_s = max(enough_s, math.sqrt(_LEAST_JERK * length / robot.acceleration))
+    return Timing(max(fewest, math.ceil(enough_s / dt)), dt, math.floor(least_s / dt))
 
 
 def longest_step(robot: Robot, speed: float) -> float:

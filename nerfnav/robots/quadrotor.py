@@ -43,6 +43,7 @@ class Quadrotor(Robot):
 
     action_names = ("thrust_n", "torque_x_nm", "torque_y_nm", "torque_z_nm")
     minimum_steps = 4
+    acceleration = 4.0
 
     def __init__(self, config: QuadrotorConfig | None = None) -> None:
         """A quadrotor with the given constants (default: those of QuadrotorConfig)."""

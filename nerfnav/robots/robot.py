@@ -60,6 +60,8 @@ class Robot(ABC):
     """Whether it stays at the height of its start, level."""
     bounds: tuple[Limit, ...] = ()
     """What it can do at most."""
+    acceleration: float | None = None
+    """For which it is given time where nobody says how long a flight may take [m/s^2]; None: its speed alone counts."""
     camera: Camera = CAMERA
     """What it sees with."""
     mount: Pose = FORWARD_MOUNT

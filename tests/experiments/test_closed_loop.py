@@ -45,7 +45,7 @@ def test_the_physical_world_leaves_out_tasks_of_other_robots() -> None:
 def test_a_flight_in_the_physical_world_arrives_with_the_state_known() -> None:
     row = fly(column(), FlightTrial(TASKS[0], 1, known=True, world="physical"))["row"]
     assert row["outcome"] == "reached" and row["touches"] == 0
-    assert row["planned_steps"] == 40
+    assert row["planned_steps"] == 20, "at the pace of the paper"
 
 
 def test_random_ends_are_free_with_room_to_spare_and_the_same_for_the_same_seed() -> None:

@@ -111,3 +111,18 @@ def test_a_robot_without_a_way_on_does_not_doubt_where_it_is():
     for step in steps[1:]:
         doubt = doubt.after(step)
     assert doubt.held == 2 and doubt.unsure == doubt.lost == 0
+
+
+def test_a_robot_does_not_take_off_where_no_way_is_safe_enough_and_says_what_the_safest_risks():
+    def flown(most: float) -> list[NavigationStep]:
+        world = simulator()
+        world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
+        pilot = Pilot(StraightPlanner(), Oracle(world), guard=Guard(CLOSED, ROBOT))
+        config = replace(CONFIG, most_hits=most)
+        events = navigate(Mission(GOAL, steps=16), world, pilot, config, draws(0))
+        return [event for event in events if isinstance(event, NavigationStep)]
+
+    (start,) = flown(0.5)
+    assert start.outcome is EpisodeOutcome.TOO_RISKY
+    assert start.hits_expected is not None and start.hits_expected > 0.5
+    assert len(flown(start.hits_expected + 0.01)) > 1

@@ -2,7 +2,8 @@
 
 import json
 import os
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,16 @@ import torch
 
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, StateNoise
-from nerfnav.geometry import Pose
+from nerfnav.estimator import Belief, FilterStep, StateNoise
+from nerfnav.geometry import Pose, so3
 from nerfnav.navigation.physical.config import PhysicalConfig
+from nerfnav.navigation.physical.inertial import Strapdown
 from nerfnav.navigation.physical.late_pictures import LatePictures
 from nerfnav.navigation.physical.powertrain import Powertrain
+from nerfnav.navigation.physical.reference import Flown
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
 from nerfnav.navigation.physical.simulator import PhysicalSimulator, airframe
-from nerfnav.navigation.physical.tracking import Reference, TrackingGains
+from nerfnav.navigation.physical.tracking import TrackingGains
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.recovery import come_to_rest
 from nerfnav.navigation.simulator import Simulator
@@ -34,6 +37,15 @@ DATA = os.environ.get("NERFNAV_TEST_DATA")
 def still(state: RigidState = START) -> Motion:
     """One step of hovering at a state."""
     return Motion(RigidState.stack([state, state]), HOVER, 0.1)
+
+
+def held(world: PhysicalSimulator, steps: int) -> None:
+    """Come to rest as the loop does it: each plan goes on from where the last one led."""
+    start = world.state
+    for _ in range(steps):
+        plan = come_to_rest(ROBOT, start, 6, 0.1)
+        world.follow(plan, believed=world.state)
+        start = plan.states[1]
 
 
 def world_of(config: PhysicalConfig, seed: int = 0, **parts: object) -> PhysicalSimulator:
@@ -99,25 +111,73 @@ def test_rotors_follow_with_their_lag_and_keep_their_limits() -> None:
 def test_a_robot_hovers_in_calm_air_and_heavier_than_it_thinks_too() -> None:
     for config in (CALM, replace(CALM, mass_error=0.1)):
         world = world_of(config)
-        for _ in range(8):
-            world.follow(come_to_rest(ROBOT, world.state, 1, 0.1))
+        held(world, 8)
         assert (world.state.position - START.position).norm() < 0.05, config
         assert world.state.velocity.norm() < 0.02
 
 
-def test_a_plans_attitude_is_met_at_the_end_of_its_step() -> None:
-    turning = replace(START, body_rate=torch.tensor([0.5, -0.4, 0.3]))
-    action = torch.tensor([ROBOT.weight, 2e-3, 1e-3, -5e-4])
-    after = ROBOT.step(turning, action, 0.1)
-    plan = Motion(RigidState.stack([turning, after]), action[None], 0.1)
-    rotation, rate, _ = Reference.of(plan, 0.25).attitude(0.1)
-    np.testing.assert_allclose(rotation, after.rotation.numpy(), atol=1e-6)
-    np.testing.assert_allclose(rate, after.body_rate.numpy(), atol=1e-6)
-    world = world_of(CALM, noise=None)
+def test_rotors_at_their_limits_give_up_turning_before_thrust_and_thrust_before_tilting() -> None:
+    motors = Powertrain(airframe(ROBOT, CALM), CALM, TrackingGains())
+    for wanted, kept in (([8.0, 0.02, 0.0, 1.0], 1), ([12.0, 0.0, 0.03, -1.0], 2)):
+        wrench = [motors.spin(np.array(wanted), 0.002) for _ in range(100)][-1]
+        assert wrench[kept] == pytest.approx(wanted[kept], rel=1e-3)
+        assert wrench[0] == pytest.approx(wanted[0] * motors.frame.mass, rel=1e-3)
+        assert abs(wrench[3]) < 0.1, "of the turning as much as is left"
+    wrench = [motors.spin(np.array([0.5, 0.03, 0.0, 0.0]), 0.002) for _ in range(100)][-1]
+    assert wrench[1] == pytest.approx(0.03, rel=1e-3) and wrench[0] > 0.5 * motors.frame.mass
+
+
+def test_the_reference_is_exact_for_cubic_motions_and_goes_on_smoothly_from_plan_to_plan() -> None:
+    times = 0.1 * torch.arange(13)
+    path = torch.stack([times**3 - times**2, times**2, 0.2 * times], -1)
+    still = RigidState.at_rest((0.0, 0.0, 0.0))
+    states = RigidState.stack([replace(still, position=place) for place in path])
+    plan, flown = Motion(states, HOVER.expand(12, 4), 0.1), Flown()
+    for step in range(6):
+        rest = Motion(plan.states[step:], plan.actions[step:], 0.1)
+        wanted, flown = flown.along(rest, 50, 9.81)
+        if step < 3:  # of what was before the start it knows nothing
+            continue
+        at = 0.1 * step + 0.002 * np.arange(50)
+        np.testing.assert_allclose([want.position for want in wanted], _cubic(at, 0), atol=1e-6)
+        np.testing.assert_allclose([want.velocity for want in wanted], _cubic(at, 1), atol=1e-5)
+        pull = _cubic(at, 2) + np.array([0.0, 0.0, 9.81])
+        np.testing.assert_allclose([want.acceleration for want in wanted], pull, atol=1e-3)
+        up = pull / np.linalg.norm(pull, axis=-1, keepdims=True)
+        np.testing.assert_allclose([want.rotation[:, 2] for want in wanted], up, atol=1e-4)
+
+
+def _cubic(t: np.ndarray, order: int) -> np.ndarray:
+    """Derivatives of the path above."""
+    orders = ([t**3 - t**2, t**2, 0.2 * t], [3 * t**2 - 2 * t, 2 * t, 0.2 + 0 * t], [6 * t - 2, 2 + 0 * t, 0 * t])
+    return np.stack(orders[order], -1)
+
+
+def test_a_plan_is_tracked_in_gusts_with_a_wrong_mass() -> None:
+    world, goal = world_of(PhysicalConfig(), seed=5), RigidState.at_rest((0.6, 0.3, 0.5), 0.8)
+    share = torch.linspace(0, 1, 21)[:, None]
+    share = share**3 * (10 - 15 * share + 6 * share.square())
+    waypoints = torch.cat([START.position + share * (goal.position - START.position), 0.8 * share], -1)
+    plan = ROBOT.motion(ROBOT.encode(waypoints, START, goal, 0.1), START, goal, 20, 0.1)
+    for step in range(20):
+        world.follow(Motion(plan.states[step:], plan.actions[step:], 0.1), believed=world.state)
+        assert (world.state.position - plan.states.position[step + 1]).norm() < 0.03, step
+
+
+def test_inertial_increments_move_any_state_as_the_robot_was_moved() -> None:
+    world = world_of(replace(CALM, gyroscope_noise=0.0, gyroscope_bias_radps=0.0, accelerometer_noise=0.0,
+                             accelerometer_bias_mps2=0.0))  # fmt: skip
+    turning = replace(START, velocity=torch.tensor([0.6, -0.2, 0.1]), body_rate=torch.tensor([0.5, -0.4, 0.3]))
     world._put(turning)
-    world.follow(plan)
-    off = after.local(world.state)
-    assert off[6:9].norm() < 0.01 and off[9:].norm() < 0.3, off
+    world.follow(still(turning))
+    strapdown, late = Strapdown(), world.world.delay_s
+    middle = strapdown.step(turning, world.felt[0], 0.1 - late)
+    after = strapdown.step(middle, world.felt[1], late)
+    torch.testing.assert_close(after.position, world.state.position, atol=1e-4, rtol=0)
+    elsewhere = turning.moved_to(Pose(so3.from_yaw(torch.tensor(1.0)) @ turning.rotation, torch.zeros(3)))
+    moved = strapdown.step(strapdown.step(elsewhere, world.felt[0], 0.1 - late), world.felt[1], late)
+    turned = [before.rotation.T @ after.rotation for before, after in ((turning, world.state), (elsewhere, moved))]
+    torch.testing.assert_close(turned[1], turned[0], atol=1e-4, rtol=0)
 
 
 def test_wind_is_as_strong_as_it_says_and_the_same_for_the_same_seed() -> None:
@@ -162,7 +222,7 @@ def test_pictures_are_late_and_some_are_lost() -> None:
     moving = replace(START, velocity=torch.tensor([1.0, 0.0, 0.0]))
     world = world_of(replace(CALM, dropped_share=0.0), camera=camera)
     world._put(moving)
-    world.follow(still(moving))
+    world.follow(come_to_rest(ROBOT, moving, 6, 0.1))
     world.look()
     behind = float(world.state.position[0] - seen[0].position[0])
     assert behind == pytest.approx(1 / 30, abs=0.004)
@@ -171,10 +231,22 @@ def test_pictures_are_late_and_some_are_lost() -> None:
     assert 150 < lost < 250
 
 
+@dataclass(frozen=True)
+class Seeing(Oracle):
+    """Knows the truth, whatever moves the belief."""
+
+    def update(
+        self, belief: Belief, image: torch.Tensor | None, action: torch.Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        yield from super().update(belief, image, HOVER[0], dt, generator)
+
+
 def test_a_late_picture_corrects_the_belief_of_then() -> None:
     moving = replace(START, velocity=torch.tensor([1.0, 0.0, 0.0]))
     world = simulator(noise=None)
-    late = LatePictures(Oracle(world), ROBOT, 1 / 30, StateNoise())
+    hovers = [torch.tensor([0.0] * 5 + [9.81 * time] + [0.0] * 2 + [4.905 * time**2] + [0.0] * 3)
+              for time in (0.1 - 1 / 30, 1 / 30)]  # fmt: skip
+    late = LatePictures(Seeing(world), Strapdown(), lambda: (hovers[0], hovers[1]), 1 / 30, StateNoise())
     world.state = replace(moving, position=moving.position + torch.tensor([0.2, 0.0, 0.0]))  # of when it was taken
     *_, last = late.update(Belief(START, torch.eye(12)), grey(None), HOVER[0], 0.1, draws(0))
     assert last.posterior is not None
@@ -200,6 +272,5 @@ def test_a_robot_that_holds_comes_to_rest() -> None:
     moving = replace(START, velocity=torch.tensor([0.8, 0.0, 0.0]))
     world = world_of(CALM)
     world._put(moving)
-    for _ in range(10):
-        world.follow(come_to_rest(ROBOT, world.state, 1, 0.1))
+    held(world, 10)
     assert world.state.velocity.norm() < 0.1, world.state.velocity

@@ -212,3 +212,17 @@ def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():
     off = [(step.truth.position - before.plan.states[1].position).norm() for before, step in pairwise(steps)]
     assert off[2] > 0.1
     assert max(off[:2] + off[3:]) < 0.02
+
+
+@pytest.mark.parametrize("leash", [0.0, 0.1])
+def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leash(leash: float) -> None:
+    world, planner = simulator(noise=None), StraightPlanner()
+    config = NavigateConfig(noise=CALM, leash_m=leash)
+    steps = [
+        event
+        for event in navigate(MISSION, world, Pilot(planner, Oracle(world)), config, draws(1))
+        if isinstance(event, NavigationStep)
+    ]
+    for before, step, start in zip(steps, steps[1:], planner.starts[1:], strict=False):
+        led = before.plan.states[1] if leash else step.belief.mean
+        assert torch.equal(start.position, led.position)

@@ -26,7 +26,7 @@ class FlyingPanel:
                 "Speed", list[str](_SPEEDS), hint="Counts at once, also while flying"
             )
             self._world: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
-                "World", list[str](_WORLDS), hint="Wind and motors: a real quadrotor, which needs twice the time"
+                "World", list[str](_WORLDS), hint="Wind and motors: a quadrotor of 250 g in wind of 2 m/s"
             )
             self._realtime = server.gui.add_checkbox(
                 "World does not wait", False, hint="Steps that take longer than their time are late, and counted"

@@ -96,6 +96,7 @@ def landed(flight: FlightRecord) -> str:
         EpisodeOutcome.DIVERGED: f"Lost at {last.time:.1f} s: the robot did not know where it was, {far} from the goal",
         EpisodeOutcome.TIMEOUT: f"Not arrived after {last.time:.1f} s: {far} from the goal",
         EpisodeOutcome.NO_PLAN: "Did not take off: no way to the goal was found",
+        EpisodeOutcome.TOO_RISKY: "Did not take off: no way was found that is safe enough in the noise to come",
         EpisodeOutcome.STOPPED: f"Stopped at {last.time:.1f} s, {far} from the goal",
     }
     return words[last.outcome] if last.outcome is not None else words[EpisodeOutcome.STOPPED]

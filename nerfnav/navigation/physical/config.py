@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import StateNoise
 
-MISFIT = StateNoise(position_m=0.005, velocity_mps=0.06, attitude_rad=0.015, body_rate_radps=0.4)
-"""Process noise that a filter should expect here: by how much the plan's explicit Euler steps of 0.1 s and a robot
-differ that is blown about and follows them through its motors (1.48 times the median over 45 steps)."""
-PATIENCE = 2
-"""How many times as long flights should take here: what Euler steps leave out grows with the square of the pace. At
-the paper's 2 s for 1.5 m, 2 to 6 cm of every step are wrong, and the loop swings."""
+INERTIAL = StateNoise(position_m=0.0014, velocity_mps=0.014, attitude_rad=0.002, body_rate_radps=0.035)
+"""Process noise that a filter should expect of a time step here: what inertial measurements are wrong by after 0.1 s,
+with some room for biases, which last."""
+
+LEASH_M = 0.1
+"""How far off a robot may believe to be that still tracks its plan [m]: its own width."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,14 @@ class PhysicalConfig:
     """Frames by which a picture is late when the filter has it; the filter knows."""
     dropped_share: float = 0.05
     """Share of pictures that never arrive."""
+    gyroscope_noise: float = 5e-4
+    """Of the gyroscopes: white noise [rad/s/sqrt(Hz)]; that of small ones on a frame that shakes."""
+    gyroscope_bias_radps: float = 0.005
+    """And standard deviation of their bias, which nothing estimates [rad/s]."""
+    accelerometer_noise: float = 3e-3
+    """Of the accelerometers: white noise [m/s^2/sqrt(Hz)]."""
+    accelerometer_bias_mps2: float = 0.05
+    """And standard deviation of their bias, which nothing estimates [m/s^2]."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no world can have."""
@@ -68,5 +76,5 @@ class PhysicalConfig:
 
     @property
     def delay_s(self) -> float:
-        """By how much a picture is late [s]."""
-        return self.camera_delay / self.camera_hz
+        """By how much a picture is late, in whole ticks of the integration [s]."""
+        return round(self.camera_delay / self.camera_hz * self.control_hz) / self.control_hz

@@ -1,6 +1,9 @@
-"""Latency compensation: pictures that come late correct the belief of when they were taken, which is then moved on."""
+"""Latency compensation: pictures that come late correct the belief of when they were taken, which is then moved on.
 
-from collections.abc import Iterator
+Both times by what the inertial unit has measured meanwhile: the estimator's robot is a Strapdown.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import torch
@@ -20,7 +23,9 @@ class LatePictures:
     estimator: Estimator
     """Knows nothing of it."""
     robot: Robot
-    """Its dynamics move the belief on."""
+    """What it takes for the robot: a Strapdown."""
+    felt: Callable[[], tuple[Tensor, Tensor]]
+    """Inertial increments of the last time step until its picture was taken, and after that."""
     delay_s: float
     """By how much pictures are late [s]."""
     noise: StateNoise
@@ -33,8 +38,8 @@ class LatePictures:
         late, spread = self.delay_s, self.noise.std() * (self.delay_s / dt) ** 0.5
         if late >= dt:
             raise InvalidInputError(f"pictures that are {late:.3g} s late need time steps longer than {dt:g} s")
-        noise = StateNoise(*spread[::3].tolist())
-        for step in self.estimator.update(belief, image, action, dt - late, generator):
+        noise, (before, after) = StateNoise(*spread[::3].tolist()), self.felt()
+        for step in self.estimator.update(belief, image, before, dt - late, generator):
             posterior = step.posterior
-            moved = None if posterior is None else predict(posterior, action, self.robot, late, noise)
+            moved = None if posterior is None else predict(posterior, after, self.robot, late, noise)
             yield replace(step, posterior=moved)

@@ -21,9 +21,6 @@ class Powertrain:
     """How commands make up for the lag."""
     speeds: np.ndarray = field(init=False)
     """Of the rotors [rad/s]."""
-    lift: float = 0.0
-    """By how much the accelerometer says that the thrust pulls more than it should [m/s^2]."""
-    _thrust: float = 0.0
 
     def __post_init__(self) -> None:
         """Hover."""
@@ -33,18 +30,20 @@ class Powertrain:
         self._inverse = np.linalg.pinv(self.frame.allocation)
 
     def spin(self, wanted: np.ndarray, dt: float) -> np.ndarray:
-        """The thrust [N] and torque [N m] that come of `dt` [s] of wanting a thrust for each kg and a torque."""
+        """The thrust [N] and torque [N m] that come of `dt` [s] of wanting a thrust for each kg and a torque.
+
+        Where rotors reach their limits, tilting comes first, then thrust, and turning about the vertical last.
+        """
         world, coefficient = self.world, self.frame.thrust_coefficient
-        thrust = self.frame.mass * (wanted[0] - self.lift)
-        each = self._inverse @ np.array([thrust, *wanted[1:]]) / coefficient
-        aim = np.sqrt(np.maximum(each, 0.0))
+        least, most = world.slowest_radps**2, world.fastest_radps**2
+        lifting = np.array([self.frame.mass * wanted[0], wanted[1], wanted[2], 0.0])
+        squares = self._inverse @ lifting / coefficient
+        squares = squares + max(0.0, least - squares.min())
+        squares = (squares - max(0.0, squares.max() - most)).clip(least, most)
+        turning = self._inverse[:, 3] * wanted[3] / coefficient
+        room = np.where(turning > 0, most - squares, squares - least)
+        share = min(1.0, float((room / np.maximum(np.abs(turning), 1e-9)).min()))
+        aim = np.sqrt((squares + share * turning).clip(least, most))
         command = np.clip(self.speeds + self.gains.lead * (aim - self.speeds), world.slowest_radps, world.fastest_radps)
         self.speeds = command + (self.speeds - command) * np.exp(-dt / world.motor_lag_s)
-        wrench = self.frame.allocation @ (coefficient * self.speeds**2)
-        self._thrust = float(wrench[0])
-        return wrench
-
-    def feel(self, specific_force: float, dt: float) -> None:
-        """Learn from the accelerometer, along the body's z axis [m/s^2]."""
-        surplus = specific_force - self._thrust / self.frame.mass
-        self.lift += (1 - np.exp(-dt * self.gains.lift)) * (surplus - self.lift)
+        return self.frame.allocation @ (coefficient * self.speeds**2)

@@ -1,11 +1,7 @@
 """The physical world as a simulator: the true state is that of a rigid body, moved in hundreds of steps a second.
 
-Gyroscopes and accelerometers are ideal: what the tracking loop believes of the state is the plan's first state, which
-is what the robot believed at the beginning of the time step, moved on as the robot really moves (strapdown),
-
-    R^ = D R,   v^(t) = v^_0 + g t + D (v(t) - v_0 - g t),   D = R^_0 R_0'
-
-and position likewise. So the error of the belief stays as it is until the next picture.
+What the fast loop believes of the state is what the filter believed at the beginning of the time step, moved on by
+inertial measurements (inertial.py); its reference is the spline through the plans' positions (reference.py).
 """
 
 from collections import deque
@@ -13,16 +9,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import StateNoise
 from nerfnav.geometry import Pose
 from nerfnav.navigation.physical.config import PhysicalConfig
+from nerfnav.navigation.physical.inertial import InertialUnit, increments, mechanised
 from nerfnav.navigation.physical.powertrain import Powertrain
+from nerfnav.navigation.physical.reference import Flown, Wanted
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
-from nerfnav.navigation.physical.tracking import Reference, TrackingGains, Wanted, wrench_for
+from nerfnav.navigation.physical.tracking import TrackingGains, wrench_for
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.robots import Motion, Quadrotor, RigidState
@@ -39,6 +37,10 @@ class PhysicalSimulator(Simulator):
     """Its parameters."""
     gains: TrackingGains = field(default_factory=TrackingGains)
     """Of the loop that tracks the plan."""
+    felt: tuple[Tensor, Tensor] = field(init=False)
+    """Inertial increments (inertial.py) of the last time step until its picture was taken, and after that."""
+    _flown: Flown = field(default_factory=Flown, init=False)
+    _disturbance: np.ndarray = field(default_factory=lambda: np.zeros(3), init=False)
 
     def __post_init__(self) -> None:
         """Let the robot hover. Raises InvalidInputError for other robots than quadrotors."""
@@ -50,28 +52,31 @@ class PhysicalSimulator(Simulator):
         self._frame = replace(self._thought, mass=self._thought.mass * (1 + self.world.mass_error))
         self._motors = Powertrain(self._thought, self.world, self.gains)
         self._wind = Wind(self.world, self.generator)
+        self._inertial = InertialUnit(self.world, self.generator)
         self._put(self.state)
 
     def follow(self, plan: Motion, gust: StateNoise | None = None, believed: RigidState | None = None) -> bool:
         """Track the first step of a plan from where the robot believes to be (see Simulator)."""
-        reference, began = Reference.of(plan, self._thought.mass), self._body
-        start = reference.start if believed is None else exact(believed)
-        count = max(1, round(plan.dt * self.world.control_hz))
-        tick, position, velocity = plan.dt / count, reference.start.position, reference.start.velocity
-        checked, touched = self.state, False
-        for index in range(count):
-            rotation, rate, turning = reference.attitude(index * tick)
-            pull = rotation[:, 2] * reference.pull
-            wanted = Wanted(position, velocity, pull, rotation, rate, turning)
-            self._tick(wanted, self._believed(start, began, index * tick), tick)
-            position = position + velocity * tick
-            velocity = velocity + (pull + self._gravity) * tick
-            if index == count - 1 or (index + 1) % max(1, round(_LOOK_APART / tick)) == 0:
+        count, late = max(1, round(plan.dt * self.world.control_hz)), self._late
+        tick, gravity = plan.dt / count, self._frame.gravity
+        course, self._flown = self._flown.along(plan, count, gravity)
+        began = self._estimate = exact(plan.states[0] if believed is None else believed)
+        pictured, checked, touched = began, self.state, False
+        for left, wanted in zip(range(count - 1, -1, -1), course, strict=True):
+            self._tick(wanted, tick)
+            if left == late:
+                pictured = self._estimate
+            if left % max(1, round(_LOOK_APART / tick)) == 0:
                 self.state = _rounded(self._body)
                 touched |= self.contact is not None and self.contact(checked, self.state)
                 checked = self.state
         if gust is not None:
-            self._put(self.state.retract(gust.sample(self.generator)))
+            self._push(gust.sample(self.generator))
+        pictured = pictured if late else self._estimate
+        self.felt = (
+            increments(began, pictured, gravity, (count - late) * tick),
+            increments(pictured, self._estimate, gravity, late * tick),
+        )
         return touched
 
     def carry(self, pose: Pose) -> None:
@@ -88,29 +93,33 @@ class PhysicalSimulator(Simulator):
     def _put(self, state: RigidState) -> None:
         """Begin anew from a state."""
         self.state, self._body = state, exact(state)
-        late = round(self.world.delay_s * self.world.control_hz)
-        self._seen = deque([self._body], maxlen=1 + late)
+        self._seen = deque([self._body], maxlen=1 + self._late)
 
-    def _tick(self, wanted: Wanted, believed: BodyState, dt: float) -> None:
-        body, frame = self._body, self._frame
-        wrench = self._motors.spin(wrench_for(wanted, believed, self._thought.inertia, self.gains), dt)
+    def _push(self, by: Float[Tensor, "12"]) -> None:
+        """Displace the robot, as the inertial unit feels it."""
+        self.state = self.state.retract(by)
+        self._body = self._seen[-1] = exact(self.state)
+        self._estimate = exact(_rounded(self._estimate).retract(by))
+
+    def _tick(self, wanted: Wanted, dt: float) -> None:
+        body, frame, believed = self._body, self._frame, self._estimate
+        wrench = self._motors.spin(
+            wrench_for(wanted, believed, self._disturbance, self._thought.inertia, self.gains), dt
+        )
         airspeed = body.rotation.T @ (body.velocity - self._wind.blow(dt))
         drag = -self._thought.mass * np.array(self.world.drag_per_s) * airspeed
-        self._motors.feel((wrench[0] + drag[2]) / frame.mass, dt)
         self._body = integrate(frame, body, wrench, body.rotation @ drag, dt)
         self._seen.append(self._body)
-
-    def _believed(self, start: BodyState, began: BodyState, time: float) -> BodyState:
-        """See above; `start` was believed at the beginning of the step, and `began` was true."""
-        body, turn, fall = self._body, start.rotation @ began.rotation.T, self._gravity * time
-        drift = body.position - began.position - (began.velocity + 0.5 * fall) * time
-        position = start.position + (start.velocity + 0.5 * fall) * time + turn @ drift
-        velocity = start.velocity + fall + turn @ (body.velocity - began.velocity - fall)
-        return BodyState(position, velocity, turn @ body.rotation, body.body_rate)
+        force = (drag + np.array([0.0, 0.0, wrench[0]])) / frame.mass
+        rate, felt = self._inertial.measure(0.5 * (body.body_rate + self._body.body_rate), force)
+        surplus = believed.rotation @ (felt - (0.0, 0.0, wrench[0] / self._thought.mass))
+        self._disturbance += (1 - np.exp(-dt * self.gains.observer)) * (surplus - self._disturbance)
+        self._estimate = mechanised(believed, rate, felt, frame.gravity, dt)
 
     @property
-    def _gravity(self) -> np.ndarray:
-        return np.array([0.0, 0.0, -self._frame.gravity])
+    def _late(self) -> int:
+        """By how many ticks pictures are late."""
+        return round(self.world.delay_s * self.world.control_hz)
 
 
 def airframe(robot: Quadrotor, world: PhysicalConfig) -> Airframe:
