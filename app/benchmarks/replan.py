@@ -28,7 +28,7 @@ _KICK_M, _KICK_RAD = 0.02, 0.02
 
 
 def measure(
-    arena: Arena, tasks: int = 10, rounds: int = 3, fast_per_round: int = 5, iterations: int = 250
+    arena: Arena, tasks: int = 10, rounds: int = 1, fast_per_round: int = 5, iterations: int = 250
 ) -> Comparison:
     """Push a robot off its plan after the first step and plan the rest again, on the arena's first tasks.
 

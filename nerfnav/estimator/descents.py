@@ -66,10 +66,10 @@ def _compiled(
         part[0] = begin.numpy()
     held, moved, settings = np.empty((stages, count), np.int64), np.empty((stages, count)), _settings(config)
     stages = descend(grid, seen.sight, known, settings, trace, held, moved)
-    tensors, index = [torch.from_numpy(part[:stages]).to(torch.float32) for part in trace], torch.arange(count)
+    index = np.arange(count)
     for step in range(0 if every else stages - 1, stages):
-        stage = torch.from_numpy(held[step])
-        rotation, position, exposure, *parts = (part[stage, index] for part in tensors)
+        shown = (np.asarray(part[held[step], index], np.float32) for part in trace)
+        rotation, position, exposure, *parts = map(torch.from_numpy, shown)
         guess = Guess(Pose(rotation, position), exposure)
         yield Iterate(guess, **dict(zip(_PARTS, parts, strict=True)), moved=torch.from_numpy(moved[step]).float())
 

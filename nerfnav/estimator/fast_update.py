@@ -18,7 +18,7 @@ from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.newton import POSE as _POSE
 from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, picture_information
 from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.photometric import THREADS, Observation, difference, inliers, patches
+from nerfnav.estimator.photometric import THREADS, Observation, are_inliers, difference, patches
 from nerfnav.estimator.pixels import PixelChoice, PixelSource, choose_pixels
 from nerfnav.estimator.pyramid import Stage, View, small_observation
 from nerfnav.estimator.starts import drawn, likeliest
@@ -78,9 +78,9 @@ class Update:
         guess = self._searched_guess()
         for stage in early:
             found = yield from self._descended(stage, guess, iteration)
-            guess, iteration = _likeliest(found[2], stage.kept), found[0].iteration + 1
+            guess, iteration = found[2].likeliest(stage.kept), found[0].iteration + 1
         found = yield from self._descended(rival, Guess.cat([guess, best[2].guess]), iteration)
-        guess, iteration = _likeliest(found[2], rival.kept), found[0].iteration + 1
+        guess, iteration = found[2].likeliest(rival.kept), found[0].iteration + 1
         if _alike(guess.pose[0], found[2].guess.pose[-1], search.alike):
             return best, iteration
         found = yield from self._descended(last, guess, iteration)
@@ -103,12 +103,13 @@ class Update:
             seen, source = self._observation(stage.halvings, guess.pose[0], pixels)
             settled = pyramid.settled * 2**stage.halvings
             settings = NewtonConfig(stage.iterations, robust=stage.robust, settled=settled)
+            places = ((seen.pixels + 0.5) * 2**stage.halvings).long()
             prior = self._prior(len(seen.pixels), stage.halvings)
             for here in improve(seen, guess, prior, settings, stage.told):
-                yield self._record(iteration, here, int(here.cost.argmin()), seen, (stage.halvings, source)), seen, here
+                yield self._record(iteration, here, int(here.cost.argmin()), (places, source)), seen, here
                 iteration += 1
             assert here is not None, "a descent has at least its start"
-            guess = _likeliest(here, stage.kept)
+            guess = here.likeliest(stage.kept)
 
     def _observation(self, halvings: int, pose: Pose, pixels: int) -> tuple[Observation, PixelSource | None]:
         """So many pixels of one stage, which begins at a pose."""
@@ -144,10 +145,13 @@ class Update:
 
     def _prior(self, pixels: int, halvings: int = 0) -> Prior:
         config, noise = self.config, self.config.color_noise
-        exposure = (config.gain_std, config.bias_std)
         kappa = config.pyramid.mistrust**-halvings / (self._alike(pixels) * noise.std**2)
-        information = joined(self._known if self.trusted else None, exposure)
-        return Prior(information, self.prediction.mean.pose, kappa)
+        return Prior(self._information, self.prediction.mean.pose, kappa)
+
+    @cached_property
+    def _information(self) -> Float[Tensor, "8 8"]:
+        """Of the pose and of the exposure."""
+        return joined(self._known if self.trusted else None, (self.config.gain_std, self.config.bias_std))
 
     @cached_property
     def _known(self) -> Float[Tensor, "6 6"]:
@@ -183,18 +187,18 @@ class Update:
         return RigidState(pose.position, velocity, pose.rotation, body_rate)
 
     def _record(
-        self, iteration: int, here: Iterate, best: int, seen: Observation, kind: tuple[int, PixelSource | None]
+        self, iteration: int, here: Iterate, best: int, looked: tuple[Tensor, PixelSource | None]
     ) -> FilterStep:
-        halvings, source = kind
-        residual = here.residual[best]
+        residual, (pixels, source) = here.residual[best], looked
+        size = difference(residual)
         return FilterStep(
             iteration,
             self._state(here.guess.pose[best], here.change[best, _POSE]),
             float(here.cost[best] - here.process[best]),
             float(here.process[best]),
-            ((seen.pixels + 0.5) * 2**halvings).long(),
-            difference(residual),
-            believed=inliers(residual, self.config.color_noise),
+            pixels,
+            size,
+            believed=are_inliers(size, self.config.color_noise),
             pixel_source=source,
         )
 
@@ -230,7 +234,8 @@ class Update:
         else:
             curved = 2 * information_of(prediction.mean.local(step.mean), cost.information, known)
         covariance, curvature = posterior_covariance(curved, prediction.covariance)
-        covariance = covariance + torch.diag(config.floor.std().square())
+        floor = replace(config.floor, position_m=max(config.floor.position_m, config.grain * self.view.grain))
+        covariance = covariance + floor.covariance()
         root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
         gained = torch.linalg.eigvalsh(root.T @ known @ root) > 1
         outcome = FilterOutcome.UPDATED if int(gained.sum()) >= _TOLD else FilterOutcome.WEAK
@@ -262,9 +267,3 @@ def _alike(first: Pose, second: Pose, bounds: tuple[float, float]) -> bool:
     """Whether two poses are nearer than this: position [m], attitude [rad]."""
     moved = (first.position - second.position).norm()
     return bool(moved < bounds[0]) and bool(so3.local(first.rotation, second.rotation).norm() < bounds[1])
-
-
-def _likeliest(here: Iterate, count: int | None) -> Guess:
-    """So many of the poses, the cheapest first; None: a third of them."""
-    count = count or -(-len(here.cost) // 3)
-    return here.guess[here.cost.argsort()[:count]]

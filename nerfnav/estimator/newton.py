@@ -43,7 +43,8 @@ class NewtonConfig:
     robust: float = 0.15
     """Colour difference beyond which a pixel pulls less and less (Huber) [1 = full scale]."""
     settled: float = 0.0
-    """Stop when no pose number of any pose is moved further than this by a step [m, rad]; 0: never."""
+    """A step that moves no pose number of any pose further than this [m, rad] is the last, and is taken without looking
+    again; 0: no step is."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +131,11 @@ class Iterate:
         """Half of J's second derivative."""
         return self.seen + self.known
 
+    def likeliest(self, count: int | None) -> Guess:
+        """So many of the poses, the cheapest first; None: a third of them."""
+        count = count or -(-len(self.cost) // 3)
+        return self.guess[self.cost.argsort()[:count]]
+
 
 def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
     """Every stage on the way down, the start first; no pose's cost ever rises."""
@@ -140,9 +146,12 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
         scale = here.curvature.diagonal(dim1=-2, dim2=-1).clamp_min(1e-9)
         damped = here.curvature + torch.diag_embed(damping[:, None] * scale)
         step = -torch.linalg.solve(damped, here.slope)
+        moved = step[:, POSE].abs().amax(-1)
+        if bool((moved < config.settled).all()):
+            yield _settled(here, here.guess.retract(step), prior, moved)
+            return
         tried = evaluate(sight, here.guess.retract(step), prior, config.robust)
         better = tried.cost < here.cost
-        moved = step[:, POSE].abs().amax(-1)
         here = _chosen(better, tried, here, moved)
         damping = torch.where(better, 0.2 * damping, 5 * damping).clamp(1e-7, 1e7)
         yield here
@@ -172,6 +181,14 @@ def evaluate(sight: Sight, guess: Guess, prior: Prior, robust: float) -> Iterate
     pulled = (by_known.transpose(1, 2) @ push[..., None])[..., 0]
     cost = prior.kappa * loss + process
     return Iterate(guess, cost, process, residual, known, curvature, turned, slope + pulled, torch.zeros_like(cost))
+
+
+def _settled(here: Iterate, guess: Guess, prior: Prior, moved: Float[Tensor, " n"]) -> Iterate:
+    """After steps too small to look again: what the picture says stays, what the prior says follows."""
+    known, by_known = _known(guess, prior)
+    process = ((known @ prior.information) * known).sum(-1)
+    turned = by_known.transpose(1, 2) @ prior.information @ by_known
+    return replace(here, guess=guess, process=process, change=known, known=turned, moved=moved)
 
 
 def robust_square(size: Float[Tensor, "*batch"], bound: float) -> Float[Tensor, "*batch"]:

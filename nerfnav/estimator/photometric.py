@@ -182,7 +182,11 @@ def inliers(residual: Float[Tensor, "m 3"], noise: ColorNoise) -> Bool[Tensor, "
 
     A pixel within as many standard deviations of the noise is always believed, however alike the others are.
     """
-    size = difference(residual)
+    return are_inliers(difference(residual), noise)
+
+
+def are_inliers(size: Float[Tensor, " m"], noise: ColorNoise) -> Bool[Tensor, " m"]:
+    """The same by the sizes of their differences."""
     median = size.median()
     spread = _DEVIATION_PER_MAD * (size - median).abs().median()
     plain = torch.full_like(median, noise.outlier_deviations * noise.std)

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from nerfnav.estimator.photometric import Observation
 from nerfnav.field import Field
+from nerfnav.field.grid_field import GridField
 from nerfnav.geometry import Camera, Pose, reduced
 
 
@@ -132,6 +133,12 @@ class View:
     """What takes the pictures."""
     mount: Pose
     """T_body_camera."""
+
+    @property
+    def grain(self) -> float:
+        """Distance of the field's nodes [m]; 0 where it is no grid."""
+        field = self.levels[0]
+        return float(field.spacing.max()) if isinstance(field, GridField) else 0.0
 
     def at(self, halvings: int) -> tuple[Field, Camera, Pose]:
         """Field, camera and mount for pictures that were reduced by 2^halvings."""

@@ -4,13 +4,14 @@ See planner/kernels/quadrotor.py. What is not known (a term of one's own, anothe
 by objective.py with the same result.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from nerfnav.planner.kernels import quadrotor as kernels
+from nerfnav.planner.kernels.descent import newton_steps
 from nerfnav.planner.steps import PlanCost
 from nerfnav.planner.terms.collision import COLLISION
 from nerfnav.planner.terms.control import CONTROL
@@ -18,10 +19,13 @@ from nerfnav.planner.terms.limits import LIMITS
 from nerfnav.planner.terms.outside import OUTSIDE
 from nerfnav.planner.terms.risk import RISK, danger_of
 from nerfnav.planner.terms.term import CostTerm, TermContext
-from nerfnav.robots import FlatMap
+from nerfnav.robots import FlatMap, Motion
 from nerfnav.robots.quadrotor_map import QuadrotorMap
 
 _KNOWN = (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK)
+_AT_ONCE = 5
+"""Steps of a search that are made in one call: they count from its start, so that none is made for nothing where a
+search is left after a multiple of it."""
 
 
 @runtime_checkable
@@ -61,6 +65,26 @@ class LineSearch:
 
 
 @dataclass(frozen=True)
+class SearchRule:
+    """What a compiled search asks for, see NewtonConfig."""
+
+    iterations: int
+    """At most so many steps."""
+    line: LineSearch
+    """How long a step is."""
+    damping: float
+    """Least share of the curvature that is expected along a step."""
+    settled: tuple[int, float, float]
+    """Patience, tolerance and least."""
+
+    @property
+    def numbers(self) -> tuple:
+        """As the kernel has them."""
+        line = self.line
+        return ((line.armijo, line.low, line.high, line.tries), self.damping, *self.settled)
+
+
+@dataclass(frozen=True)
 class FusedObjective:
     """J of a quadrotor in a grid."""
 
@@ -86,16 +110,39 @@ class FusedObjective:
         gradient = np.empty(len(free))
         return Evaluation(free, PlanCost(*kernels.evaluate(free, *self.parts, gradient)), gradient)
 
+    def of_motion(self, motion: Motion) -> PlanCost:
+        """J of a motion that is there."""
+        states = motion.states
+        parts = (states.position, states.velocity, states.rotation, states.body_rate, motion.actions)
+        arrays = tuple(part.double().contiguous().numpy() for part in parts)
+        return PlanCost(*kernels.evaluate_motion(arrays, *self.parts))
+
     def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Differences (k, k) of the gradient of all terms but collision, over a step of each free number."""
         return kernels.effort_curvature(free, *self.parts, steps)
 
-    def newton_step(
-        self, now: Evaluation, inverse: np.ndarray, reach: np.ndarray, search: LineSearch, damping: float
-    ) -> tuple[Evaluation, np.ndarray] | None:
-        """The next point of BFGS and the inverse Hessian there; None where J does not fall along the direction."""
-        rule = (search.armijo, search.low, search.high, search.tries)
-        found, free, gradient, inverse, *cost = kernels.newton_step(
-            now.free, now.gradient, inverse, now.cost.total, reach, *self.parts, rule, damping
-        )
-        return (Evaluation(free, PlanCost(*cost), gradient), inverse) if found else None
+    def steps(
+        self, start: Evaluation, inverse: np.ndarray, reach: np.ndarray, rule: SearchRule
+    ) -> Iterator[tuple[Evaluation, bool]]:
+        """Where BFGS goes from a start and the inverse Hessian there, and whether J has settled there.
+
+        A few steps are made in one call, before the first of them is yielded.
+        """
+        count = len(start.free)
+        trace = tuple(np.empty((rule.iterations + 1, width)) for width in (count, count, 4))
+        cost = start.cost
+        trace[0][0], trace[1][0] = start.free, start.gradient
+        trace[2][0] = cost.collision, cost.control, cost.limits, cost.risk
+        inverses, at, settled, fresh = (inverse.copy(), inverse), 0, False, True
+        while at < rule.iterations and not settled:
+            before, until = at, min((at + 1) // _AT_ONCE * _AT_ONCE + _AT_ONCE - 1, rule.iterations)
+            at, settled, fresh = newton_steps(trace, at, until, fresh, inverses, reach, self.parts, rule.numbers)
+            for step in range(before + 1, at + 1):
+                yield _evaluation(trace, step), settled and step == at
+            if at == before:  # J does not fall at all
+                yield _evaluation(trace, at), settled
+
+
+def _evaluation(trace: tuple[np.ndarray, ...], step: int) -> Evaluation:
+    free, gradient, terms = (part[step] for part in trace)
+    return Evaluation(free, PlanCost(*terms.tolist()), gradient)

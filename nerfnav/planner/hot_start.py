@@ -1,8 +1,6 @@
 """Where a plan goes on after its first actions were flown and the robot turned out to be elsewhere."""
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
@@ -32,19 +30,9 @@ def hot_start(
     back = (torch.arange(left + 1) * motion.dt / min(_RECOVERY_S, max(left, 1) * motion.dt)).clamp_max(1)
     away = 1 - back.square() * (3 - 2 * back)
     astray = int((away > 0).sum())  # steps from which nothing of the drift is left need no rolling out
-    rolled = _rolled_out(robot, start, motion.actions[executed:][: astray - 1], motion.dt)
+    rolled = robot.way_under(start, motion.actions[executed:][: astray - 1], motion.dt)
     positions = planned.position.clone()
     positions[:astray] += away[:astray, None] * (rolled - positions[:astray])
     index = torch.arange(steps + 1).clamp_max(left)
     waypoints = torch.cat([positions[index], unwrapped(so3.yaw_of(planned.rotation))[index, None]], -1)
     return Trajectory(robot.encode(waypoints, start, goal, motion.dt), Route(start, goal, steps, motion.dt))
-
-
-def _rolled_out(
-    robot: Robot, start: RigidState, actions: Float[Tensor, "n a"], dt: float
-) -> Float[Tensor, "times 3"]:
-    """Positions [m] of a robot that takes the actions whatever happens, the start included."""
-    states = [start]
-    for action in actions:
-        states.append(robot.step(states[-1], action, dt))
-    return RigidState.stack(states).position

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nerfnav.planner.fused import Evaluation, LineSearch
+from nerfnav.planner.fused import Evaluation, LineSearch, SearchRule
 from nerfnav.planner.kernels.eigen import inverse_of_absolute
 from nerfnav.planner.kernels.quasi_newton import rank_two
 from nerfnav.planner.objective import Objective
@@ -54,8 +54,13 @@ def minimise(
     now = objective(free)
     if inverse is None:
         inverse = preconditioner(objective.effort_curvature, now.free, scales, config.prior)
-    first, history, fresh = inverse, [now.cost.total], True
     yield now, False
+    if objective.fused is not None:
+        settled = (config.patience, config.tolerance, config.least)
+        rule = SearchRule(config.iterations, _SEARCH, _DAMPING, settled)
+        yield from objective.fused.steps(now, inverse, config.reach * scales, rule)
+        return
+    first, history, fresh = inverse, [now.cost.total], True
     for _ in range(config.iterations):
         moved = _advance(objective, now, inverse, config.reach * scales)
         if moved is None:
@@ -86,8 +91,6 @@ def _advance(
     objective: Objective, now: Evaluation, inverse: np.ndarray, reach: np.ndarray
 ) -> tuple[Evaluation, np.ndarray] | None:
     """The next point and the inverse Hessian there; None where J does not fall along the direction."""
-    if objective.fused is not None:
-        return objective.fused.newton_step(now, inverse, reach, _SEARCH, _DAMPING)
     direction = -(inverse @ now.gradient)
     slope = float(direction @ now.gradient)
     following = _search(objective, now, direction, slope, reach) if slope < 0 else None
@@ -110,7 +113,9 @@ def bfgs(inverse: np.ndarray, step: np.ndarray, pulled: np.ndarray, change: np.n
         change = share * change + (1 - share) * pulled
         seen = float(step @ change)
     along = inverse @ change
-    return rank_two(inverse, step, along, (1 + change @ along / seen) / seen, 1 / seen)
+    inverse = inverse.copy()
+    rank_two(inverse, step, along, (1 + change @ along / seen) / seen, 1 / seen)
+    return inverse
 
 
 def _search(

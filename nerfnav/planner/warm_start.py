@@ -13,6 +13,7 @@ import torch
 from nerfnav.errors import InvalidInputError
 from nerfnav.planner.ends import check_finite
 from nerfnav.planner.fast import FastPlanConfig, improve, replan_fast
+from nerfnav.planner.fused import FusedObjective
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem, map_for, ways_between
@@ -118,8 +119,13 @@ def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPl
     left = rest.actions.shape[-2]
     if left == 0:
         return 0.0
-    with torch.no_grad():
-        total = problem.cost(rest, config.weights).total.item()
+    flat = problem.robot.flat_map(rest.states[0], rest.states[-1], left, rest.dt)
+    fused = FusedObjective.of(problem.context(config.weights), problem.terms, flat)
+    if fused is not None:
+        total = fused.of_motion(rest).total
+    else:
+        with torch.no_grad():
+            total = problem.cost(rest, config.weights).total.item()
     return total * max(1.0, problem.steps / left)
 
 

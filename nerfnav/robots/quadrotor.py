@@ -18,7 +18,7 @@ While R_0 and R_1 are fixed the robot only chooses its thrust: f_0 and f_1 give 
     free = (f_0, f_1, p_4 .. p_{N-1}, yaw_2 .. yaw_{N-1}),  2 + 3 (N - 4) + (N - 2) numbers
 """
 
-
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -27,9 +27,10 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
 from nerfnav.robots.flat_map import FlatMap
+from nerfnav.robots.kernels.quadrotor_steps import first_thrusts, roll_out
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
-from nerfnav.robots.quadrotor_map import QuadrotorMap
+from nerfnav.robots.quadrotor_map import QuadrotorMap, arrays_of, constants_of
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import Wish, shortened, thrust_and_attitude, tipped, upward
@@ -138,6 +139,16 @@ class Quadrotor(Robot):
         known = (self.bounds, self.weight) == (self.config.bounds, self.config.weight)
         return QuadrotorMap(self.config, start, goal, steps, dt) if known else None
 
+    def compiled_way(
+        self, start: RigidState, actions: Float[Tensor, "n 4"], dt: float
+    ) -> Float[Tensor, "times 3"] | None:
+        """See Robot; None for a robot that steps otherwise."""
+        if type(self).step is not Quadrotor.step:
+            return None
+        positions = np.empty((len(actions) + 1, 3))
+        roll_out(arrays_of(start), actions.double().numpy(), constants_of(self.config, dt), positions)
+        return torch.from_numpy(positions).to(actions)
+
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
     ) -> Float[Tensor, " k"]:
@@ -148,16 +159,11 @@ class Quadrotor(Robot):
         """
         steps = waypoints.shape[0] - 1
         self.free_numbers(steps)
-        positions = waypoints[:, :3]
-        before, at = start.position, start.position + start.velocity * dt
-        thrusts, floor = [], self.config.thrust_floor * self.weight
-        for index, rotation in enumerate(self._fixed_attitudes(start, dt)):
-            wish = (positions[index + 2] - 2 * at + before) / dt**2 - self._gravity(positions)
-            thrust = (self.config.mass * wish @ rotation[:, 2]).clamp_min(floor)
-            push = rotation[:, 2] * thrust / self.config.mass + self._gravity(positions)
-            before, at = at, 2 * at - before + push * dt**2
-            thrusts.append(thrust)
-        return torch.cat([torch.stack(thrusts), positions[4:-1].flatten(), waypoints[2:-1, 3]])
+        thrusts, floor = np.empty(2), self.config.thrust_floor * self.weight
+        wanted = waypoints[2:4, :3].double().numpy()
+        first_thrusts(arrays_of(start), wanted, constants_of(self.config, dt), floor, thrusts)
+        inner = waypoints[4:-1, :3].flatten()
+        return torch.cat([torch.from_numpy(thrusts).to(inner), inner, waypoints[2:-1, 3]])
 
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """The weight, a few body lengths, half a radian."""

@@ -4,7 +4,6 @@ from typing import final
 
 import numpy as np
 
-from nerfnav.geometry import so3
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.kernels import quadrotor as kernels
 from nerfnav.robots.kernels import quadrotor_limits as limit_kernels
@@ -24,9 +23,9 @@ class QuadrotorMap(FlatMap):
         )
         ends = [part for state in (start, goal) for part in (state.position, state.velocity, state.body_rate)]
         self._ends = np.stack([part.double().numpy() for part in ends])
-        second = so3.retract(start.rotation.double(), start.body_rate.double() * dt)
-        self._attitudes = np.stack([start.rotation.double().numpy(), second.numpy(), goal.rotation.double().numpy()])
-        self._constants = np.array([config.mass, *config.inertia, config.gravity, dt])
+        self._attitudes = np.stack([start.rotation.double().numpy()] * 2 + [goal.rotation.double().numpy()])
+        kernels.turn(self._attitudes[0], start.body_rate.double().numpy() * dt, self._attitudes[1])
+        self._constants = constants_of(config, dt)
         self._beyond = np.empty((steps + 2, 3))
         self.position = self._beyond[:-1]
         self.velocity = np.empty((steps + 1, 3))
@@ -72,3 +71,15 @@ class QuadrotorMap(FlatMap):
             beyond, by_rotation, by_action, gradient,
         )  # fmt: skip
         return gradient
+
+
+def constants_of(config: QuadrotorConfig, dt: float) -> np.ndarray:
+    """Mass, inertia, gravity and time step, as the kernels have them."""
+    return np.array([config.mass, *config.inertia, config.gravity, dt])
+
+
+def arrays_of(state: RigidState) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity, attitude and body rate of one state, as the kernels have them."""
+    parts = (state.position, state.velocity, state.rotation, state.body_rate)
+    position, velocity, rotation, rate = (part.detach().double().contiguous().numpy() for part in parts)
+    return position, velocity, rotation, rate

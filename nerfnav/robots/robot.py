@@ -130,6 +130,22 @@ class Robot(ABC):
         """The twin of `motion` and `limits` in compiled kernels; None where there is none. Asked by `flat_map`."""
         return None
 
+    def way_under(self, start: RigidState, actions: Float[Tensor, "n a"], dt: float) -> Float[Tensor, "times 3"]:
+        """Positions [m] of a robot that takes actions of `dt` [s] whatever happens, the start included."""
+        compiled = self.compiled_way(start, actions, dt) if keeps_compiled_map(type(self)) else None
+        if compiled is not None:
+            return compiled
+        states = [start]
+        for action in actions:
+            states.append(self.step(states[-1], action, dt))
+        return RigidState.stack(states).position
+
+    def compiled_way(
+        self, start: RigidState, actions: Float[Tensor, "n a"], dt: float
+    ) -> Float[Tensor, "times 3"] | None:
+        """The same by the twin of `step` in compiled kernels; None where there is none. Asked by `way_under`."""
+        return None
+
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
         """What a motion asks of each of the `bounds`, over time."""
         return {}

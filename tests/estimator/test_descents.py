@@ -76,6 +76,20 @@ def test_costs_never_rise_and_a_pose_that_has_settled_stays() -> None:
     assert (ends - ends[0]).norm(dim=-1).max() < 0.01 < (starts(4).pose.position - ends).norm(dim=-1).max()
 
 
+def test_a_step_too_small_to_matter_is_taken_without_looking_and_leads_where_the_next_look_would():
+    config = NewtonConfig(12, settled=2e-3)
+    *_, before, found = improve(seen(), starts(1), prior(True), config)
+    with torch.no_grad():
+        *_, expected = minimise(seen(), starts(1), prior(True), config)
+    torch.testing.assert_close(found.guess.pose.position, expected.guess.pose.position, rtol=0, atol=1e-4)
+    torch.testing.assert_close(found.process, expected.process, rtol=1e-2, atol=1e-4)
+    assert 0 < found.moved < 2e-3 and torch.equal(found.residual, before.residual)
+    (looked,) = improve(seen(), found.guess, prior(True), NewtonConfig(0))
+    assert looked.cost <= before.cost
+    torch.testing.assert_close(found.process, looked.process, rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(found.change, looked.change, rtol=1e-4, atol=1e-6)
+
+
 def test_rays_that_begin_near_the_last_surface_end_where_rays_from_the_camera_do() -> None:
     one = list(improve(seen(), starts(1), prior(True), NewtonConfig(8)))[-1]
     again = list(improve(seen(), one.guess, prior(True), NewtonConfig(0)))[-1]  # from the camera on

@@ -29,7 +29,7 @@ PYRAMID = PyramidConfig(
 )
 CONFIG = FilterConfig(
     pyramid=PYRAMID, process_noise=SMALL, color_noise=ColorNoise(std=COLOR_STD, per_patch=10.0), gain_std=0, bias_std=0,
-    floor=StateNoise(0.0, 0.0, 0.0, 0.0),
+    floor=StateNoise(0.0, 0.0, 0.0, 0.0), grain=0.0,
 )  # fmt: skip
 FILTER = FastFilter(balls(), ROBOT, CAMERA, config=CONFIG)
 SHAPE = (CAMERA.height, CAMERA.width, 3)

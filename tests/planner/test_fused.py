@@ -61,6 +61,16 @@ def test_curvature_without_collision_is_the_same_both_ways():
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
+def test_one_call_gives_the_terms_of_a_motion_that_is_there():
+    fused = objective().fused
+    assert fused is not None
+    expected, flat = fused(guess()).cost, ROBOT.flat_map(START, GOAL, STEPS, DT)
+    flat.forward(guess())
+    found = fused.of_motion(flat.motion())
+    assert found.collision == pytest.approx(expected.collision, rel=1e-4) and found.collision > 0
+    assert found.total == pytest.approx(expected.total, rel=1e-3)
+
+
 def test_both_ways_search_alike():
     scales, config = ROBOT.free_scales(torch.from_numpy(guess())).numpy(), quasi_newton.NewtonConfig(iterations=12)
     found, expected = (

@@ -169,6 +169,24 @@ def test_encoding_a_motion_gives_back_its_free_numbers():
     torch.testing.assert_close(again, free, rtol=0, atol=1e-4)
 
 
+def test_the_way_under_given_actions_is_that_of_its_steps():
+    start, actions = moving((0.1, 0.2, 0.3), 0.4, seed=1), torch.rand(12, 4, generator=torch.Generator().manual_seed(2))
+    actions = (actions - 0.3) * torch.tensor([2 * ROBOT.weight, 1e-4, 1e-4, 1e-4])
+    states = [start]
+    for action in actions:
+        states.append(ROBOT.step(states[-1], action, DT))
+    way = torch.stack([state.position for state in states])
+    torch.testing.assert_close(ROBOT.way_under(start, actions, DT), way, rtol=0, atol=1e-4)
+
+    class Heavy(Quadrotor):
+        """Takes its steps in its own way."""
+
+        def step(self, state: RigidState, action: torch.Tensor, dt: float) -> RigidState:
+            return super().step(state, 0.5 * action, dt)
+
+    assert (Heavy().way_under(start, actions, DT)[-1] - way[-1]).norm() > 0.01
+
+
 def test_tilting_keeps_the_heading_to_second_order():
     start, goal = RigidState.at_rest((0, 0, 0.3), 1.0), RigidState.at_rest((1.0, 0.6, 0.3), 1.0)
     time = torch.linspace(0, 1, 21)[:, None]

@@ -5,7 +5,7 @@ tangent through M = [I, -(R m)^ R; 0, R] with m the camera's place in the body; 
 applied to them once: J'WJ = M' (sum w g g') M.
 
 Where a pose has hardly moved since its rays were last followed from the camera on, they are followed from a little
-before the first density that they met then.
+before the first density that they met then. A step that is too small to matter is taken without looking again.
 """
 
 import math
@@ -13,9 +13,9 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel
-from nerfnav.estimator.kernels.linear import multiply, product, solve_positive, turned
+from nerfnav.estimator.kernels.linear import multiply, solve_positive
 from nerfnav.field.kernels.sight import see_ray
-from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between
+from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product, turned
 
 NEAR = 3.0
 """How far a pose may move before its rays are followed from the camera again [steps of a ray]."""
@@ -37,7 +37,7 @@ def descend(grid, sight, prior, settings, trace, held, moved):
     iterations, damping, _, settled = settings
     pixels = sight[0].shape[0]
     rows, first = np.empty((9, 3 * pixels), np.float32), np.empty(pixels, np.float32)
-    anchor, step, longest = np.empty((4, 3)), np.empty(8), 0
+    anchor, step, longest, length = np.empty((4, 3)), np.empty(8), 0, 0.0
     for n in range(held.shape[1]):
         weight, best, stage, going = damping, 0, 0, True
         for axis in range(3):
@@ -48,6 +48,12 @@ def descend(grid, sight, prior, settings, trace, held, moved):
             if stage > 0:
                 _step(trace, (best, n), weight, step)
                 _move(trace, (best, stage, n), step)
+                for i in range(6):
+                    length = abs(step[i]) if i == 0 else max(length, abs(step[i]))
+                if length < settled:
+                    _settle(trace, (best, stage, n), prior)
+                    held[stage, n], moved[stage, n], best, stage = stage, length, stage, stage + 1
+                    break
             _evaluate(grid, sight, prior, settings[2], (trace, stage, n), (rows, first, anchor))
             if stage > 0:
                 if trace[3][stage, n] < trace[3][best, n]:
@@ -89,6 +95,17 @@ def _move(trace, place, step):
         trace[1][stage, n, axis] = trace[1][best, n, axis] + step[axis]
     for side in range(2):
         trace[2][stage, n, side] = trace[2][best, n, side] + step[6 + side]
+
+
+@kernel(inline=True)
+def _settle(trace, place, prior):
+    """Take a step too small to look again: what the picture says stays, what the prior says follows."""
+    best, stage, n = place
+    trace[3][stage, n], trace[5][stage, n] = trace[3][best, n], trace[5][best, n]
+    trace[7][stage, n], trace[9][stage, n] = trace[7][best, n], trace[9][best, n]
+    rotation, position, exposure = trace[0][stage, n], trace[1][stage, n], trace[2][stage, n]
+    change, known = trace[6][stage, n], trace[8][stage, n]
+    trace[4][stage, n] = pulled(prior, rotation, position, exposure, change, known, np.zeros(8))
 
 
 @kernel(inline=True)

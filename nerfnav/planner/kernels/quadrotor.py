@@ -1,7 +1,7 @@
-"""J of a quadrotor's motion in a grid, its gradient, and steps of the search for its minimum, each in one call.
+"""J of a quadrotor's motion in a grid and its gradient in one call.
 
-The same as objective.py on the kernels of the terms and quasi_newton.py, whose notation holds here; tests hold both
-equal. The motion goes through `motion` and `adjoint` of robots/kernels/quadrotor.py.
+The same as objective.py on the kernels of the terms, whose notation holds here; tests hold both equal. The motion goes
+through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 
 `task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at which
 densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
@@ -16,7 +16,6 @@ from nerfnav.compiled import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
 from nerfnav.planner.kernels.collision import STANDSTILL, control, outside
 from nerfnav.planner.kernels.danger import endangered
-from nerfnav.planner.kernels.quasi_newton import rank_two
 from nerfnav.robots.kernels.quadrotor import adjoint, motion
 from nerfnav.robots.kernels.quadrotor_limits import limits
 
@@ -53,45 +52,86 @@ def density_at(space, x, y, z):
     )  # fmt: skip
 
 
+@kernel(inline=True)
+def _place(position, rotation, points, world):
+    """Fill where body points (3, B) are at a position and an attitude, (3, B)."""
+    for axis in range(3):
+        by_x, by_y, by_z, at = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2], position[axis]
+        for b in range(points.shape[1]):
+            world[axis, b] = at + by_x * points[0, b] + by_y * points[1, b] + by_z * points[2, b]
+
+
+@kernel(inline=True)
+def _cells_between(space, before, after, fraction, cells):
+    """Fill the cells (B) in which points are at a fraction of their step, as places in the flat grid; -1 outside of it.
+
+    In floating point and without branches, so that several are done at once.
+    """
+    leaps, lower, per_meter = space[1:4]
+    nx, ny, nz = float(leaps.shape[0]), float(leaps.shape[1]), float(leaps.shape[2])
+    for b in range(cells.shape[0]):
+        x = (before[0, b] + fraction * (after[0, b] - before[0, b]) - lower[0]) * per_meter[0]
+        y = (before[1, b] + fraction * (after[1, b] - before[1, b]) - lower[1]) * per_meter[1]
+        z = (before[2, b] + fraction * (after[2, b] - before[2, b]) - lower[2]) * per_meter[2]
+        inside = (x >= 0.0) & (x <= nx) & (y >= 0.0) & (y <= ny) & (z >= 0.0) & (z <= nz)
+        i, j, k = min(np.floor(x), nx - 1.0), min(np.floor(y), ny - 1.0), min(np.floor(z), nz - 1.0)
+        cells[b] = (i * ny + j) * nz + k if inside else -1.0
+
+
 @kernel()
 def collide(position, rotation, body, space, weight, by_position, by_rotation):
     """`weight` times the collision term; adds its derivatives: `spread` and `collision` with nothing in between."""
     points, fractions = body
-    count, parts = points.shape[0], fractions.shape[0]
-    total, before, after = 0.0, np.empty((count, 3)), np.empty((count, 3))
-    for t in range(rotation.shape[0]):
-        for b in range(count):
-            for axis in range(3):
-                before[b, axis] = after[b, axis]
-                after[b, axis] = (
-                    position[t, axis]
-                    + rotation[t, axis, 0] * points[b, 0]
-                    + rotation[t, axis, 1] * points[b, 1]
-                    + rotation[t, axis, 2] * points[b, 2]
+    count, parts, total = points.shape[0], fractions.shape[0], 0.0
+    columns, before, after = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
+    cells, sums, leaps = np.empty(count), np.empty((count, 7)), space[1].reshape(-1)
+    for b in range(count):
+        for axis in range(3):
+            columns[axis, b] = points[b, axis]
+    _place(position[0], rotation[0], columns, after)
+    for t in range(1, rotation.shape[0]):
+        before, after = after, before
+        _place(position[t], rotation[t], columns, after)
+        sums[:] = 0.0
+        meets = False
+        for k in range(parts):
+            f = fractions[k]
+            _cells_between(space, before, after, f, cells)
+            for b in range(count):
+                if cells[b] < 0.0 or leaps[int(cells[b])] > 0:
+                    continue
+                x, y, z = before[0, b], before[1, b], before[2, b]
+                density, gx, gy, gz = density_at(
+                    space, x + f * (after[0, b] - x), y + f * (after[1, b] - y), z + f * (after[2, b] - z)
                 )
-        for b in range(count if t > 0 else 0):
-            x, y, z = before[b, 0], before[b, 1], before[b, 2]
-            dx, dy, dz = after[b, 0] - x, after[b, 1] - y, after[b, 2] - z
-            met = sx = sy = sz = tx = ty = tz = 0.0
-            for k in range(parts):
-                f = fractions[k]
-                density, gx, gy, gz = density_at(space, x + f * dx, y + f * dy, z + f * dz)
                 if density > 0.0:
-                    met += density / parts
-                    sx, sy, sz = sx + gx / parts, sy + gy / parts, sz + gz / parts
-                    tx, ty, tz = tx + f * gx / parts, ty + f * gy / parts, tz + f * gz / parts
+                    meets = True
+                    _add(sums[b], f, density / parts, gx / parts, gy / parts, gz / parts)
+        for b in range(count if meets else 0):
+            met = sums[b, 0]
             if met == 0.0:
                 continue
+            x, y, z = before[0, b], before[1, b], before[2, b]
+            dx, dy, dz = after[0, b] - x, after[1, b] - y, after[2, b] - z
             travelled = math.sqrt(STANDSTILL + dx * dx + dy * dy + dz * dz)
             total += weight * met * travelled
-            along = met / travelled
-            last = (weight * (along * dx + travelled * tx), weight * (along * dy + travelled * ty),
-                    weight * (along * dz + travelled * tz))  # fmt: skip
-            first = (weight * travelled * sx - last[0], weight * travelled * sy - last[1],
-                     weight * travelled * sz - last[2])  # fmt: skip
+            along, last, first = met / travelled, np.empty(3), np.empty(3)
+            last[0] = weight * (along * dx + travelled * sums[b, 4])
+            last[1] = weight * (along * dy + travelled * sums[b, 5])
+            last[2] = weight * (along * dz + travelled * sums[b, 6])
+            for axis in range(3):
+                first[axis] = weight * travelled * sums[b, 1 + axis] - last[axis]
             _pull(t, last, rotation[t], points[b], by_position, by_rotation)
             _pull(t - 1, first, rotation[t - 1], points[b], by_position, by_rotation)
     return total
+
+
+@kernel(inline=True)
+def _add(row, fraction, density, by_x, by_y, by_z):
+    """Add a density, its gradient, and this weighted by the fraction of the step."""
+    row[0] += density
+    row[1], row[2], row[3] = row[1] + by_x, row[2] + by_y, row[3] + by_z
+    row[4], row[5], row[6] = row[4] + fraction * by_x, row[5] + fraction * by_y, row[6] + fraction * by_z
 
 
 @kernel(inline=True)
@@ -113,13 +153,35 @@ def evaluate(free, task, body, space, weights, gradient):
 
     With weights of 0 for collision and risk nothing is asked of the field: the terms for preconditioning alone.
     """
-    ends, attitudes, constants, bounds, gamma = task
+    ends, attitudes, constants = task[:3]
     steps = (free.shape[0] + 12) // 4
     position, velocity, rate = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3))
     rotation, action = np.empty((steps + 1, 3, 3)), np.empty((steps, 4))
     motion(free, ends, attitudes, constants, position, velocity, rotation, rate, action)
-    by_position, by_rotation, by_action = np.zeros((steps + 2, 3)), np.zeros((steps + 1, 3)), np.zeros((steps, 4))
-    met, risked = 0.0, 0.0
+    slopes = np.zeros((steps + 2, 3)), np.zeros((steps + 1, 3)), np.zeros((steps, 4))
+    terms = _terms((position, velocity, rotation, rate, action), slopes, task, body, space, weights)
+    by_position, by_rotation, by_action = slopes
+    adjoint(
+        free, attitudes, constants, velocity, rotation, rate, action, by_position, by_rotation, by_action, gradient
+    )
+    return terms
+
+
+@kernel()
+def evaluate_motion(motion, task, body, space, weights):
+    """The same terms for a motion that is there: positions, velocities, attitudes, body rates and actions."""
+    times, steps = motion[0].shape[0], motion[4].shape[0]
+    slopes = np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4))
+    return _terms(motion, slopes, task, body, space, weights)
+
+
+@kernel(inline=True)
+def _terms(motion, slopes, task, body, space, weights):
+    """Collision, control, penalties and risk of a motion; adds their derivatives by position, attitude and action."""
+    position, velocity, rotation, rate, action = motion
+    by_position, by_rotation, by_action = slopes
+    _, _, constants, bounds, gamma = task
+    steps, met, risked = action.shape[0], 0.0, 0.0
     if weights[3] != 0.0:
         risked = endangered(position[: steps + 1], body[1], space[7], space[8], weights[3], by_position)
     if weights[0] != 0.0:
@@ -129,9 +191,6 @@ def evaluate(free, task, body, space, weights, gradient):
         velocity, rotation, rate, action, bounds, weights[1], constants[5], by_position, by_rotation, by_action
     )
     over += outside(position[: steps + 1], space[5], space[6], weights[2], by_position)
-    adjoint(
-        free, attitudes, constants, velocity, rotation, rate, action, by_position, by_rotation, by_action, gradient
-    )
     return met, effort, over, risked
 
 
@@ -150,71 +209,3 @@ def effort_curvature(free, task, body, space, weights, steps):
         for j in range(count):
             curvature[i, j] = (ahead[j] - here[j]) / steps[i]
     return curvature
-
-
-@kernel()
-def search_along(free, direction, lengths, task, body, space, weights, rule, tried, gradient):
-    """Backtracking on Armijo's rule; fills the point and the gradient that it ends at.
-
-    `lengths` is (J, slope, first length), `rule` (share of the slope, least and largest factor between two tries,
-    tries). Returns whether one was found, and the terms of J there.
-    """
-    total, slope, length = lengths
-    armijo, low, high, most = rule
-    for _ in range(most):
-        for i in range(free.shape[0]):
-            tried[i] = free[i] + length * direction[i]
-        met, effort, over, risked = evaluate(tried, task, body, space, weights, gradient)
-        gain = met + effort + over + risked - total
-        if gain <= armijo * length * slope:
-            return True, met, effort, over, risked
-        best = -0.5 * slope * length**2 / (gain - slope * length)
-        length *= min(max(best / length, low), high) if math.isfinite(best) else high
-    return False, 0.0, 0.0, 0.0, 0.0
-
-
-@kernel()
-def newton_step(free, gradient, inverse, total, reach, task, body, space, weights, rule, damping):
-    """One step of BFGS: (found, point, its gradient, the next inverse Hessian, the terms of J)."""
-    count = free.shape[0]
-    direction, slope, longest = np.empty(count), 0.0, 0.0
-    for i in range(count):
-        along = 0.0
-        for j in range(count):
-            along -= inverse[i, j] * gradient[j]
-        direction[i] = along
-        slope += along * gradient[i]
-        longest = max(longest, abs(along) / reach[i])
-    tried, there, found = np.empty(count), np.empty(count), False
-    met = effort = over = risked = 0.0
-    if slope < 0.0:
-        lengths = (total, slope, min(1.0, 1.0 / longest))
-        found, met, effort, over, risked = search_along(
-            free, direction, lengths, task, body, space, weights, rule, tried, there
-        )
-    if not found:
-        return False, tried, there, inverse, met, effort, over, risked
-    step, change, squared, length = np.empty(count), np.empty(count), 0.0, 0.0
-    for i in range(count):
-        step[i], change[i] = tried[i] - free[i], there[i] - gradient[i]
-        squared += direction[i] * direction[i]
-        length += step[i] * direction[i]
-    length /= squared
-    expected, seen = 0.0, 0.0
-    for i in range(count):
-        expected -= step[i] * length * gradient[i]
-        seen += step[i] * change[i]
-    if seen < damping * expected:
-        share = (1.0 - damping) * expected / (expected - seen)
-        seen = 0.0
-        for i in range(count):
-            change[i] = share * change[i] - (1.0 - share) * length * gradient[i]
-            seen += step[i] * change[i]
-    along, twice = np.empty(count), 0.0
-    for i in range(count):
-        along[i] = 0.0
-        for j in range(count):
-            along[i] += inverse[i, j] * change[j]
-        twice += change[i] * along[i]
-    updated = rank_two(inverse, step, along, (1.0 + twice / seen) / seen, 1.0 / seen)
-    return True, tried, there, updated, met, effort, over, risked

@@ -8,6 +8,7 @@ planner; the derivative of one that brings none is taken by autograd there (auto
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -39,10 +40,14 @@ class TermContext:
     @property
     def body(self) -> Body:
         """The robot's body with the room that the weights ask for, and so many of its points."""
-        body = self.robot.body_with_room(self.weights.margin)
-        if self.points is None:
-            return body
-        return replace(body, points_body=well_spread(body.points_body, self.points))
+        return _body(self.robot, self.weights.margin, self.points)
+
+
+@lru_cache(maxsize=32)
+def _body(robot: Robot, margin: float, points: int | None) -> Body:
+    """Made once for each robot: every replan asks for it."""
+    body = robot.body_with_room(margin)
+    return body if points is None else replace(body, points_body=well_spread(body.points_body, points))
 
 
 @dataclass(slots=True)

@@ -9,10 +9,16 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel
-from nerfnav.robots.kernels.rotations import cross, inverse_left_jacobian, log_between
+from nerfnav.robots.kernels.rotations import cross, inverse_left_jacobian, log_between, turned
 
 NO_THRUST = 1e-4
 """Acceleration by thrust [m/s^2] below which it has no direction to speak of."""
+
+
+@kernel()
+def turn(rotation, angle, out):
+    """out = R Exp(angle)."""
+    turned(rotation, angle[0], angle[1], angle[2], out)
 
 
 @kernel()

@@ -64,3 +64,29 @@ def inverse_left_jacobian(theta, sign, vector, out):
     cross(theta, once, twice)
     for axis in range(3):
         out[axis] = vector[axis] - sign * 0.5 * once[axis] + second * twice[axis]
+
+
+@kernel(inline=True)
+def product(first, second, out):
+    """out = first @ second, of 3 x 3."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = first[i, 0] * second[0, j] + first[i, 1] * second[1, j] + first[i, 2] * second[2, j]
+
+
+@kernel(inline=True)
+def turned(rotation, x, y, z, out):
+    """out = rotation Exp((x, y, z)) (Rodrigues)."""
+    squared = x * x + y * y + z * z
+    angle = math.sqrt(squared)
+    if squared < 1e-12:
+        once, twice = 1.0 - squared / 6.0, 0.5 - squared / 24.0
+    else:
+        once, twice = math.sin(angle) / angle, (1.0 - math.cos(angle)) / squared
+    turn = np.empty((3, 3))
+    turn[0, 0], turn[1, 1], turn[2, 2] = (
+        1.0 - twice * (y * y + z * z), 1.0 - twice * (x * x + z * z), 1.0 - twice * (x * x + y * y),
+    )  # fmt: skip
+    turn[0, 1], turn[0, 2], turn[1, 2] = twice * x * y - once * z, twice * x * z + once * y, twice * y * z - once * x
+    turn[1, 0], turn[2, 0], turn[2, 1] = twice * x * y + once * z, twice * x * z - once * y, twice * y * z + once * x
+    product(rotation, turn, out)

@@ -1,0 +1,111 @@
+"""Steps of the search for the minimum of a quadrotor's J, several in one call.
+
+The same as quasi_newton.py, whose notation holds here, on kernels/quadrotor.py; tests hold both equal. `parts` is what
+`evaluate` asks for: task, body, space and weights.
+"""
+
+import math
+
+import numpy as np
+
+from nerfnav.compiled import kernel
+from nerfnav.planner.kernels.quadrotor import evaluate
+from nerfnav.planner.kernels.quasi_newton import rank_two
+
+
+@kernel()
+def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
+    """Go on from step `at` of a search up to step `until`, or to where J has settled.
+
+    `trace` is (points (n, k), gradients (n, k), terms of J (n, 4)); `inverses` the inverse Hessian (k, k), which is
+    updated in place, and the one that the search began with; `fresh` says whether they are equal. `rule` is (that of
+    `_search_along`, damping, patience, tolerance, least), see NewtonConfig. Returns the last step, whether J has
+    settled there, and `fresh`.
+    """
+    inverse, first = inverses
+    searching, damping, patience, tolerance, least = rule
+    scratch = np.empty((4, reach.shape[0]))
+    while at < until:
+        if not _step(trace, at, inverse, reach, parts, searching, damping, scratch):
+            if fresh:
+                return at, True, fresh
+            inverse[:], fresh = first, True  # what was learned of the curvature misleads: forget it
+            continue
+        at, fresh = at + 1, False
+        now = _total(trace[2], at)
+        if at >= patience and _total(trace[2], at - patience) - now <= tolerance * max(abs(now), least):
+            return at, True, fresh
+    return at, False, fresh
+
+
+@kernel(inline=True)
+def _total(terms, at):
+    """J at a step."""
+    return terms[at, 0] + terms[at, 1] + terms[at, 2] + terms[at, 3]
+
+
+@kernel(inline=True)
+def _step(trace, at, inverse, reach, parts, searching, damping, scratch):
+    """One step of BFGS: fill the next row of the trace, update the inverse Hessian; False where J does not fall."""
+    free, gradient = trace[0][at], trace[1][at]
+    direction, step, change, along = scratch
+    slope, longest = 0.0, 0.0
+    for i in range(free.shape[0]):
+        way = 0.0
+        for j in range(free.shape[0]):
+            way -= inverse[i, j] * gradient[j]
+        direction[i] = way
+        slope += way * gradient[i]
+        longest = max(longest, abs(way) / reach[i])
+    if not slope < 0.0:
+        return False
+    lengths = (_total(trace[2], at), slope, min(1.0, 1.0 / longest))
+    if not _search_along(trace, at, direction, lengths, parts, searching):
+        return False
+    squared, length = 0.0, 0.0
+    for i in range(free.shape[0]):
+        step[i], change[i] = trace[0][at + 1, i] - free[i], trace[1][at + 1, i] - gradient[i]
+        squared += direction[i] * direction[i]
+        length += step[i] * direction[i]
+    length /= squared
+    expected, seen = 0.0, 0.0
+    for i in range(free.shape[0]):
+        expected -= step[i] * length * gradient[i]
+        seen += step[i] * change[i]
+    if seen < damping * expected:
+        share = (1.0 - damping) * expected / (expected - seen)
+        seen = 0.0
+        for i in range(free.shape[0]):
+            change[i] = share * change[i] - (1.0 - share) * length * gradient[i]
+            seen += step[i] * change[i]
+    twice = 0.0
+    for i in range(free.shape[0]):
+        along[i] = 0.0
+        for j in range(free.shape[0]):
+            along[i] += inverse[i, j] * change[j]
+        twice += change[i] * along[i]
+    rank_two(inverse, step, along, (1.0 + twice / seen) / seen, 1.0 / seen)
+    return True
+
+
+@kernel(inline=True)
+def _search_along(trace, at, direction, lengths, parts, rule):
+    """Backtracking on Armijo's rule; fills the next row of the trace with where it ends, and says whether J fell.
+
+    `lengths` is (J, slope, first length), `rule` (share of the slope, least and largest factor between two tries,
+    tries).
+    """
+    task, body, space, weights = parts
+    total, slope, length = lengths
+    armijo, low, high, most = rule
+    free, tried, gradient, terms = trace[0][at], trace[0][at + 1], trace[1][at + 1], trace[2][at + 1]
+    for _ in range(most):
+        for i in range(free.shape[0]):
+            tried[i] = free[i] + length * direction[i]
+        terms[0], terms[1], terms[2], terms[3] = evaluate(tried, task, body, space, weights, gradient)
+        gain = terms[0] + terms[1] + terms[2] + terms[3] - total
+        if gain <= armijo * length * slope:
+            return True
+        best = -0.5 * slope * length**2 / (gain - slope * length)
+        length *= min(max(best / length, low), high) if math.isfinite(best) else high
+    return False
