@@ -13,12 +13,14 @@ from app.jobs.trained_field import stored
 from app.places.opening import field_file, ground_truth
 from app.storage.output_files import OutputError, prepare_file
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator.pose_error import rescaled
 from nerfnav.experiments import freedom_alone, in_words
 from nerfnav.field import FieldInfo, VoxelField, load_field
 from nerfnav.field.codec import StoredField
 from nerfnav.field.cropping import cropped, overlap
 from nerfnav.field.moving import MoveStep, moved
 from nerfnav.field.surface_points import surface_points
+from nerfnav.geometry.similarity import Similarity
 from nerfnav.importers import Splats, VoxelizeConfig, load_splats, save_splats, splats_beside, voxelize
 from nerfnav.importers.correction import Corrected, Correction, corrected
 from nerfnav.importers.placement import still_guessed
@@ -74,7 +76,7 @@ def run(request: PlaceRequest) -> JobEvents:
     changed = (yield from _moved(field, change)) if splats is None else _voxels_of(splats, field, change)
     truth, told = _truth_of(field, path, change, changed)
     told = (*change.told, *_cut(change, changed), *told)
-    changed = replace(changed, info=_info(changed, field.info, correction))  # type: ignore[type-var]
+    changed = replace(changed, info=_info(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
     yield Progress("storing the field", 0.95)
     return _stored(_Made(changed, splats, truth, told), out)
 
@@ -120,7 +122,9 @@ def _cut(change: Corrected, changed: StoredField) -> tuple[str, ...]:
     return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
 
 
-def _info(changed: StoredField, before: FieldInfo, correction: Correction) -> FieldInfo:
+def _info(
+    changed: StoredField, before: FieldInfo, correction: Correction, similarity: Similarity
+) -> FieldInfo:
     """What is known of the field now: figures about its surfaces hold as upper bounds, those of free space no more."""
     known = ["box"]  # as what was guessed of it is in the coordinates of before
     if correction.up is not None or correction.floor is not None or correction.find_floor:
@@ -138,6 +142,8 @@ def _info(changed: StoredField, before: FieldInfo, correction: Correction) -> Fi
         surface_taken_for_free=before.surface_taken_for_free,
         unproven_share=freedom_alone(changed, 0.0).unproven_share,
         guesses=still_guessed(before.guesses, known),
+        placed=similarity.after(Similarity.of_numbers(before.placed)).numbers if before.placed else (),
+        pose_floor=rescaled(before.pose_floor, similarity.scale),
     )
 
 

@@ -9,7 +9,7 @@ from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.train_config import config_for, require_room
 from app.jobs.train_neural import learn_networks
 from app.jobs.train_voxels import learn_voxels
-from app.jobs.trained_field import freedom_of, numbers_of, stored
+from app.jobs.trained_field import floor_of, freedom_of, numbers_of, stored
 from app.jobs.training_data.gather import StoppedError, TrainRequest, gather
 from app.storage.output_files import prepare_file
 from nerfnav.experiments import freedom_noted
@@ -35,9 +35,17 @@ def run(request: TrainRequest) -> JobEvents:
         trained = yield from learn_networks(material, request, request.neural, generator)
     # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
     name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
-    told = replace(trained.info, source=name, seed=request.seed, guesses=material.guesses, camera=material.camera)
+    told = replace(
+        trained.info,
+        source=name,
+        seed=request.seed,
+        guesses=material.guesses,
+        camera=material.camera,
+        placed=material.placed,
+    )
     trained = replace(trained, info=told)
     yield Progress("judging", 1.0)
+    trained = replace(trained, info=replace(trained.info, pose_floor=floor_of(trained, material)))
     freedom = freedom_of(trained, material)
     trained = replace(trained, info=freedom_noted(trained.info, freedom))
     file_bytes, files = stored(trained, material.truth, out)

@@ -5,8 +5,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import torch
+
 import scenes
 from app.jobs.training_data.gather import TrainingData
+from nerfnav.estimator import ColorNoise, pose_floor
 from nerfnav.experiments import Freedom, freedom_alone, freedom_on_depth, freedom_on_mesh, in_words
 from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers.meshes.truth import truth_beside, truth_path
@@ -22,6 +25,14 @@ def freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Fre
     if material.held_out.depth is not None and len(material.held_out):
         return freedom_on_depth(trained, voxel, material.held_out, material.learned)
     return freedom_alone(trained, voxel)
+
+
+def floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
+    """How well photographs tell poses there (see estimator/pose_error.py); nothing where the pictures were rendered."""
+    if material.truth is not None or not isinstance(trained, VoxelField):
+        return ()
+    noise = ColorNoise().measured(trained.info.noise_std)
+    return pose_floor(trained, material.held_out, noise, torch.Generator().manual_seed(0))
 
 
 def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:

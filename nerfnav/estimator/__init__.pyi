@@ -6,10 +6,14 @@ from .fast import FastFilter as FastFilter
 from .fast import inerf as inerf
 from .filter import FilterConfig as FilterConfig
 from .filter import PoseFilter as PoseFilter
+from .noise import ProcessNoise as ProcessNoise
+from .noise import RandomAcceleration as RandomAcceleration
 from .noise import StateNoise as StateNoise
 from .photometric import ColorNoise as ColorNoise
 from .photometric import Observation as Observation
 from .pixels import PixelConfig as PixelConfig
+from .pose_error import comparable as comparable
+from .pose_error import pose_floor as pose_floor
 from .relocalise import RelocaliseConfig as RelocaliseConfig
 from .relocalise import RelocaliseOutcome as RelocaliseOutcome
 from .relocalise import RelocaliseStep as RelocaliseStep

@@ -21,7 +21,7 @@ from torch import Tensor
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.fast_update import Update
 from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.noise import ProcessNoise
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import View
 from nerfnav.estimator.steps import FilterStep
@@ -67,7 +67,7 @@ class FastFilter:
         return self.correct(predict(belief, action, self.robot, dt, noise), image, generator, noise)
 
     def correct(
-        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: StateNoise | None = None
+        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
     ) -> Iterator[FilterStep]:
         """The same for a belief that the dynamics have moved already, and have added this `noise` to.
 

@@ -17,7 +17,7 @@ from nerfnav.estimator.descents import improve
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.newton import POSE as _POSE
 from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, picture_information
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.noise import ProcessNoise
 from nerfnav.estimator.photometric import THREADS, Observation, are_inliers, difference, patches
 from nerfnav.estimator.pixels import PixelChoice, PixelSource, choose_pixels
 from nerfnav.estimator.pyramid import Stage, View, small_observation
@@ -48,7 +48,7 @@ class Update:
     """Where the dynamics lead, with the process noise `noise` in it."""
     image: Tensor
     generator: torch.Generator
-    noise: StateNoise | None = None
+    noise: ProcessNoise | None = None
     _chosen: PixelChoice | None = None
 
     def run(self) -> Iterator[FilterStep]:

@@ -1,12 +1,22 @@
 """Gaussian noise on a state: what the filter assumes and what the simulator does, in one record."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
+
+
+@runtime_checkable
+class ProcessNoise(Protocol):
+    """What a time step adds to a state, of zero mean."""
+
+    def covariance(self) -> Float[Tensor, "12 12"]:
+        """In the tangent of the state."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -51,3 +61,25 @@ class StateNoise:
     def sample(self, generator: torch.Generator) -> Float[Tensor, "12"]:
         """One random tangent vector."""
         return self.std() * torch.randn(12, generator=generator)
+
+
+@dataclass(frozen=True)
+class RandomAcceleration:
+    """White-noise acceleration over a step, linear and angular (Bar-Shalom, "Estimation with Applications", 6.2).
+
+    With a spectral density q^2 each coordinate and its rate gain q^2 [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]: noise is a
+    rate per second, and two steps of any lengths add as much as one of their sum.
+    """
+
+    dt: float
+    """Length of the step [s]."""
+    linear: float
+    """q of velocities [m/s per sqrt(s)]."""
+    angular: float
+    """q of body rates [rad/s per sqrt(s)]."""
+
+    def covariance(self) -> Float[Tensor, "12 12"]:
+        """In the tangent of the state."""
+        dt, eye = self.dt, torch.eye(3)
+        parts = torch.tensor([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        return torch.block_diag(*(torch.kron(size**2 * parts, eye) for size in (self.linear, self.angular)))

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.noise import ProcessNoise
 from nerfnav.robots import TANGENT, RigidState, Robot
 
 
@@ -29,7 +29,7 @@ def transition(
 
 
 def predict(
-    belief: Belief, action: Float[Tensor, " a"], robot: Robot, dt: float, noise: StateNoise
+    belief: Belief, action: Float[Tensor, " a"], robot: Robot, dt: float, noise: ProcessNoise
 ) -> Belief:
     """The belief after an action of `dt` [s], before any picture."""
     mean, jacobian = transition(robot, belief.mean.detach(), action.detach(), dt)

@@ -47,6 +47,12 @@ class FieldInfo:
 
     camera: tuple[float, ...] = ()
     """What its photographs were taken with, as `Camera.numbers` has it; empty where nobody noted it."""
+    placed: tuple[float, ...] = ()
+    """How it lies in the capture that it was trained from: `Similarity.numbers` of what takes the capture's own
+    coordinates to the field's; empty where nobody noted it."""
+    pose_floor: tuple[float, ...] = ()
+    """How far poses that fit a picture best are from the true ones, as a covariance (see estimator/pose_error.py),
+    6 x 6, row by row; empty where nobody measured it."""
     guesses: tuple[str, ...] = ()
     """What was guessed of up, lengths and box when it was made, sentences; what was put right since is left out."""
 
@@ -55,5 +61,6 @@ class FieldInfo:
         """From names and values in a file; names that this version does not know are left out."""
         known = {field.name for field in fields(cls)}
         told = {name: value for name, value in stored.items() if name in known}
-        listed = {name: tuple(told.get(name, ())) for name in ("guesses", "camera")}  # files have lists
+        # files have lists
+        listed = {name: tuple(told.get(name, ())) for name in ("guesses", "camera", "placed", "pose_floor")}
         return cls(**{**told, **listed})

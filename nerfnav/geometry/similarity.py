@@ -46,6 +46,23 @@ class Similarity(TensorStruct):
         return cls(torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64))
 
     @property
+    def numbers(self) -> tuple[float, ...]:
+        """s, then R row by row, then t, as files keep it."""
+        return float(self.scale), *self.rotation.flatten().tolist(), *self.translation.tolist()
+
+    @classmethod
+    def of_numbers(cls, numbers: tuple[float, ...]) -> "Similarity":
+        """The similarity of `numbers`."""
+        scale, *rest = numbers
+        matrix = torch.tensor(rest, dtype=torch.float64)
+        return cls(matrix[:9].reshape(3, 3), matrix[9:], scale)
+
+    def after(self, first: "Similarity") -> "Similarity":
+        """`first`, and then this one."""
+        moved = self.scale * (self.rotation @ first.translation) + self.translation
+        return Similarity(self.rotation @ first.rotation, moved, self.scale * first.scale)
+
+    @property
     def is_identity(self) -> bool:
         """Whether nothing is changed."""
         same = self.scale == 1.0 and not bool(self.translation.any())

@@ -4,6 +4,7 @@ from .couch_config import CouchConfig as CouchConfig
 from .diffdrive import DiffDrive as DiffDrive
 from .diffdrive_config import DiffDriveConfig as DiffDriveConfig
 from .flat_map import FlatMap as FlatMap
+from .handheld import HandHeld as HandHeld
 from .headings import unwrapped as unwrapped
 from .limits import limit_uses as limit_uses
 from .quadrotor import Quadrotor as Quadrotor

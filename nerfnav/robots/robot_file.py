@@ -1,7 +1,7 @@
 """Robots in files: what moves, described in YAML, in SI units (kg, m, s, N, rad).
 
     name: scout
-    kind: quadrotor                                    # quadrotor, couch or diffdrive
+    kind: quadrotor                                    # quadrotor, couch, diffdrive or handheld
     mass: 0.7
     inertia: [4.0e-3, 4.0e-3, 7.3e-3]                  # quadrotors; left out: of a solid box
     body: {box: [0.25, 0.25, 0.08]}                    # see robots/body_file.py
@@ -27,6 +27,7 @@ from nerfnav.robots.couch import Couch
 from nerfnav.robots.couch_config import CouchConfig
 from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.diffdrive_config import DiffDriveConfig
+from nerfnav.robots.handheld import HandHeld
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from nerfnav.robots.robot import Robot
@@ -39,7 +40,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
     """What a robot's file may hold."""
 
     name: str
-    kind: Literal["quadrotor", "couch", "diffdrive"]
+    kind: Literal["quadrotor", "couch", "diffdrive", "handheld"]
     body: BodyFile
     mass: float | None = None
     """[kg]; quadrotors and couches have one."""
@@ -125,8 +126,14 @@ def _diffdrive(told: RobotFile, known: dict[str, Any]) -> Robot:
     return DiffDrive(DiffDriveConfig(**{f"max_{name}": value for name, value in limits.items()}, **known))
 
 
+def _handheld(told: RobotFile, known: dict[str, Any]) -> Robot:
+    _refuse(told, "mass", "inertia")
+    _limits(told)
+    return HandHeld(told.name)
+
+
 _MAKERS: dict[str, Callable[[RobotFile, dict[str, Any]], Robot]] = {
-    "quadrotor": _quadrotor, "couch": _couch, "diffdrive": _diffdrive,
+    "quadrotor": _quadrotor, "couch": _couch, "diffdrive": _diffdrive, "handheld": _handheld,
 }  # fmt: skip
 
 
@@ -134,7 +141,8 @@ def _limits(told: RobotFile, **usual: float) -> dict[str, float]:
     """The limits that were given, else the usual ones of the kind."""
     unknown = told.limits.keys() - usual
     if unknown:
-        raise InvalidInputError(f"a {told.kind} has no limit {sorted(unknown)[0]!r}; it has {', '.join(usual)}")
+        known = ", ".join(usual) or "none"
+        raise InvalidInputError(f"a {told.kind} has no limit {sorted(unknown)[0]!r}; it has {known}")
     return {name: _above_zero(name, told.limits.get(name, value)) for name, value in usual.items()}
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from nerfnav.registry import Registry
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
+from nerfnav.robots.handheld import HandHeld
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.robot_file import SUFFIXES, read_robot
@@ -24,6 +25,8 @@ class RobotEntry:
     """What they call it, as in `--robot`."""
     make: Callable[[], Robot]
     """Makes it with its default constants."""
+    plans: bool = True
+    """Whether it can be planned for; what cannot is tracked only, and no choice where plans are made."""
 
 
 def _bundled(name: str) -> RobotEntry:
@@ -36,6 +39,7 @@ ROBOTS: Registry[RobotEntry] = Registry(
         RobotEntry("quadrotor", Quadrotor),
         RobotEntry("couch", Couch),
         RobotEntry("diffdrive", DiffDrive),
+        RobotEntry("handheld", HandHeld, plans=False),
         *map(_bundled, ("quadrotor25", "sofa", "cart", "crazyflie", "x500", "turtlebot3")),
     ),
 )
@@ -43,8 +47,8 @@ ROBOTS: Registry[RobotEntry] = Registry(
 
 
 def names() -> tuple[str, ...]:
-    """What `load` knows by name."""
-    return tuple(ROBOTS)
+    """What `load` knows by name and planners can plan for."""
+    return tuple(name for name, entry in ROBOTS.items() if entry.plans)
 
 
 def load(name: str) -> Robot:

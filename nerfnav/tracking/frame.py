@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float, UInt8
 from torch import Tensor
@@ -34,15 +34,24 @@ class Inertial:
     """What the accelerometer said: acceleration less gravity [m/s^2], in its own axes."""
 
 
+@runtime_checkable
 class FrameSource(Protocol):
     """Pictures in the order of their times, read one at a time."""
 
-    camera: Camera | None
-    """What took them, where the source says so."""
-    inertial: Inertial | None
-    """What an inertial measurement unit said meanwhile, where there was one."""
-    count: int | None
-    """How many frames there are, where that is known before they are read."""
+    @property
+    def camera(self) -> Camera | None:
+        """What took them, where the source says so."""
+        ...
+
+    @property
+    def inertial(self) -> Inertial | None:
+        """What an inertial measurement unit said meanwhile, where there was one."""
+        ...
+
+    @property
+    def count(self) -> int | None:
+        """How many frames there are, where that is known before they are read."""
+        ...
 
     def frames(self) -> Iterator[Frame]:
         """Each frame. Raises InvalidInputError where one cannot be read, or where time runs backwards."""

@@ -59,3 +59,11 @@ def test_scales_that_no_place_can_have_are_refused(scale: float) -> None:
 def test_mirrors_are_refused() -> None:
     with pytest.raises(InvalidInputError, match="rotation"):
         Similarity(torch.diag(torch.tensor([1.0, 1.0, -1.0])).double(), torch.zeros(3).double())
+
+
+def test_numbers_make_the_same_again_and_one_goes_after_another() -> None:
+    first, second = some(), some(2.5)
+    again = Similarity.of_numbers(first.numbers)
+    points = torch.rand(5, 3, dtype=torch.float64)
+    torch.testing.assert_close(again(points), first(points))
+    torch.testing.assert_close(second.after(first)(points), second(first(points)))

@@ -61,4 +61,5 @@ def _material(capture: ImportedCapture) -> TrainingData:
         ITERATIONS,
         capture.bounded,
         capture.report.camera,
+        capture.report.placed,
     )

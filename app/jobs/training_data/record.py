@@ -41,6 +41,8 @@ class TrainingData:
 
     camera: tuple[float, ...] = ()
     """What took the photographs, as `Camera.numbers` has it; empty where that is not worth noting."""
+    placed: tuple[float, ...] = ()
+    """How the field lies in the capture, as `Similarity.numbers` has it; empty where there is none."""
 
     @property
     def guesses(self) -> tuple[str, ...]:

@@ -50,6 +50,7 @@ def assembled(
         _rounded(world.up),
         (_rounded(box.lower.numpy()), _rounded(box.upper.numpy())),
         camera,
+        world.placed.numbers,
         world.guesses + guesses,
     )
     return ImportedCapture(learned, held_out, box, background, silhouettes is not None, report)

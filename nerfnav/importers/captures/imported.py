@@ -54,6 +54,8 @@ class CaptureReport:
     """Lowest and highest corner of the field [m]."""
     camera: tuple[float, ...]
     """What the first photograph was taken with, as `Camera.numbers` has it; empty for lenses of more numbers."""
+    placed: tuple[float, ...]
+    """What takes the capture's own coordinates to the field's: `Similarity.numbers`."""
     guesses: tuple[str, ...]
     """What nobody said and the cameras do not tell for sure: one sentence each."""
 

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
+from nerfnav.geometry.similarity import Similarity
 from nerfnav.importers.captures import placing
 from nerfnav.importers.captures.views import View
 from nerfnav.importers.placement import Placement, rotation_to_z
@@ -18,6 +20,12 @@ class CameraWorld:
     scale: float  # [m] in a unit of the capture
     origin: np.ndarray  # [m], what was taken off every position (3)
     guesses: tuple[str, ...]
+
+    @property
+    def placed(self) -> Similarity:
+        """What takes the capture's own coordinates here."""
+        rotation = torch.from_numpy(rotation_to_z(self.up))
+        return Similarity(rotation, -torch.from_numpy(self.origin).double(), self.scale)
 
 
 def world_of(views: list[View], placement: Placement) -> CameraWorld:

@@ -62,6 +62,7 @@ def test_what_was_found_and_guessed_is_told(tmp_path: Path) -> None:
     assert (report.image_size, report.downscale, report.images_held_out) == ((48, 36), 1, 1)
     assert (report.scale, report.up) == (1.0, (0.0, 0.0, 1.0))
     assert [guess.split(":")[0] for guess in report.guesses] == ["up", "scale", "box"]
+    assert report.placed == (1, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)  # scale, rotation, translation
 
 
 def test_what_was_said_is_not_guessed(tmp_path: Path) -> None:

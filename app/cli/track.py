@@ -1,0 +1,53 @@
+"""nerfnav track: where a camera was while it took pictures."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from app.cli.progress import follow
+from app.cli.terminal import show
+from app.jobs.given_picture import GivenCamera
+from app.jobs.track import TrackRequest
+from app.jobs.track import run as run_job
+from nerfnav.tracking.sources.open_source import SourceOptions
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Track a camera through a field, knowing nothing at first: a trajectory, covariances, an overlay video, MCAP."""
+
+    field: Positional[str]
+    """Path of a field file, or name of a bundled scene."""
+    source: Positional[Path]
+    """A video, or a folder of pictures with times: rgb.txt (TUM), names that are times in s or ns, or a capture."""
+    out: Path
+    """Folder for trajectory.tum, poses.csv, overlay.mp4 and track.mcap."""
+    camera: Path | None = None
+    """Calibration of the camera by ROS, OpenCV or nerfstudio; by default what the source says, else the camera that the
+    field was trained with, else 90 degrees."""
+    fov: float | None = None
+    """Horizontal field of view of the camera [degrees], in place of --camera."""
+    fps: float | None = None
+    """Pictures in a second, for sources that tell no times."""
+    topic: str | None = None
+    """Name of the pictures that are meant, where a recording has several."""
+    pictures: bool = True
+    """Write overlay.mp4 and track.mcap, too (the latter needs the extra [ros])."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Track, and print what became of the frames."""
+    request = TrackRequest(
+        arguments.field,
+        arguments.source,
+        arguments.out,
+        GivenCamera(arguments.camera, fov_deg=arguments.fov),
+        SourceOptions(arguments.fps, arguments.topic),
+        arguments.pictures,
+    )
+    result = follow(run_job(request))
+    summary = {**result.summary, "files": [str(path) for path in result.files]}
+    show(f"{arguments.source} in {arguments.field}", summary, arguments.json)

@@ -1,0 +1,1 @@
+"""Where tracked pictures come from, one file for each kind."""

@@ -1,0 +1,74 @@
+"""A capture whose transforms.json tells when each photograph was taken (`time_s`); its poses are not looked at."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import Camera, read_camera
+from nerfnav.tracking.frame import Frame, Inertial
+from nerfnav.tracking.sources.pictures import pictures_of
+
+_NAME = "transforms.json"
+
+
+@dataclass(frozen=True)
+class PosedSource:
+    """Photographs and their times (a FrameSource)."""
+
+    listed: tuple[tuple[float, Path], ...]
+    """Time [s] and file of each, in order."""
+    camera: Camera | None
+    """What the head of transforms.json says of it."""
+    inertial: Inertial | None = None
+    """There is none."""
+
+    @classmethod
+    def of(cls, path: Path) -> "PosedSource":
+        """The photographs of a capture, in the order of their times. Raises InvalidInputError where one tells none."""
+        path = path / _NAME if path.is_dir() else path
+        listed = [_entry(frame, path) for frame in _frames(path)]
+        return cls(tuple(sorted(listed)), _camera_in(path))
+
+    @property
+    def count(self) -> int:
+        """How many photographs there are."""
+        return len(self.listed)
+
+    def frames(self) -> Iterator[Frame]:
+        """See FrameSource."""
+        return pictures_of(self.listed)
+
+
+def is_capture_with_times(path: Path) -> bool:
+    """Whether this is a transforms.json, or its folder, of whose frames some have a time."""
+    path = path / _NAME if path.is_dir() else path
+    if path.name != _NAME or not path.is_file():
+        return False
+    return any("time_s" in frame for frame in _frames(path))
+
+
+def _frames(path: Path) -> list[dict[str, Any]]:
+    try:
+        frames = json.loads(path.read_text(encoding="utf-8"))["frames"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InvalidInputError(f"{path} has no list of frames: it is not a transforms.json") from error
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise InvalidInputError(f"{path} has no list of frames: it is not a transforms.json")
+    return frames
+
+
+def _entry(frame: dict[str, Any], path: Path) -> tuple[float, Path]:
+    seconds, name = frame.get("time_s"), frame.get("file_path")
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or seconds != seconds:
+        raise InvalidInputError(f"{name} in {path} has no time_s, a number of seconds, and others have")
+    if not isinstance(name, str):
+        raise InvalidInputError(f"a frame of {path} has no file_path")
+    return float(seconds), path.parent / name
+
+
+def _camera_in(path: Path) -> Camera | None:
+    """What took all of them; None where the file's head does not say. Raises InvalidInputError for no camera."""
+    return read_camera(path) if "fl_x" in json.loads(path.read_text(encoding="utf-8")) else None

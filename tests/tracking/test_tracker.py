@@ -1,0 +1,116 @@
+"""The tracker, on pictures of a small place that is known exactly."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import Belief
+from nerfnav.geometry import FORWARD_MOUNT, Camera, so3
+from nerfnav.robots import RigidState
+from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
+from tests.tracking.walks import CAMERA, every, field, picture, pose, walk
+
+CONFIG = TrackerConfig()
+CONFIG = replace(CONFIG, filter=CONFIG.filter.for_field(0.01))
+
+
+def tracker(camera: Camera = CAMERA, config: TrackerConfig = CONFIG) -> Tracker:
+    return Tracker(field(), camera, config=config)
+
+
+def errors(tracked: Tracked) -> tuple[float, float]:
+    """Position [m] and attitude [rad]."""
+    true, found = pose(tracked.time), tracked.pose
+    assert found is not None
+    return float((found.position - true.position).norm()), float(so3.local(true.rotation, found.rotation).norm())
+
+
+def well_tracked(tracked: Tracked) -> bool:
+    moved, turned = errors(tracked)
+    return tracked.status.updated and moved < 0.01 and turned < 0.01
+
+
+def test_a_camera_is_found_from_nothing_and_followed() -> None:
+    one = tracker()
+    track = [one.observe(frame) for frame in walk(every(8))]
+    assert [tracked.status for tracked in track] == [TrackStatus.FOUND, *[TrackStatus.FOLLOWED] * 7]
+    assert all(map(well_tracked, track[1:]))
+    assert [tracked.time for tracked in track] == every(8)
+
+
+def test_frames_may_come_at_any_times() -> None:
+    one = tracker()
+    assert all(well_tracked(one.observe(frame)) for frame in walk([0.0, 0.07, 0.1, 0.5, 0.53, 1.1]))
+
+
+def test_its_covariance_holds_its_errors() -> None:
+    one = tracker()
+    track = [one.observe(frame) for frame in walk(every(10))][1:]
+    for tracked in track:
+        found, true = tracked.pose, pose(tracked.time)
+        assert found is not None and tracked.covariance is not None
+        turn = so3.log(true.rotation @ found.rotation.T)
+        error = torch.cat([true.position - found.position, turn]).double()
+        assert error @ torch.linalg.solve(tracked.covariance, error) < 30  # chi-squared of 6: 1 in 25,000
+
+
+def test_pictures_of_another_resolution_of_the_camera_are_tracked() -> None:
+    one, small = tracker(), CAMERA.scaled(0.5)
+    frames = [*walk([0.0, 0.07]), *walk([0.2, 0.25], small), *walk([0.3], CAMERA.scaled(2))]
+    assert all(well_tracked(one.observe(frame)) for frame in frames)
+
+
+def test_black_frames_lose_the_track_and_a_picture_finds_it_again() -> None:
+    one, frames = tracker(), walk(every(16))
+    dark = [replace(frame, picture=torch.zeros_like(frame.picture)) for frame in frames[3:13]]
+    status = [one.observe(frame).status for frame in [*frames[:3], *dark]]
+    assert status[3:] == [TrackStatus.PREDICTED] * 2 + [TrackStatus.LOST] * 8
+    again = one.observe(frames[13])
+    assert again.status is TrackStatus.FOUND_AGAIN and errors(again)[0] < 0.02
+
+
+def test_a_jump_is_noticed_and_the_camera_found_where_it_is() -> None:
+    one = tracker()
+    for frame in walk(every(4)):
+        one.observe(frame)
+    there = RigidState.at_rest((-0.45, 0.25, 0.3), -0.5).pose.compose(FORWARD_MOUNT)
+    seen = picture(field(), CAMERA, there)
+    track = [one.observe(Frame(time, seen, "there")) for time in every(8, first=4 / 15)]
+    assert TrackStatus.FOUND_AGAIN in [tracked.status for tracked in track]
+    last = track[-1].pose
+    assert last is not None and (last.position - there.position).norm() < 0.02
+
+
+def test_an_excursion_of_15_cm_is_noticed() -> None:
+    one, frames = tracker(), walk(every(10))
+    for frame in frames[:5]:
+        one.observe(frame)
+    assert one._belief is not None
+    away = one._belief.mean.retract(torch.tensor([0.1, 0.1, 0.05] + 9 * [0.0]))
+    one._belief = Belief(away, one._belief.covariance)
+    assert errors([one.observe(frame) for frame in frames[5:]][-1])[0] < 0.02
+
+
+def test_what_does_not_average_out_stays_in_the_covariance() -> None:
+    floor = torch.diag(torch.tensor([0.03**2, 0.02**2, 0.01**2, 1e-4, 1e-4, 1e-4], dtype=torch.float64))
+    one = tracker(config=replace(CONFIG, floor=tuple(floor.flatten().tolist())))
+    tracked = [one.observe(frame) for frame in walk(every(6))][-1]
+    covariance, found = tracked.covariance, tracked.pose
+    assert covariance is not None and found is not None
+    in_camera = found.rotation.T.double() @ covariance[:3, :3] @ found.rotation.double()
+    assert (in_camera.diagonal() >= floor.diagonal()[:3] * 0.99).all()
+    assert in_camera[0, 0] < 2 * floor[0, 0]
+
+
+def test_time_must_go_on() -> None:
+    one, frames = tracker(), walk([0.0, 0.1])
+    one.observe(frames[1])
+    with pytest.raises(InvalidInputError, match="in the order of their times"):
+        one.observe(frames[0])
+
+
+def test_a_picture_of_other_proportions_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="neither cut nor turned"):
+        tracker().observe(walk([0.0], CAMERA.resized(96, 120))[0])
