@@ -13,6 +13,7 @@ COMMANDS = {
     "plan": "plan a trajectory through a field",
     "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",
     "localize": "find where in a field a picture was taken",
+    "live": "guide a real vehicle: pictures in at a local socket, its pose and next setpoints out",
     "export": "write the trajectory of a plan or a flight in another format",
     "map": "write what planners take for free, solid or unproven, for other programs",
     "experiment": "run one of the experiments: trials judged on the ground truth, a table, figures",
