@@ -14,7 +14,7 @@ LEVELS = (
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
     ("navigation", "tracking"),
-    ("export",),
+    ("export", "live"),
     ("experiments",),
     ("api",),
 )
@@ -24,8 +24,9 @@ BESIDE = {("world", "robots")}
 WALL = ("planner", "estimator", "navigation", "tracking")
 """They plan and estimate on the field alone: planned on the field, judged on the mesh."""
 ROOMS: dict[str, tuple[str, ...]] = {
-    "cli": ("server", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
+    "cli": ("server", "live", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
     "server": ("page", "page_server", "worker", "ui_loop", "state", "places", "security"),
+    "live": ("security", "system"),
     "ui_loop": ("reducers", "state"),
     "page_server": ("page.theme", "places", "security"),
     "worker": ("queries", "state", "jobs", "storage", "places", "text", "system"),
@@ -50,7 +51,7 @@ ONLY_IN = {
     "threading": ("app.worker", "app.ui_loop", "app.security", "app.cli.serve"),
 }
 """Modules of app/ that may import these."""
-SETTING_THREADS = ("app.worker", "app.cli.progress", "app.benchmarks")
+SETTING_THREADS = ("app.worker", "app.live", "app.cli.progress", "app.benchmarks")
 """Modules of app/ that may tell torch how many threads it has."""
 SOURCES = sorted(path for folder in ("nerfnav", "scenes", "app") for path in (ROOT / folder).rglob("*.py"))
 LIBRARY = [path for path in SOURCES if path.is_relative_to(ROOT / "nerfnav")]

@@ -14,6 +14,7 @@ COMMANDS = {
     "fly": "fly a trajectory with nothing but a simulated camera, replanning at every step",
     "localize": "find where in a field a picture was taken",
     "track": "follow a camera through a field: a video, a folder of pictures, a recording",
+    "live": "guide a real vehicle: pictures in at a local socket, its pose and next setpoints out",
     "export": "write the trajectory of a plan or a flight in another format",
     "map": "write what planners take for free, solid or unproven, for other programs",
     "experiment": "run one of the experiments: trials judged on the ground truth, a table, figures",

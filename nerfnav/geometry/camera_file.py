@@ -39,11 +39,11 @@ def read_camera(path: Path) -> Camera:
         raise InvalidInputError(f"{path} cannot be read as a calibration: {error}") from error
     try:
         if any(mark in text for mark in _OPENCV):
-            return _of_matrices(_stored(text))
+            return camera_of_matrices(_stored(text))
         told = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
         if not isinstance(told, dict):
             raise InvalidInputError("it holds no names with values")
-        return _of_transforms(told) if "fl_x" in told else _of_matrices(told)
+        return _of_transforms(told) if "fl_x" in told else camera_of_matrices(told)
     except (InvalidInputError, ValueError, TypeError, yaml.YAMLError) as error:
         raise InvalidInputError(f"{path} is no calibration of a camera: {' '.join(str(error).split())}") from error
 
@@ -81,7 +81,8 @@ def _stored(text: str) -> dict[str, Any]:
     return told
 
 
-def _of_matrices(told: dict[str, Any]) -> Camera:
+def camera_of_matrices(told: dict[str, Any]) -> Camera:
+    """The camera that ROS's or OpenCV's words tell. Raises InvalidInputError where they tell none, or another lens."""
     matrix = _numbers(told, "camera_matrix")
     if matrix.size != 9:
         raise InvalidInputError(f"camera_matrix has 9 numbers, not {matrix.size}")

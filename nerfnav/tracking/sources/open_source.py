@@ -6,6 +6,8 @@ from pathlib import Path
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.tracking.frame import FrameSource
+from nerfnav.tracking.sources.bag import is_bag, open_bag
+from nerfnav.tracking.sources.euroc import is_euroc, open_euroc
 from nerfnav.tracking.sources.folder import FolderSource, is_folder_of_pictures
 from nerfnav.tracking.sources.posed import PosedSource, is_capture_with_times
 from nerfnav.tracking.sources.rgb_list import ListSource, is_list
@@ -40,6 +42,8 @@ class SourceKind:
 
 
 KINDS: list[SourceKind] = [
+    SourceKind("an MCAP file or a rosbag2", is_bag, lambda path, options: open_bag(path, options.topic)),
+    SourceKind("an EuRoC (ASL) folder", is_euroc, lambda path, options: open_euroc(path, options.topic)),
     SourceKind("a video", is_video, lambda path, options: VideoSource.of(path, options.fps)),
     SourceKind("a folder with rgb.txt (TUM)", is_list, lambda path, _: ListSource.of(path)),
     SourceKind("a capture with time_s in its transforms.json", is_capture_with_times,

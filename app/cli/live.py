@@ -1,0 +1,65 @@
+"""nerfnav live: a door for real robots."""
+
+import asyncio
+import contextlib
+import json
+import secrets
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from app.cli.terminal import note
+from app.live.server import LiveServer
+from app.places.opening import open_place
+from app.security.address import check_address
+from app.security.token import check_token
+from nerfnav.geometry import read_camera
+from nerfnav.live import Navigator
+from nerfnav.live.messages import Size, Welcome
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Take pictures of a vehicle's camera at a local socket; answer where it is, and what to do to reach its goal."""
+
+    field: Positional[str]
+    """Path of a field file, or name of a bundled scene."""
+    robot: str = "quadrotor"
+    """What moves: a name, or a file that describes it (see README)."""
+    camera: Path | None = None
+    """What it sees with: a calibration by ROS, OpenCV or nerfstudio; by default the robot's own camera."""
+    host: str = "127.0.0.1"
+    """Address to listen at; the default is reached from this machine alone."""
+    port: int = 8090
+    """Port to listen at."""
+    token: str | None = None
+    """Secret that the vehicle must bring, as in ws://HOST:PORT/?token=T; by default a new one, which is told."""
+    json: bool = False
+    """Print one JSON object with the address."""
+
+
+def run(arguments: Arguments) -> None:
+    """Open the place, make what takes long, tell the address, serve until Ctrl-C."""
+    check_address(arguments.host, arguments.port)
+    check_token(arguments.host, arguments.token)
+    token = arguments.token or secrets.token_urlsafe(16)
+    place = open_place(arguments.field, arguments.robot)
+    camera = place.robot.camera if arguments.camera is None else read_camera(arguments.camera)
+    navigator = Navigator(place.field, place.robot, camera)
+    (x, y, z), (to_x, to_y, to_z) = place.field.box.lower.tolist(), place.field.box.upper.tolist()
+    size, box = Size(camera.width, camera.height), ((x, y, z), (to_x, to_y, to_z))
+    server = LiveServer(navigator, Welcome(place.name, place.robot.name, size, box), arguments.host, token)
+    address = f"ws://{arguments.host}:{arguments.port}/?token={token}"
+
+    def ready() -> None:
+        told = f"nerfnav guides a {place.robot.name} in {place.name} at {address} (Ctrl-C ends it)"
+        sys.stdout.write((json.dumps({"address": address, "field": place.name}) if arguments.json else told) + "\n")
+        sys.stdout.flush()
+
+    with contextlib.suppress(ValueError):  # in tests this is not the main thread, which alone hears signals
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # what supervisors send ends it as Ctrl-C does
+    with contextlib.suppress(KeyboardInterrupt):  # the way to end a server
+        asyncio.run(server.run(arguments.port, note, ready))

@@ -1,0 +1,9 @@
+from .answer import Answer as Answer
+from .answer import Goal as Goal
+from .answer import Guidance as Guidance
+from .answer import Order as Order
+from .answer import Setpoint as Setpoint
+from .client import LiveClient as LiveClient
+from .client import LiveError as LiveError
+from .navigator import LiveConfig as LiveConfig
+from .navigator import Navigator as Navigator

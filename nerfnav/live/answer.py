@@ -1,0 +1,123 @@
+"""What a navigator is asked and answers: plain numbers, for vehicles near and far. Nothing slow is imported here.
+
+The world is the field's frame, ENU and z-up, in metres; the body is FLU. Times are those of the vehicle's own clock.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from enum import Enum
+
+Vector = tuple[float, float, float]
+
+
+class Order(Enum):
+    """What a vehicle is to do."""
+
+    FOLLOW = "follow"
+    """Follow the setpoints to the goal."""
+    BRAKE = "brake"
+    """Follow the setpoints, which come to rest in free space: no way to the goal is safe now."""
+    HOLD = "hold"
+    """Stop and stay, by your own means: no safe motion is known."""
+    ARRIVED = "arrived"
+    """Stay at the setpoint, which is the goal."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where to arrive, at rest."""
+
+    position: Vector
+    """In the world [m]."""
+    yaw: float = 0.0
+    """Heading of the body's x axis, counter-clockwise from the world's x axis [rad]."""
+
+
+@dataclass(frozen=True)
+class Setpoint:
+    """What the motion is at one time."""
+
+    time: float
+    """[s]"""
+    position: Vector
+    """In the world [m]."""
+    velocity: Vector
+    """[m/s]"""
+    acceleration: Vector
+    """Without gravity [m/s^2]."""
+    yaw: float
+    """[rad]; neighbours do not jump by a turn."""
+
+    @property
+    def half_turn(self) -> tuple[float, float]:
+        """w and z of the quaternion of the yaw; its x and y are 0."""
+        return math.cos(self.yaw / 2), math.sin(self.yaw / 2)
+
+
+@dataclass(frozen=True)
+class Guidance:
+    """What to do on the way to a goal."""
+
+    order: Order
+    reason: str
+    """Why, in one sentence."""
+    setpoints: tuple[Setpoint, ...] = ()
+    """In the order of their times, the first at the time of the picture or, of a plan that is less than a step old, a
+    little before it; the last is at rest. None for HOLD."""
+    collision_bound: float | None = None
+    """Upper bound of the probability that the motion collides, as the field has it."""
+
+    def at(self, time: float) -> Setpoint | None:
+        """The motion at any time: between setpoints the acceleration changes linearly, and beyond the ends it stays.
+
+        None where there are no setpoints.
+        """
+        if not self.setpoints:
+            return None
+        index = bisect_right([point.time for point in self.setpoints], time) - 1
+        if not 0 <= index < len(self.setpoints) - 1:
+            return self.setpoints[max(0, index)]
+        here, after = self.setpoints[index : index + 2]
+        t, share = time - here.time, (time - here.time) / (after.time - here.time)
+        columns = list(zip(here.position, here.velocity, here.acceleration, after.acceleration, strict=True))
+        x, y, z = (p + v * t + a * t**2 / 2 + (b - a) * share * t**2 / 6 for p, v, a, b in columns)
+        vx, vy, vz = (v + a * t + (b - a) * share * t / 2 for _, v, a, b in columns)
+        ax, ay, az = (a + (b - a) * share for *_, a, b in columns)
+        return Setpoint(time, (x, y, z), (vx, vy, vz), (ax, ay, az), here.yaw + (after.yaw - here.yaw) * share)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a picture has told."""
+
+    time: float
+    """When the picture was taken, and what `position` to `covariance` are of [s]."""
+    status: str
+    """`searching`, `found`, `followed`, `predicted`, `lost` or `found_again` (see TrackStatus); or `old`: the picture
+    is not newer than the one before it and was not used, so that what was answered last still holds."""
+    sentence: str
+    """The status in words."""
+    position: Vector | None = None
+    """Of the body in the world [m]; None, as all that follows, while it is not known."""
+    quaternion: tuple[float, float, float, float] | None = None
+    """(w, x, y, z) of R_world_body."""
+    velocity: Vector | None = None
+    """Of the body in the world [m/s]."""
+    covariance: tuple[tuple[float, ...], ...] | None = None
+    """6 x 6: position [m], then a turn [rad], both about the world's fixed axes (REP 103)."""
+    guidance: Guidance | None = None
+    """What to do; None where no goal was given."""
+    track_ms: float = 0.0
+    """Time that the pose took [ms]."""
+    plan_ms: float = 0.0
+    """Time that the guidance took [ms]."""
+    waited_ms: float = 0.0
+    """Time for which the picture lay unseen where it had arrived, and was made pixels of [ms]."""
+    dropped: int = 0
+    """Pictures since the last answer that were never looked at, for newer ones had come."""
+
+    @property
+    def latency_ms(self) -> float:
+        """From the picture's arrival to the answer [ms]."""
+        return self.waited_ms + self.track_ms + self.plan_ms

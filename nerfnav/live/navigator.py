@@ -1,0 +1,155 @@
+"""A navigator: pictures and their times in, the vehicle's pose and the next setpoints of its plan out.
+
+    navigator = Navigator(field, robot, camera)
+    navigator.prepare()                                       # seconds, once
+    answer = navigator.see(picture, time)                     # pose with covariance
+    answer = navigator.see(picture, time, Goal((1, 2, 1)))    # and guidance
+
+It begins by looking everywhere; the vehicle had better stay where it is meanwhile. A picture that is not newer than the
+one before it is refused: the answer says so, and changes nothing. One that is older than `LiveConfig.oldest_s` by the
+vehicle's clock is used at its own time, but nothing is planned from it.
+"""
+
+import math
+import time as clock
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
+
+import torch
+from torch import Tensor
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import Belief, FastFilter, FilterConfig, StateNoise
+from nerfnav.field import Field, render_image
+from nerfnav.field.grid_field import GridField
+from nerfnav.geometry import Camera, Pose, so3
+from nerfnav.live.answer import Answer, Goal, Guidance, Order
+from nerfnav.live.guide import Guide, GuideConfig
+from nerfnav.live.guided import Guided, change
+from nerfnav.robots import RigidState, Robot
+from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
+
+OLD = "old"
+"""Status of a picture that was refused, see Answer."""
+_SMALL = Camera.from_fov(64, 64, 90)
+"""Takes the picture by which kernels are compiled."""
+
+
+@dataclass(frozen=True)
+class LiveConfig:
+    """How a vehicle is tracked and guided."""
+
+    tracker: TrackerConfig = dataclass_field(
+        default_factory=lambda: TrackerConfig(filter=FilterConfig(), linear=1.0, angular=4.0)
+    )
+    """How it is tracked: by the filter of flights, for vehicles move more abruptly than hands. What was measured of the
+    field is used."""
+    guide: GuideConfig = dataclass_field(default_factory=GuideConfig)
+    """How it is guided."""
+    oldest_s: float = 0.5
+    """Age from which on nothing is planned from a picture [s]."""
+
+
+class Navigator:
+    """Tracks one vehicle in one field, and guides it; keeps what is believed of it, and its plan."""
+
+    def __init__(
+        self, field: Field, robot: Robot, camera: Camera | None = None, mount: Pose | None = None,
+        config: LiveConfig | None = None,
+    ) -> None:  # fmt: skip
+        """Know nothing of the vehicle yet; `camera` and `mount` (T_body_camera) are the robot's own by default."""
+        self.config = LiveConfig() if config is None else config
+        self.field, self.robot = field, robot
+        self.camera, self.mount = robot.camera if camera is None else camera, robot.mount if mount is None else mount
+        self._tracker = self._new_tracker()
+        self._guide = Guide(field, robot, self.config.guide)
+        self._last: float | None = None
+        self._followed: Guidance | None = None
+
+    def _new_tracker(self) -> Tracker:
+        settings = self.config.tracker
+        if isinstance(self.field, GridField):
+            settings = settings.for_field(self.field.info)
+        return Tracker(self.field, self.camera, Guided(self.robot.name), self.mount, settings)
+
+    def forget(self) -> None:
+        """Know nothing of the vehicle: another one comes, or its clock begins anew. What was prepared is kept."""
+        known, self._tracker = self._tracker.searcher, self._new_tracker()
+        self._tracker._searcher = known  # it takes seconds to make
+        self._guide.forget()
+        self._last = self._followed = None
+
+    def prepare(self) -> Iterator[str]:
+        """Make what takes seconds, before the first picture; yields what is being done, for people."""
+        yield "looking around in the field"
+        self._tracker.searcher.looks  # noqa: B018 - made here, and kept
+        yield "mapping where the vehicle fits"
+        box = self._guide.field.box
+        here, there = (RigidState.at_rest(tuple((box.lower + share * box.size).tolist())) for share in (0.5, 0.7))
+        here, there = (self._guide.nearest_free(state) or state for state in (here, there))
+        yield "compiling kernels, which takes longer the first time"
+        belief = Belief(here, StateNoise.isotropic(1e-6).covariance())
+        view = render_image(self.field, _SMALL, here.pose.compose(self.mount)).image
+        draws = torch.Generator().manual_seed(0)
+        for _ in FastFilter(self.field, self.robot, _SMALL, self.mount).correct(belief, view, draws):
+            pass
+        x, y, z = there.position.tolist()
+        self._guide.toward(Goal((x, y, z)), belief, 0.0)
+        self._guide.forget()
+
+    def see(self, picture: Tensor, time: float, goal: Goal | None = None, now: float | None = None) -> Answer:
+        """What a picture tells (uint8, height x width x RGB) that was taken at a time [s] of the vehicle's clock.
+
+        With a `goal` it says what to do to arrive there; `now` is the time of that clock at the call, from which the
+        picture's age follows. Raises InvalidInputError for what is no picture of the camera, or no time.
+        """
+        self._check(picture, time, now)
+        if self._last is not None and not time > self._last:
+            told = f"not used: it was taken at {time:.3f} s, and one of {self._last:.3f} s was seen before"
+            return Answer(time, OLD, told)
+        action = change(self._followed, time if self._last is None else self._last, time, not self.robot.planar)
+        tracked = self._tracker.observe(Frame(time, picture, f"the picture of {time:.3f} s"), action)
+        self._last, self._followed = time, None
+        answer = _answer(tracked)
+        if goal is None:
+            self._guide.forget()
+            return answer
+        begun = clock.perf_counter()
+        guidance = self._followed = self._guidance(tracked, goal, 0.0 if now is None else now - time)
+        return replace(answer, guidance=guidance, plan_ms=1e3 * (clock.perf_counter() - begun))
+
+    def _guidance(self, tracked: Tracked, goal: Goal, age: float) -> Guidance:
+        """What to do about a goal."""
+        oldest = self.config.oldest_s
+        if tracked.belief is None or age > oldest or tracked.status in (TrackStatus.FOUND, TrackStatus.FOUND_AGAIN):
+            self._guide.forget()
+        if tracked.belief is None:
+            return Guidance(Order.HOLD, f"it is not known where the vehicle is: {tracked.status.value}")
+        if age > oldest:
+            return Guidance(Order.HOLD, f"the picture is {age:.2f} s old: plans need one of at most {oldest:g} s")
+        return self._guide.toward(goal, tracked.belief, tracked.time)
+
+    def _check(self, picture: Tensor, time: float, now: float | None) -> None:
+        """Raise InvalidInputError for what is no picture and no time."""
+        if picture.dtype != torch.uint8 or picture.ndim != 3 or picture.shape[-1] != 3:
+            raise InvalidInputError(
+                f"pictures are uint8, height x width x RGB, not {str(picture.dtype).removeprefix('torch.')} of "
+                f"{' x '.join(map(str, picture.shape))}"
+            )
+        if not math.isfinite(time) or (now is not None and not now >= time):
+            raise InvalidInputError(f"a picture is taken at a finite time before now, not at {time} s (now: {now})")
+
+
+def _answer(tracked: Tracked) -> Answer:
+    """The numbers of what was tracked."""
+    answer = Answer(tracked.time, tracked.status.name.lower(), tracked.status.value, track_ms=tracked.ms)
+    if tracked.belief is None:
+        return answer
+    mean = tracked.belief.mean
+    body = replace(tracked, mount=Pose(torch.eye(3), torch.zeros(3)))  # whose pose is the body's own
+    assert body.covariance is not None, "where there is a belief there is its covariance"
+    w, i, j, k = so3.quaternion_from_matrix(mean.rotation.double()).tolist()
+    (x, y, z), (vx, vy, vz) = mean.position.tolist(), mean.velocity.tolist()
+    spread = tuple(tuple(row) for row in body.covariance.tolist())
+    return replace(answer, position=(x, y, z), quaternion=(w, i, j, k), velocity=(vx, vy, vz), covariance=spread)

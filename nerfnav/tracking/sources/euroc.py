@@ -1,0 +1,138 @@
+"""Folders in the ASL format, that of the EuRoC datasets.
+
+    mav0/cam0/sensor.yaml     resolution, intrinsics, distortion_model, distortion_coefficients
+    mav0/cam0/data.csv        #timestamp [ns], filename          pictures lie in mav0/cam0/data/
+    mav0/imu0/data.csv        #timestamp [ns], w_x, w_y, w_z [rad/s], a_x, a_y, a_z [m/s^2]
+"""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import yaml
+
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import Camera
+from nerfnav.geometry.camera_file import camera_of_matrices
+from nerfnav.tracking.frame import Frame, Inertial
+from nerfnav.tracking.sources.decoded import decoded
+from nerfnav.tracking.sources.in_order import after
+
+_MODELS = {"radial-tangential": "plumb_bob", "equidistant": "equidistant"}
+"""Lens models to the words of ROS."""
+_HEADING = "%YAML:1.0"
+"""OpenCV's first line, which is no YAML."""
+_TABLE = "data.csv"
+
+
+@dataclass(frozen=True)
+class EurocSource:
+    """The pictures of one camera of a folder (a FrameSource)."""
+
+    folder: Path
+    """Of the camera: mav0/cam0."""
+    rows: tuple[tuple[float, str], ...]
+    """Time [s] and file of each picture."""
+    camera: Camera | None
+    """What took them, where sensor.yaml says so."""
+    inertial: Inertial | None
+    """What mav0/imu0 says, where it is there."""
+
+    @property
+    def count(self) -> int:
+        """How many pictures there are."""
+        return len(self.rows)
+
+    def frames(self) -> Iterator[Frame]:
+        """Each picture. Raises InvalidInputError where one cannot be read, or where time runs backwards."""
+        last = None
+        for time, name in self.rows:
+            last, file = after(time, last, f"{name} of {self.folder}"), self.folder / "data" / name
+            try:
+                picture = decoded(file.read_bytes())
+            except FileNotFoundError as error:
+                raise InvalidInputError(f"{self.folder / _TABLE} lists {name}, which is not there") from error
+            except InvalidInputError as error:
+                raise InvalidInputError(f"{file} cannot be used: {error}") from error
+            yield Frame(time, picture, name)
+
+
+def is_euroc(path: Path) -> bool:
+    """Whether a folder is one of these, or its mav0."""
+    return any(_root(path).glob(f"cam*/{_TABLE}"))
+
+
+def open_euroc(path: Path, camera: str | None = None) -> EurocSource:
+    """The pictures of one camera, cam0 unless another is named. Raises InvalidInputError where it cannot be read."""
+    root, name = _root(path), camera or "cam0"
+    folder = root / name
+    if not (folder / _TABLE).is_file():
+        known = ", ".join(sorted(table.parent.name for table in root.glob(f"cam*/{_TABLE}")))
+        raise InvalidInputError(f"{path} has no pictures in {name}; it has some in {known or 'no folder'}")
+    rows = tuple((1e-9 * _number(folder, row[0]), row[1].strip()) for row in _table(folder, 2))
+    if not rows:
+        raise InvalidInputError(f"{folder / _TABLE} lists no pictures")
+    return EurocSource(folder, rows, _camera(folder / "sensor.yaml"), _inertial(root / "imu0"))
+
+
+def _root(path: Path) -> Path:
+    return path / "mav0" if (path / "mav0").is_dir() else path
+
+
+def _table(folder: Path, columns: int) -> Iterator[list[str]]:
+    """Rows of the table of a sensor, without comments."""
+    try:
+        with (folder / _TABLE).open(newline="", encoding="utf-8") as stream:
+            for number, row in enumerate(csv.reader(stream), 1):
+                if not row or row[0].startswith("#"):
+                    continue
+                if len(row) < columns:
+                    raise InvalidInputError(
+                        f"line {number} of {folder / _TABLE} has {len(row)} columns, where {columns} are needed"
+                    )
+                yield row
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InvalidInputError(f"{folder / _TABLE} cannot be read: {error}") from error
+
+
+def _number(folder: Path, cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError as error:
+        raise InvalidInputError(f"{folder / _TABLE} has {cell!r} where a number should be") from error
+
+
+def _camera(file: Path) -> Camera | None:
+    if not file.is_file():
+        return None
+    try:
+        told: Any = yaml.safe_load(file.read_text().removeprefix(_HEADING))
+        fx, fy, cx, cy = map(float, told["intrinsics"])
+        model = str(told.get("distortion_model", ""))
+        width, height = told["resolution"]
+        return camera_of_matrices({
+            "image_width": width, "image_height": height, "camera_matrix": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
+            "distortion_model": _MODELS.get(model, model),
+            "distortion_coefficients": told.get("distortion_coefficients"),
+        })  # fmt: skip
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError, InvalidInputError) as error:
+        raise InvalidInputError(f"{file} is no calibration of a camera: {' '.join(str(error).split())}") from error
+
+
+def _inertial(folder: Path) -> Inertial | None:
+    if not (folder / _TABLE).is_file():
+        return None
+    rows = np.array([[_number(folder, cell) for cell in row[:7]] for row in _table(folder, 7)], dtype=np.float64)
+    if not len(rows):
+        return None
+    times = 1e-9 * rows[:, 0]
+    for index in np.flatnonzero(~(np.diff(times) > 0)):
+        after(float(times[index + 1]), float(times[index]), f"measurement {index + 1} of {folder / _TABLE}")
+    if not np.isfinite(rows).all():
+        raise InvalidInputError(f"{folder / _TABLE} has measurements that are no finite numbers")
+    measured = torch.from_numpy(rows[:, 1:]).float()
+    return Inertial(torch.from_numpy(times), measured[:, :3], measured[:, 3:])

@@ -1,0 +1,5 @@
+"""Stand-in."""
+
+from messages import class_of
+
+Image = class_of("sensor_msgs/msg/Image")
