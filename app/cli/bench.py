@@ -7,6 +7,7 @@ from app.cli.progress import follow
 from app.cli.terminal import note, show
 from app.jobs.bench import BenchRequest
 from app.jobs.bench import run as run_job
+from app.jobs.bench_training import SECONDS
 
 
 @dataclass(frozen=True)
@@ -19,15 +20,25 @@ class Arguments:
     """Scene to do it in."""
     out: Path | None = None
     """Folder for bench.json, bench.csv and the plot of an iteration's cost against waypoints x body points."""
+    capture: Path | None = None
+    """Capture to learn besides, a folder of pictures with poses, with test views best: PSNR for each of --seconds."""
+    seconds: tuple[float, ...] = SECONDS
+    """Times to learn it for [s], one training each."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
 
 def run(arguments: Arguments) -> None:
     """Measure, and print the numbers."""
-    finished = follow(run_job(BenchRequest(arguments.place, arguments.quick, arguments.out)))
+    finished = follow(run_job(_request(arguments)))
     show("bench", finished.summary, arguments.json)
     if missing := finished.summary["left_out"]:
         note(f"not measured, for this version cannot: {', '.join(missing)}")
     for path in finished.files:
         note(f"wrote {path}")
+
+
+def _request(arguments: Arguments) -> BenchRequest:
+    return BenchRequest(
+        arguments.place, arguments.quick, capture=arguments.capture, seconds=arguments.seconds, out=arguments.out
+    )

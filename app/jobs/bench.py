@@ -9,6 +9,7 @@ from app.benchmarks.comparison import Comparison
 from app.jobs.arena import open_arena
 from app.jobs.bench_files import save_bench
 from app.jobs.bench_measures import MEASURES, QUICK, Finder, module_named
+from app.jobs.bench_training import SECONDS, measure_training
 from app.jobs.events import JobEvents, JobResult, Progress
 from app.storage.output_files import prepare_folder
 from nerfnav.extras import from_extra
@@ -22,6 +23,10 @@ class BenchRequest:
     """Scene to do it in."""
     quick: bool = False
     """Fewer rounds: a first impression, with more spread."""
+    capture: Path | None = None
+    """Capture that is learned besides; None: none is."""
+    seconds: tuple[float, ...] = SECONDS
+    """Times that it is learned for [s]."""
     out: Path | None = None
     """Folder for bench.json, bench.csv and the plot of the cost of an iteration; None writes nothing."""
 
@@ -46,6 +51,8 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     if (busy := find("busy")) is not None:
         yield Progress("measuring beside busy processes", 0.9)
         summary["busy"] = busy.measure(arena, **(QUICK["busy"] if request.quick else {}))
+    if request.capture is not None:
+        summary["training"] = yield from measure_training(request.capture, request.seconds)
     summary |= {
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "quick": request.quick,

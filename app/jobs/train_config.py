@@ -14,9 +14,15 @@ OUTSIDE_NODES = 128
 SMOOTHNESS = (1e-8, 1e-7)
 """Weights of the roughness of densities and of colours for real photographs, which are few and differ in exposure."""
 
+CUT_OUT_RAYS = (1 / 16, 1 / 8, 1 / 4)
+"""Shares of rays in the steps of each stage where pictures are cut out: their outlines tell the shape, and it takes
+many steps, not many rays, to fill it in."""
+
 
 def config_for(request: TrainRequest, material: TrainingData) -> TrainConfig:
     config = request.config if material.bounded else _of_photographs(request.config)
+    if material.learned.silhouettes is not None:
+        config = replace(config, stage_rays=CUT_OUT_RAYS)
     return replace(
         config,
         voxel=request.voxel or material.voxel or config.voxel,

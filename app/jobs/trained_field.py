@@ -49,6 +49,8 @@ def numbers_of(trained: VoxelField | NeuralField, freedom: Freedom, file_bytes: 
     """What `train --json` prints of it."""
     return {
         "psnr_db": trained.info.psnr_db,
+        "psnr_one_exposure_db": trained.info.psnr_one_exposure_db,
+        "noise_std": trained.info.noise_std,
         "train_s": trained.info.train_s,
         "voxels": math.prod(trained.shape) if isinstance(trained, VoxelField) else None,
         "file_bytes": file_bytes,

@@ -1,31 +1,75 @@
-"""How much brighter or darker each photograph is than the others: phones choose the exposure of each by themselves.
+"""Exposure compensation: how much brighter or darker each photograph is than the others, and how much redder or bluer.
 
 A field has one brightness. Where photographs disagree, it grows fog in front of cameras to please each of them; told
-how bright each one is, it need not. With a photograph I and the field's picture C from the same place, the gain is the
-one that makes sum |I - g C|^2 least:  g = <I, C> / <C, C>.
+how bright each one is, it need not. With colours I of photograph i and those of the field C along the same rays, the
+gain of channel c is the one that makes sum (I - g C)^2 least:  g_ic = <I, C> / <C, C>,  l_ic = log g_ic.
+
+What a field does not show yet looks like exposure, too. So each photograph is asked in four quarters: light is the same
+in all of them, mistakes are not. By the analysis of variance with one random factor, a share 1 - v / b of the gains'
+variance b between photographs is real, v being the mean variance between the quarters of one, over 4; each gain is
+shrunk to 1 by that share (James and Stein, 1961), the common part a_i of its three channels and what is left of each,
+its white balance, by shares of their own. Pictures that were rendered so keep gains of 1.
 """
+
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.field.field import Field
-from nerfnav.field.render import render_image
-from nerfnav.geometry import PosedImages, reduced
+from nerfnav.geometry import PosedImages
 
-_REDUCED = 0.25
-"""Photographs are compared at a quarter of their size: exposure needs no detail."""
+QUARTERS = 4
+"""Parts of a photograph that are asked one by one."""
 _LEAST, _MOST = 0.5, 2.0
 """Gains beyond this are no exposure: the field does not show that place yet."""
+_FEWEST = 3
+"""Photographs below which nothing tells exposure from mistakes."""
+
+Gains = Float[Tensor, "n 3"]
 
 
-def gains(field: Field, photographs: PosedImages) -> Float[Tensor, " n"]:
-    """The gain of each photograph against the field, their geometric mean 1."""
-    camera = photographs.camera.scaled(_REDUCED)
-    found = []
-    for index, image in enumerate(photographs.images):
-        small = reduced(image, camera)
-        shown = render_image(field, camera, photographs.poses[index]).color.cpu().reshape(-1, 3)
-        found.append((small * shown).sum() / shown.square().sum().clamp_min(1e-9))
-    told = torch.stack(found).clamp(_LEAST, _MOST)
-    return told / told.log().mean().exp()
+def gains(taken: Float[Tensor, "n q p 3"], shown: Float[Tensor, "n q p 3"]) -> Gains:
+    """The gains of photographs against a field, of which `p` pixels in each of `q` parts are compared.
+
+    The geometric mean of each channel is 1.
+    """
+    count = len(taken)
+    if count < _FEWEST:
+        return torch.ones(count, 3)
+    products, squares = (taken * shown).sum(2), shown.square().sum(2)
+    whole = _logarithm(products.sum(1), squares.sum(1))
+    parts = _logarithm(products, squares)
+    whole, parts = whole - whole.mean(0), parts - whole.mean(0)
+    common, common_parts = whole.mean(-1, keepdim=True), parts.mean(-1, keepdim=True)
+    balance, balance_parts = whole - common, parts - common_parts
+    shrunk = _shrunk(common, common_parts) + _shrunk(balance, balance_parts)
+    return (shrunk - shrunk.mean(0)).exp()
+
+
+def common_gains(taken: Float[Tensor, "n h w 3"], shown: Float[Tensor, "n h w 3"]) -> Float[Tensor, " n"]:
+    """The gain of each whole picture against what a field shows, the same for all channels."""
+    return gains(_quarters(taken), _quarters(shown)).log().mean(-1).exp()
+
+
+def corrected(photographs: PosedImages, gains: Gains) -> PosedImages:
+    """The photographs as they would be with gains of 1, as far as bytes can hold that."""
+    images = [(image / gain).clamp(0, 255).round() for image, gain in zip(photographs.images, gains, strict=True)]
+    return replace(photographs, images=torch.stack(images).to(torch.uint8)) if images else photographs
+
+
+def _quarters(pictures: Float[Tensor, "n h w 3"]) -> Float[Tensor, "n 4 p 3"]:
+    """The four quarters of pictures; a row or column in the middle is left out where there is one."""
+    height, width = pictures.shape[1] // 2, pictures.shape[2] // 2
+    rows, columns = (slice(0, height), slice(-height, None)), (slice(0, width), slice(-width, None))
+    return torch.stack([pictures[:, row, column].flatten(1, 2) for row in rows for column in columns], 1)
+
+
+def _logarithm(products: Float[Tensor, "*parts 3"], squares: Float[Tensor, "*parts 3"]) -> Float[Tensor, "*parts 3"]:
+    return (products / squares.clamp_min(1e-9)).clamp(_LEAST, _MOST).log()
+
+
+def _shrunk(told: Float[Tensor, "n c"], parts: Float[Tensor, "n q c"]) -> Float[Tensor, "n c"]:
+    """Logarithms of gains, shrunk to 0 by the share of their variance that quarters of photographs explain."""
+    chance = parts.var(1).mean() / parts.shape[1]
+    return told * (1 - chance / told.var(0).mean().clamp_min(1e-12)).clamp_min(0.0)

@@ -3,9 +3,12 @@
 from typing import NamedTuple
 
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
 from nerfnav.field.evidence import VOXELS_IN_UNIT
 from nerfnav.field.fusion import Fused, fused
+from nerfnav.field.hull import hull, widened
 from nerfnav.field.learned_place import Place
 from nerfnav.field.learner import GridLearner
 from nerfnav.field.torch_learner import TorchLearner
@@ -23,6 +26,8 @@ class FirstLearner(NamedTuple):
     """The stage that it is for."""
     told: Fused | None
     """What depths tell of where things are; None without depths."""
+    asked: Bool[Tensor, "n height width"] | None = None
+    """Which pixels there is something to learn from; None: all."""
 
 
 def first_learner(
@@ -36,6 +41,11 @@ def first_learner(
     last = len(config.stages) - 1
     require_memory(config.shape(box, last), config.outside, workers)
     place = Place(box, background, VOXELS_IN_UNIT * config.voxel)
+    if photographs.silhouettes is not None:
+        shape = config.shape(box, 0)
+        wide = widened(photographs, box, config.voxel * config.stages[0])
+        learner = GridLearner.in_hull(place, hull(wide, box, shape), photographs, workers)
+        return FirstLearner(_on_device(learner, config), 0, None, wide.silhouettes)
     if photographs.depth is None:
         shape, outside = config.shape(box, 0), config.nodes_outside(0)
         learner = GridLearner.start(place, shape, photographs, workers, outside)

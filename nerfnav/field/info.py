@@ -22,8 +22,11 @@ class FieldInfo:
     """Time that training took [s]."""
     psnr_db: float | None = None
     """Peak signal-to-noise ratio on held-out views [dB]; None if never measured."""
+    psnr_one_exposure_db: float | None = None
+    """The same with a gain of each view taken out [dB]; None where all have the same exposure."""
     noise_std: float | None = None
-    """Standard deviation of the colour residual on held-out views, in [0, 1]: the measurement noise of the filter."""
+    """Standard deviation of the colour residual on held-out views, in [0, 1], exposure taken out: the measurement noise
+    of the filter."""
     noise_core_std: float | None = None
     """The same without its outliers, from the median (see field/calibration.py)."""
     outlier_share: float | None = None

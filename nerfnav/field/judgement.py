@@ -29,13 +29,14 @@ def judged(
     told: Fused | None,
     photographs: PosedImages,
     held_out: PosedImages,
-    iterations: int,
-    generator: torch.Generator,
+    exposure: bool,
 ) -> VoxelField:
-    """What was learned, with what is proven of its nodes and with what held-out views say about it."""
+    """What was learned, with what is proven of its nodes and with what held-out views say about it.
+
+    `photographs` are of one exposure; where `exposure` is set, held-out ones need not be.
+    """
     free = carved(field, photographs) if told is None else told.free
     trained = replace(field, evidence=states_of(free, field.values[..., 0]))
-    info = info_of(photographs, generator, iterations)
     taught, proven = ("pictures", "pictures") if told is None else ("pictures and depth", "depth")
-    info = replace(info, learned_from=taught, proven_from=proven)
-    return replace(trained, info=calibrated(info, trained, held_out))
+    info = replace(field.info, learned_from=taught, proven_from=proven)
+    return replace(trained, info=calibrated(info, trained, held_out, exposure))

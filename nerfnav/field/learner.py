@@ -10,7 +10,7 @@ from torch import Tensor
 from nerfnav.field.clear_grids import all_blocks, clear, clear_around, views_of
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, raw_of
 from nerfnav.field.fusion import Fused
-from nerfnav.field.kernels import learn
+from nerfnav.field.kernels import learn, march
 from nerfnav.field.learned_place import VALUE_BOUNDS, Finish, Place, finished_field
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.trained_grid import TrainedGrid, refined
@@ -18,6 +18,7 @@ from nerfnav.field.voxel import VoxelField, occupied_blocks
 from nerfnav.geometry import PosedImages, node_positions, spacing_of, with_neighbours
 
 _START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
+_START_IN_HULL = 0.45  # [1/unit]: a fifth of the light is stopped in half a unit; what no ray teaches ends empty
 _OCCUPIED_ABOVE = 0.02  # [1/unit]: what is thinner is skipped in training
 _OCCUPANCY_EVERY = 64  # steps between two looks at what is empty
 _OCCUPANCY_FROM = 128  # steps of a stage before the first look
@@ -64,6 +65,21 @@ class GridLearner:
         grey = clear(shape, raw_of(_START_DENSITY / place.unit))
         inner = TrainedGrid(grey, seen, all_blocks(shape), VALUE_BOUNDS, workers)
         return cls(place, inner, clear_around(place, photographs, outside, workers))
+
+    @classmethod
+    def in_hull(
+        cls, place: Place, hull: Bool[Tensor, "nx ny nz"], photographs: PosedImages, workers: int
+    ) -> "GridLearner":
+        """Thicker fog in the nodes of a visual hull, and nothing elsewhere: there is nothing to learn there."""
+        nx, ny, nz = hull.shape
+        shape = (nx, ny, nz)
+        values = clear(shape, EMPTY_RAW)
+        values[..., 0][hull] = raw_of(_START_IN_HULL / place.unit)
+        seen = views_of(node_positions(place.box, shape), photographs)
+        near = dense_blocks(values, place)
+        learner = cls(place, TrainedGrid(values, seen, near, VALUE_BOUNDS, workers), TrainedGrid.nothing(workers))
+        learner.occupied = near.numpy().astype(np.uint8)
+        return learner
 
     @classmethod
     def from_depth(
@@ -141,6 +157,14 @@ class GridLearner:
             grid.descend(rates.density, rates.color)
         self._steps += 1
         return error
+
+    def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
+        """What rays see of what is learned so far."""
+        seen, *_ = march.render(
+            self.inner.values, self.occupied, self._lower, self._per_meter, batch.origins, batch.directions,
+            np.float32(DENSITY_SCALE), np.float32(self.sample_step), self.place.background.numpy(), self.outer.values,
+        )  # fmt: skip
+        return torch.from_numpy(seen)
 
     def field(self, finish: Finish) -> VoxelField:
         """What was learned, finished; blocks that are not looked at are empty. The learner is spent then."""

@@ -66,12 +66,12 @@ def train_neural(
         raise InvalidInputError("there is no image to train from; at least two are needed")
     learner = NeuralLearner(blank, config, generator)
     sampler = RaySampler(photographs, generator)
-    progress = Progress(config.iterations, config.budget, config.rays)
+    progress = Progress(config.iterations, config.budget)
     stop: bool | None = None
     while progress.fraction < 1 and not stop:
         with threads(default_threads()):  # restores how many torch may use, which a parallel kernel forgets
             batch = sampler.draw(config.rays)
-        progress.learned(learner.step(batch, config.rate * config.final_rate**progress.fraction))
+        progress.learned(learner.step(batch, config.rate * config.final_rate**progress.fraction), config.rays)
         if progress.is_due(config.report_every):
             stop = yield NeuralTrainStep.of(progress)
     info = replace(info_of(photographs, generator, progress.iteration), train_s=progress.elapsed_s)

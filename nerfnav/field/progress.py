@@ -11,12 +11,12 @@ _FORGET = 0.98
 class Progress:
     """Counts training steps against a number of them, or against the time since it was made."""
 
-    def __init__(self, iterations: int, seconds: float | None, rays: int) -> None:
-        """`seconds` replaces `iterations`; `rays` is how many a step learns from."""
+    def __init__(self, iterations: int, seconds: float | None) -> None:
+        """`seconds` replaces `iterations`."""
         self.iteration = 0
         self.fraction = 0.0
         """Share of the training that is done, 0 to 1."""
-        self._iterations, self._seconds, self._rays = iterations, seconds, rays
+        self._iterations, self._seconds, self._rays = iterations, seconds, 0
         self._begun, self._error = time.perf_counter(), 0.0
 
     @property
@@ -32,15 +32,16 @@ class Progress:
     @property
     def rays_per_s(self) -> float:
         """Rays learned from in a second, since the beginning."""
-        return self.iteration * self._rays / self.elapsed_s
+        return self._rays / self.elapsed_s
 
     @property
     def seconds_left(self) -> float:
         """Estimated time to the end [s]."""
         return self.elapsed_s * (1 - self.fraction) / self.fraction
 
-    def learned(self, loss: float) -> None:
-        """After a training step with this mean squared error."""
+    def learned(self, loss: float, rays: int) -> None:
+        """After a training step with this mean squared error on so many rays."""
+        self._rays += rays
         self._error = loss if self.iteration == 0 else _FORGET * self._error + (1 - _FORGET) * loss
         self.iteration += 1
         done = self.iteration / self._iterations if self._seconds is None else self.elapsed_s / self._seconds

@@ -123,6 +123,12 @@ class TorchLearner:
         self._steps += 1
         return error
 
+    @torch.no_grad()
+    def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
+        """What rays see of what is learned so far, on the CPU."""
+        grids = [self.inner] if self.outer is None else [self.inner, self.outer]
+        return self._seen(batch, [grid.values for grid in grids])[0].cpu()
+
     def field(self, finish: Finish) -> VoxelField:
         """What was learned, finished, on the CPU (see `GridLearner.field`)."""
         outer = None if self.outer is None else self.outer.values.cpu().clone()
@@ -130,8 +136,16 @@ class TorchLearner:
 
     def _errors(self, batch: RayBatch, leaves: list[Tensor]) -> tuple[Tensor, Tensor]:
         """Summed squared colour error, and the integral of log(1 + 2 rho^2) along the rays, rho in 1 / unit."""
-        arrays = (batch.origins, batch.directions, batch.jitter, batch.targets)
-        origins, directions, jitter, targets = (torch.from_numpy(array).to(self._device) for array in arrays)
+        targets = torch.from_numpy(batch.targets).to(self._device)
+        seen, density, step = self._seen(batch, leaves)
+        unit = self.place.unit
+        thickness = torch.log1p(2 * (unit * density).square()).sum() * (step / unit)
+        return (seen - targets).square().sum(), thickness
+
+    def _seen(self, batch: RayBatch, leaves: list[Tensor]) -> tuple[Tensor, Tensor, float]:
+        """Colours (n, 3) of rays, the densities of their samples, and how far apart these are [m]."""
+        arrays = (batch.origins, batch.directions, batch.jitter)
+        origins, directions, jitter = (torch.from_numpy(array).to(self._device) for array in arrays)
         samples = self._samples(origins, directions, jitter)
         points = (origins[:, None] + samples.distances[..., None] * directions[:, None])[samples.mask]
         mixed = trilinear(leaves[0], self._box, points)
@@ -145,9 +159,7 @@ class TorchLearner:
             front = composite(density, color, samples, torch.zeros_like(self._background))
             behind = Surroundings(leaves[1]).backdrop(self._box, origins, directions, _SHELL_JITTER * jitter)
             seen = over(front, behind, self._background).color
-        unit = self.place.unit
-        thickness = torch.log1p(2 * (unit * density).square()).sum() * (samples.step / unit)
-        return (seen - targets).square().sum(), thickness
+        return seen, density, samples.step
 
     def _samples(self, origins: Tensor, directions: Tensor, jitter: Tensor) -> RaySamples:
         """A sample every half voxel in occupied blocks."""

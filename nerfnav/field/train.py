@@ -13,9 +13,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
-from nerfnav.field.exposure import gains
+from nerfnav.field.exposure import corrected
+from nerfnav.field.exposure_looks import ExposureLooks
 from nerfnav.field.first_learner import first_learner
-from nerfnav.field.judgement import judged
+from nerfnav.field.judgement import info_of, judged
 from nerfnav.field.progress import Progress
 from nerfnav.field.rays import RaySampler
 from nerfnav.field.train_config import TrainConfig
@@ -61,23 +62,27 @@ def train(
     stop and keep it, send True: the next step is then the last. Raises InvalidInputError for images that no field can
     be learned from, and where memory cannot hold the training.
     """
-    progress = Progress(config.iterations, config.seconds_to_learn, config.rays)
+    progress = Progress(config.iterations, config.seconds_to_learn)
     with threads(default_threads()) as workers:
-        learner, stage, told = first_learner(photographs, box, background, config, workers)
-    sampler, ends = RaySampler(photographs, generator), config.stage_ends
+        learner, stage, told, asked = first_learner(photographs, box, background, config, workers)
+    sampler, ends = RaySampler(photographs, generator, asked), config.stage_ends
+    exposure = ExposureLooks(sampler, config.exposure)
     stop: bool | None = None
     while progress.fraction < 1 and not stop:
         if progress.fraction >= ends[stage]:
             stage += 1
-            if config.exposure:
-                sampler.correct(gains(learner.field(config.finish), photographs))
             learner = learner.refined(config.shape(box, stage), config.nodes_outside(stage))
+        exposure.look(learner, progress.fraction)
         with threads(workers):
-            progress.learned(learner.step(sampler.draw(config.rays), config.rates(progress.fraction)))
+            batch = sampler.draw(config.rays_of(stage))
+            progress.learned(learner.step(batch, config.rates(progress.fraction)), len(batch.targets))
         if progress.is_due(config.report_every):
             stop = yield TrainStep.of(progress)
-    rate = progress.rays_per_s
-    trained = judged(learner.field(config.finish), told, photographs, held_out, progress.iteration, generator)
+    rate, info = progress.rays_per_s, info_of(photographs, generator, progress.iteration)
+    if config.exposure:
+        photographs = corrected(photographs, sampler.gains)
+    trained = replace(learner.field(config.finish), info=info)
+    trained = judged(trained, told, photographs, held_out, config.exposure)
     info = replace(trained.info, train_s=progress.elapsed_s)
     trained = replace(trained, info=info)
     yield TrainStep(progress.iteration, progress.fraction, info.psnr_db or 0.0, rate, 0.0, trained)

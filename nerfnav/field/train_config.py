@@ -43,13 +43,15 @@ class TrainConfig:
     """Share of each stage in the iterations. Coarse steps are cheap and move most."""
     stage_time: tuple[float, ...] = (0.12, 0.28, 0.6)
     """Share of each stage in the budget."""
+    stage_rays: tuple[float, ...] = (1.0, 1.0, 1.0)
+    """Share of `rays` in the steps of each stage. Where time is short, more steps of fewer rays find shapes sooner."""
     finish: Finish = dataclass_field(default_factory=Finish)
     """What becomes of the densities in the end."""
     outside: int = 0
     """Nodes along each edge of the grid over what is around the box, as photographs of real places need it; 0 where the
     background is one colour. See field/surroundings.py."""
     exposure: bool = False
-    """Whether photographs may differ in exposure: their gains are then found between the stages."""
+    """Whether photographs may differ in exposure: their gains are then looked for all along (see exposure.py)."""
     device: str = "cpu"
     """Where to train: on "cpu" with compiled kernels, on "cuda" and others in torch, the same to rounding."""
     report_every: int = 50
@@ -81,6 +83,10 @@ class TrainConfig:
     def shape(self, box: Box, stage: int) -> tuple[int, int, int]:
         """Nodes of the grid of a stage."""
         return shape_for(box, self.voxel * self.stages[stage])
+
+    def rays_of(self, stage: int) -> int:
+        """Rays in a step of a stage."""
+        return max(1, round(self.rays * self.stage_rays[stage]))
 
     def nodes_outside(self, stage: int) -> int:
         """Nodes along each edge of the grid over what is around the box."""

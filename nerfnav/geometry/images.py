@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from nerfnav.geometry.camera import Camera, Pose
@@ -27,6 +27,8 @@ class PosedImages:
     fewer than the images'; infinite where the ray meets nothing, 0 where nobody measured. None: no depth is known."""
     depth_noise: float = 0.0
     """How wrong depths may be, as a share of them; 0 for those of a renderer."""
+    silhouettes: Bool[Tensor, "n height width"] | None = None
+    """Where pictures that are cut out show something or lie beside it; None where they are not cut out."""
 
     def __len__(self) -> int:
         """How many images there are."""
@@ -35,7 +37,8 @@ class PosedImages:
     def subset(self, index: "list[int] | slice") -> "PosedImages":
         """The images at `index`, with their poses."""
         depth = None if self.depth is None else self.depth[index]
-        return replace(self, images=self.images[index], poses=self.poses[index], depth=depth)
+        shown = None if self.silhouettes is None else self.silhouettes[index]
+        return replace(self, images=self.images[index], poses=self.poses[index], depth=depth, silhouettes=shown)
 
     @property
     def depth_camera(self) -> Camera:
@@ -47,6 +50,18 @@ class PosedImages:
     def without_depth(self) -> "PosedImages":
         """The images alone."""
         return replace(self, depth=None)
+
+
+def outlines(photographs: PosedImages, points: Float[Tensor, "m 3"]) -> tuple[Float[Tensor, " m"], Float[Tensor, " m"]]:
+    """By how many photographs each point [m] is seen clear of all silhouettes, and by how many it is seen at all."""
+    assert photographs.silhouettes is not None, "these photographs are not cut out"
+    clear, seen = torch.zeros(len(points)), torch.zeros(len(points))
+    for index, silhouette in enumerate(photographs.silhouettes):
+        uv, inside = photographs.camera.project(photographs.poses[index], points)
+        u, v = uv[inside].long().unbind(-1)
+        seen += inside
+        clear[inside] += ~silhouette[v, u]
+    return clear, seen
 
 
 def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:

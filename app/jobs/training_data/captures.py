@@ -17,6 +17,13 @@ NODES = 2_000_000
 """Nodes of the field of a capture, where nobody gave the size of a voxel: fifty photographs do not tell more apart, and
 finer fields learn their noise (the fox: 22.5 dB with 6 million, 23.2 dB with 2)."""
 
+CUT_OUT_ITERATIONS = 6000
+"""The same where pictures are cut out: steps of few rays."""
+CUT_OUT_NODES = 6_000_000
+"""Nodes of the field of pictures that are cut out: most of them are empty."""
+CUT_OUT_NODES_PER_SECOND = 60_000
+"""Nodes for each second of a budget, at most: a grid that no ray has reached yet is worse than a coarse one."""
+
 
 def gather(request: TrainRequest) -> Gathering:
     """Read the capture.
@@ -41,15 +48,15 @@ def gather(request: TrainRequest) -> Gathering:
             if step.capture is not None:
                 if request.depth and not step.capture.report.images_with_depth:
                     raise InvalidInputError(f"{source} has no depth maps (depth_file_path) to learn with")
-                return _material(step.capture)
+                return _material(step.capture, request.budget)
             if stop:
                 raise StoppedError("stopped while reading photographs: nothing was learned yet, so nothing is saved")
     raise AssertionError("an import ends with its capture")
 
 
-def _material(capture: ImportedCapture) -> TrainingData:
-    report = asdict(capture.report)
-    voxel = (capture.box.size.prod().item() / NODES) ** (1 / 3)
+def _material(capture: ImportedCapture, budget: float | None) -> TrainingData:
+    report, cut_out = asdict(capture.report), capture.learned.silhouettes is not None
+    voxel = (capture.box.size.prod().item() / (_cut_out_nodes(budget) if cut_out else NODES)) ** (1 / 3)
     return TrainingData(
         capture.learned,
         capture.held_out,
@@ -58,8 +65,12 @@ def _material(capture: ImportedCapture) -> TrainingData:
         None,
         {**report, "kind": f"capture ({capture.report.kind})"},
         voxel,
-        ITERATIONS,
+        CUT_OUT_ITERATIONS if cut_out else ITERATIONS,
         capture.bounded,
         capture.report.camera,
         capture.report.placed,
     )
+
+
+def _cut_out_nodes(budget: float | None) -> float:
+    return CUT_OUT_NODES if budget is None else min(CUT_OUT_NODES, max(NODES, CUT_OUT_NODES_PER_SECOND * budget))

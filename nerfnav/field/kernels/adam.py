@@ -9,6 +9,8 @@ from nerfnav.field.kernels.cells import BLOCK_SHIFT, node_in_block
 
 FIRST, SECOND = np.float32(0.9), np.float32(0.99)
 """Adam's beta_1 and beta_2."""
+_CHANNELS = 4
+"""Raw density and colour: a number that is known when loops over it are compiled."""
 
 
 @kernel(inline=True)
@@ -62,31 +64,49 @@ def adam(values, blocks, gradients, touched, moments, rates, rate_scale, bounds,
     learning rates of the channels, `rate_scale` (nx, ny, nz) scales that of the density, `bounds` (2, 4) limit the
     values, `corrections` are 1 - beta^t of both moments. Nodes without gradient rest.
     """
-    nx, ny, nz, channels = values.shape
+    nx, ny, nz, _ = values.shape
     workers, count = touched.shape
     side = 1 << BLOCK_SHIFT
+    numbers = side * side * side * _CHANNELS
+    sums, first, second = gradients.reshape((workers, count, numbers)), moments[0], moments[1]
+    first, second = first.reshape((count, numbers)), second.reshape((count, numbers))
     for slot in prange(count):
         if not touched_by_any(touched, slot):
             continue
+        steps = np.empty(numbers, np.float32)
         for worker in range(workers):
+            if touched[worker, slot] != 0 and worker > 0:
+                for n in range(numbers):
+                    sums[0, slot, n] += sums[worker, slot, n]
+                    sums[worker, slot, n] = np.float32(0.0)
             touched[worker, slot] = 0
+        block_steps(sums[0, slot], first[slot], second[slot], corrections, steps)
         x0, y0, z0 = blocks[slot, 0] * side, blocks[slot, 1] * side, blocks[slot, 2] * side
         for x in range(x0, min(nx, x0 + side)):
             for y in range(y0, min(ny, y0 + side)):
                 for z in range(z0, min(nz, z0 + side)):
-                    node = node_in_block(x, y, z)
-                    for channel in range(channels):
-                        slope = np.float32(0.0)
-                        for worker in range(workers):
-                            slope += gradients[worker, slot, node, channel]
-                            gradients[worker, slot, node, channel] = np.float32(0.0)
-                        if slope == np.float32(0.0):
-                            continue
-                        mean = FIRST * moments[0, slot, node, channel] + (np.float32(1.0) - FIRST) * slope
-                        square = SECOND * moments[1, slot, node, channel] + (np.float32(1.0) - SECOND) * slope * slope
-                        moments[0, slot, node, channel] = mean
-                        moments[1, slot, node, channel] = square
-                        rate = rates[channel] * (rate_scale[x, y, z] if channel == 0 else np.float32(1.0))
-                        size = np.float32(math.sqrt(square / corrections[1])) + np.float32(1e-15)
-                        moved = values[x, y, z, channel] - rate * (mean / corrections[0]) / size
+                    node = _CHANNELS * node_in_block(x, y, z)
+                    steps[node] *= rate_scale[x, y, z]
+                    for channel in range(_CHANNELS):
+                        moved = values[x, y, z, channel] - rates[channel] * steps[node + channel]
                         values[x, y, z, channel] = min(max(moved, bounds[0, channel]), bounds[1, channel])
+
+
+@kernel(inline=True)
+def block_steps(slopes, first, second, corrections, steps):
+    """Adam's steps at a rate of 1 for all numbers of a block, in order; `slopes` are used up, those of 0 rest.
+
+    Without a branch in the loop, so that many numbers are done at once.
+    """
+    zero, one = np.float32(0.0), np.float32(1.0)
+    inverse_first, inverse_second = one / corrections[0], one / corrections[1]
+    for n in range(slopes.shape[0]):
+        slope = slopes[n]
+        mean = FIRST * first[n] + (one - FIRST) * slope
+        square = SECOND * second[n] + (one - SECOND) * slope * slope
+        rests = slope == zero
+        first[n] = first[n] if rests else mean
+        second[n] = second[n] if rests else square
+        step = mean * inverse_first / (np.float32(math.sqrt(square * inverse_second)) + np.float32(1e-15))
+        steps[n] = zero if rests else step
+        slopes[n] = zero

@@ -30,17 +30,41 @@ from nerfnav.field.kernels.shells import RAW_TO_DEPTH, cross_shell, shell_count
 
 
 @kernel(inline=True)
+def mixed(nodes, channel, first, along, weights):
+    """One channel between the 8 corners of a cell whose first node is `first` of `nodes` (n, 4).
+
+    `along` are the distances of neighbours along x, y and z in `nodes`. All are unsigned: numba then need not ask of
+    each index whether it counts from the end, which takes as long as the rest.
+    """
+    x, y, z = along
+    return (
+        weights[0] * nodes[first, channel]
+        + weights[1] * nodes[first + z, channel]
+        + weights[2] * nodes[first + y, channel]
+        + weights[3] * nodes[first + y + z, channel]
+        + weights[4] * nodes[first + x, channel]
+        + weights[5] * nodes[first + x + z, channel]
+        + weights[6] * nodes[first + x + y, channel]
+        + weights[7] * nodes[first + x + y + z, channel]
+    )
+
+
+@kernel(inline=True)
 def scatter(gradient, touched, slots, cell, weights, by_value):
     """Add the gradient of a sample's four channels to the 8 corners of its cell, and mark their blocks."""
+    density, red, green, blue = by_value[0], by_value[1], by_value[2], by_value[3]
     for corner in range(8):
         x, y, z = cell[0] + (corner >> 2), cell[1] + ((corner >> 1) & 1), cell[2] + (corner & 1)
-        slot = slots[x >> BLOCK_SHIFT, y >> BLOCK_SHIFT, z >> BLOCK_SHIFT]
+        slot = slots[np.uint64(x >> BLOCK_SHIFT), np.uint64(y >> BLOCK_SHIFT), np.uint64(z >> BLOCK_SHIFT)]
         if slot < 0:
             continue
-        node = node_in_block(x, y, z)
-        for channel in range(4):
-            gradient[slot, node, channel] += weights[corner] * by_value[channel]
-        touched[slot] = 1
+        block, node = np.uint64(slot), np.uint64(node_in_block(x, y, z))
+        weight = weights[corner]
+        gradient[block, node, 0] += weight * density
+        gradient[block, node, 1] += weight * red
+        gradient[block, node, 2] += weight * green
+        gradient[block, node, 3] += weight * blue
+        touched[block] = 1
 
 
 @kernel(parallel=True)
@@ -65,6 +89,8 @@ def loss_and_gradient(grid, rays, scales, background, inner, outer):
     shells = shell_count(nodes)
     most_inside = 4 * (shape[0] + shape[1] + shape[2])
     longest = most_inside + shells
+    nodes_of = values.reshape((-1, 4))
+    strides = np.uint64(shape[1] * shape[2]), np.uint64(shape[2]), np.uint64(1)
     errors = np.zeros(count, np.float32)
     for worker in prange(workers):
         start, slope, cell, fraction, weights = scratch()
@@ -89,13 +115,14 @@ def loss_and_gradient(grid, rays, scales, background, inner, outer):
                     continue
                 i, j, k = cell[0], cell[1], cell[2]
                 corner_weights(fraction[0], fraction[1], fraction[2], weights)
-                raw = interpolate(values, 0, i, j, k, weights)
+                node = np.uint64((i * shape[1] + j) * shape[2] + k)
+                raw = mixed(nodes_of, 0, node, strides, weights)
                 if raw > NEGLIGIBLE_RAW:
                     through = np.float32(math.exp(-scale * softplus(raw) * step))
                     weight = light * (np.float32(1.0) - through)
                     light *= through
                     for channel in range(3):
-                        shade = interpolate(values, channel + 1, i, j, k, weights)
+                        shade = mixed(nodes_of, channel + 1, node, strides, weights)
                         kept_color[found, channel] = shade
                         color[channel] += weight * shade
                     kept[found], kept_light[found] = index, light

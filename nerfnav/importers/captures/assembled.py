@@ -29,14 +29,15 @@ def assembled(
     views, shots, maps = read
     world = world_of(views, config.placement)
     known, camera = _depths(views, shots, maps, world), _camera(shots[0])
-    photographs, silhouettes = photographs_of(shots, world.poses)
+    photographs = photographs_of(shots, world.poses)
     if known is not None:
         photographs = replace(photographs, depth=known, depth_noise=depths.NOISE)
-    box, guesses = _box(photographs, silhouettes, world, config.placement)
+    box, guesses = _box(photographs, world, config.placement)
     if config.downscale is None and downscale > 1:
         guesses += (f"downscale: photographs are made {downscale} times smaller, to {LONGEST} pixels at most",)
     learned, held_out = parted(photographs, [view.test for view in views], config.held_out_every)
-    background = torch.ones(3) if silhouettes is not None else learned.images.float().mean((0, 1, 2)) / 255
+    cut_out = photographs.silhouettes is not None
+    background = torch.ones(3) if cut_out else learned.images.float().mean((0, 1, 2)) / 255
     report = CaptureReport(
         found.kind,
         len(found.views),
@@ -53,7 +54,7 @@ def assembled(
         world.placed.numbers,
         world.guesses + guesses,
     )
-    return ImportedCapture(learned, held_out, box, background, silhouettes is not None, report)
+    return ImportedCapture(learned, held_out, box, background, cut_out, report)
 
 
 def _camera(shot: Picture) -> tuple[float, ...]:
@@ -82,14 +83,12 @@ def _depths(
     return known
 
 
-def _box(
-    photographs: PosedImages, silhouettes: np.ndarray | None, world: CameraWorld, placement: Placement
-) -> tuple[Box, tuple[str, ...]]:
+def _box(photographs: PosedImages, world: CameraWorld, placement: Placement) -> tuple[Box, tuple[str, ...]]:
     """The box of the field, and what was guessed of it."""
     if placement.box is not None:
         lower, upper = (torch.from_numpy(np.array(corner) - world.origin).float() for corner in placement.box)
         return Box(lower, upper), ()
-    box, why = guessed_box(photographs, silhouettes, world.poses)
+    box, why = guessed_box(photographs, world.poses)
     return box, (f"box: {box.describe()}, around {why}",)
 
 

@@ -7,7 +7,7 @@ where the room is.
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers.captures import depths, placing
@@ -19,15 +19,13 @@ _MOST = 0.5
 """Share of the points that the box of the cameras must hold, or it is not what they show."""
 
 
-def guessed_box(
-    photographs: PosedImages, silhouettes: Bool[np.ndarray, "n height width"] | None, poses: Float[np.ndarray, "n 4 4"]
-) -> tuple[Box, str]:
+def guessed_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> tuple[Box, str]:
     """The box [m], and in words what it is around; `poses` are T_world_camera."""
     if photographs.depth is not None:
         shown = depths.points_of(photographs.depth, photographs.depth_camera, poses)
         return placing.box_of_points(shown, poses), "the cameras and what the depth maps show"
     cameras = placing.box_of_cameras(poses)
-    cut = None if silhouettes is None else placing.box_of_silhouettes(photographs, silhouettes, cameras)
+    cut = None if photographs.silhouettes is None else placing.box_of_silhouettes(photographs, cameras)
     if cut is not None:
         return cut, "what the pictures do not leave clear"
     points = agreed_points(photographs)

@@ -16,8 +16,8 @@ _MOST_HELD_OUT = 40
 """Photographs that judge a field: more take time and tell nothing new."""
 
 
-def photographs_of(shots: list[Picture], poses: np.ndarray) -> tuple[PosedImages, np.ndarray | None]:
-    """All pictures through one camera, and where they are opaque if they are cut out; empties `shots`, for memory."""
+def photographs_of(shots: list[Picture], poses: np.ndarray) -> PosedImages:
+    """All pictures through one camera, with their silhouettes if they are cut out; empties `shots`, for memory."""
     camera = pictures.common_camera(shots)
     cut_out = all(shot.pixels.shape[2] == 4 and (shot.pixels[..., 3] < 128).any() for shot in shots)
     images = np.empty((len(shots), camera.height, camera.width, 3), np.uint8)
@@ -32,7 +32,8 @@ def photographs_of(shots: list[Picture], poses: np.ndarray) -> tuple[PosedImages
     shots.clear()
     world = torch.from_numpy(poses.astype(np.float32))
     pose = Pose(world[:, :3, :3].contiguous(), world[:, :3, 3].contiguous())
-    return PosedImages(torch.from_numpy(images), camera, pose), opaque
+    silhouettes = None if opaque is None else torch.from_numpy(opaque)
+    return PosedImages(torch.from_numpy(images), camera, pose, silhouettes=silhouettes)
 
 
 def parted(photographs: PosedImages, test: list[bool], every: int) -> tuple[PosedImages, PosedImages]:

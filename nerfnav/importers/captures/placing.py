@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
-from torch import Tensor
+from jaxtyping import Float
 
-from nerfnav.geometry import Box, PosedImages
+from nerfnav.geometry import Box, PosedImages, node_positions, outlines
 
 _PLANAR = 0.02
 """Second eigenvalue of the mean of x x' above which the cameras' x axes span a plane."""
@@ -111,35 +110,21 @@ def box_of_points(points: Float[np.ndarray, "m 3"], poses: Float[np.ndarray, "n 
     return _box(lower - margin, upper + margin)
 
 
-def box_of_silhouettes(
-    photographs: PosedImages, silhouettes: Bool[np.ndarray, "n height width"], around: Box
-) -> Box | None:
+def box_of_silhouettes(photographs: PosedImages, around: Box) -> Box | None:
     """The box of all points in `around` that every photograph which sees them shows as opaque; None where none is.
 
     A coarse visual hull: first in `around`, then once more, finer, in what it left.
     """
     box = around
     for _ in range(2):
-        axes = [torch.linspace(float(box.lower[k]), float(box.upper[k]), _NODES) for k in range(3)]
-        points = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-        inside = points[_opaque(photographs, torch.from_numpy(silhouettes), points)]
+        points = node_positions(box, (_NODES, _NODES, _NODES)).reshape(-1, 3)
+        clear, seen = outlines(photographs, points)
+        inside = points[(clear <= _STRAY * seen) & (seen >= _WATCHED * seen.max())]
         if len(inside) < 2:
             return None
         margin = _HULL_MARGIN * box.size / (_NODES - 1)
         box = Box(inside.amin(0) - margin, inside.amax(0) + margin)
     return box
-
-
-def _opaque(
-    photographs: PosedImages, silhouettes: Bool[Tensor, "n height width"], points: Float[Tensor, "m 3"]
-) -> Bool[Tensor, " m"]:
-    clear, seen = torch.zeros(len(points)), torch.zeros(len(points))
-    for index in range(len(photographs)):
-        uv, inside = photographs.camera.project(photographs.poses[index], points)
-        u, v = uv[inside].long().unbind(-1)
-        seen += inside
-        clear[inside] += ~silhouettes[index][v, u]
-    return (clear <= _STRAY * seen) & (seen >= _WATCHED * seen.max())
 
 
 def _box(lower: np.ndarray, upper: np.ndarray) -> Box:

@@ -1,6 +1,7 @@
 """Which way is up and which box a field gets, told by cameras alone."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,11 +97,11 @@ def test_silhouettes_tell_the_box_of_what_is_shown() -> None:
     camera = Camera.from_fov(48, 48, 60)
     poses = ring(16, radius=1.6, height=1.2)
     opaque = torch.stack([render_image(ball(), camera, poses[index]).opacity > 0.3 for index in range(16)])
-    photographs = PosedImages(torch.zeros(16, 48, 48, 3, dtype=torch.uint8), camera, poses)
-    box = box_of_silhouettes(photographs, opaque.numpy(), Box.of((-2, -2, -2), (2, 2, 2)))
+    photographs = PosedImages(torch.zeros(16, 48, 48, 3, dtype=torch.uint8), camera, poses, silhouettes=opaque)
+    box = box_of_silhouettes(photographs, Box.of((-2, -2, -2), (2, 2, 2)))
     assert box is not None
     # the ball of radius 0.3 in the middle, with what the pictures' and nodes' coarseness adds
     assert bool((box.lower < -0.28).all()) and bool((box.upper > 0.28).all())
     assert float(box.size.max()) < 1.0
-    nothing = np.zeros_like(opaque.numpy())
-    assert box_of_silhouettes(photographs, nothing, Box.of((-2, -2, -2), (2, 2, 2))) is None
+    nothing = replace(photographs, silhouettes=torch.zeros_like(opaque))
+    assert box_of_silhouettes(nothing, Box.of((-2, -2, -2), (2, 2, 2))) is None

@@ -1,0 +1,55 @@
+"""Learning of a capture for given times, as a bench measures it."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from app.jobs import bench
+from app.jobs.bench import BenchRequest
+from app.jobs.bench_training import measure_training
+from nerfnav.errors import InvalidInputError
+from nerfnav.field.render import render_image
+from tests.app.following import result_of
+from tests.field.fields import ball, photographs_of_ball
+from tests.importers.captures.synthetic import matrices
+
+
+def write_blender(folder: Path) -> None:
+    """Pictures of a ball, cut out, as Blender's data sets have them: some to learn from, some to judge by."""
+    for split, count, turn in (("train", 12, 0.0), ("test", 3, 0.7)):
+        views = photographs_of_ball(count, 32, turn)
+        (folder / split).mkdir()
+        frames = []
+        for index, pose in enumerate(matrices(views.poses)):
+            seen = render_image(ball(), views.camera, views.poses[index])
+            opacity = 255 * (seen.opacity > 0.1)[..., None]
+            pixels = torch.cat([views.images[index], opacity.to(torch.uint8)], -1).numpy().astype(np.uint8)
+            Image.fromarray(pixels).save(folder / split / f"r_{index}.png")
+            frames.append({"file_path": f"./{split}/r_{index}", "transform_matrix": pose.tolist()})
+        told = {"camera_angle_x": math.radians(60), "frames": frames}
+        (folder / f"transforms_{split}.json").write_text(json.dumps(told))
+
+
+def test_a_capture_is_learned_for_each_time_and_judged_on_its_own_test_views(tmp_path: Path) -> None:
+    write_blender(tmp_path)
+    steps = measure_training(tmp_path, (0.5, 1.0))
+    labels = []
+    while True:
+        try:
+            labels.append(getattr(next(steps), "label", ""))
+        except StopIteration as end:
+            rows = end.value
+            break
+    assert {f"learning {tmp_path.name} for 0.5 s", f"learning {tmp_path.name} for 1 s"} <= set(labels)
+    assert [row["budget_s"] for row in rows] == [0.5, 1.0]
+    assert all(row["views"] == 3 and row["iterations"] > 0 and row["psnr_db"] > 10 for row in rows)
+
+
+def test_a_bench_of_a_capture_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="missing"):
+        result_of(bench.run(BenchRequest(capture=tmp_path / "missing"), lambda name: None))
