@@ -14,6 +14,7 @@ from app.state.actions import Action
 from app.state.session import Session
 from app.ui_loop import UiLoop
 from app.worker.backend import NavigationBackend
+from app.worker.session_memory import SessionMemory
 from app.worker.work import Work
 from app.worker.worker import Worker
 from nerfnav.errors import NerfnavError
@@ -30,14 +31,21 @@ class App:
         token: str | None = None,
         work: Work | None = None,
         begun: FieldSurfaceLayer | None = None,
+        remembers: bool = False,
     ) -> None:
-        """Nothing is listened at before `start`; with `begun`, its server is used, which whoever gives it stops."""
+        """Nothing is listened at before `start`; with `begun`, its server is used, which whoever gives it stops.
+
+        An app that `remembers` begins with the ends and settings with which the last one left the place.
+        """
         self._host, self._port, self._token = host, port, token
-        session = Session.opening(what, surface=None if begun is None else begun.surface)
-        self._worker = Worker(work or NavigationBackend(), self.post)
-        self._loop = UiLoop(session, self._worker.follow)
-        self._begun, self._server = begun, None if begun is None else begun.server
         self._library = PlaceLibrary()
+        memory = SessionMemory(self._library.folder / "left_off", what) if remembers else None
+        surface, left_off = None if begun is None else begun.surface, None if memory is None else memory.last()
+        session = Session.opening(what, surface=surface, left_off=left_off)
+        self._worker = Worker(work or NavigationBackend(), self.post)
+        followers = [self._worker.follow] + ([] if memory is None else [memory.follow])
+        self._loop = UiLoop(session, *followers)
+        self._begun, self._server = begun, None if begun is None else begun.server
 
     @property
     def session(self) -> Session:

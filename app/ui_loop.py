@@ -30,8 +30,8 @@ class Shows(Protocol):
 class UiLoop:
     """Takes messages from any thread, and moves one session on."""
 
-    def __init__(self, session: Session, follow: Callable[[Session], None]) -> None:
-        """`follow` is told of every session that comes about."""
+    def __init__(self, session: Session, *follow: Callable[[Session], None]) -> None:
+        """All of `follow` are told of every session that comes about."""
         self.session = session
         self.parts: tuple[Shows, ...] = ()
         """What shows the session."""
@@ -91,7 +91,8 @@ class UiLoop:
             self.session = reduce(before, message)
         except Exception:
             _log.exception("a message of type %s was not understood", type(message).__name__)
-        self._follow(self.session)
+        for follow in self._follow:
+            follow(self.session)
         if isinstance(message, MoveEnd) and message.held and self.session.plan_follows:
             return False  # the hand has moved the gizmo itself: what is worth a frame is the plan that follows
         # a command that was refused leaves the session alone, but its tab shows what was refused

@@ -15,7 +15,7 @@ def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSu
         from app.server import App
 
     sys.setswitchinterval(_SWITCH_S)
-    app = App(what, host, port, token, begun=surface)
+    app = App(what, host, port, token, begun=surface, remembers=True)
     app.start()
     try:
         app.wait()

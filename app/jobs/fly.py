@@ -1,5 +1,6 @@
 """Fly: Algorithm 1 in a simulated world, from a plan to an episode."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from app.jobs.events import JobEvents, JobResult, Progress
@@ -10,8 +11,22 @@ from app.places.place import Place
 from app.storage.output_files import prepare_folder
 from app.storage.step_log import logged
 from nerfnav.estimator import RelocaliseStep
-from nerfnav.navigation import Episode, NavigationStep
+from nerfnav.navigation import Episode, NavigationStep, Orders
 from nerfnav.planner import GOOD, PlanStep
+from nerfnav.robots import RigidState
+
+
+class _WatchedOrders:
+    """The orders of a flight, and the last goal that was among them."""
+
+    def __init__(self, orders: Callable[[], Orders]) -> None:
+        self._orders = orders
+        self.goal: RigidState | None = None
+
+    def __call__(self) -> Orders:
+        orders = self._orders()
+        self.goal = orders.goal or self.goal
+        return orders
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:
@@ -22,12 +37,14 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     """
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    request = timed(request, place)
+    watched = _WatchedOrders(request.orders)
+    request = timed(replace(request, orders=watched), place)
     flown: list[NavigationStep] = []
     with logged(out, metadata_of(request, place), lambda episode: summary_of(episode, place)) as log:
         for event in begin(request, place):
             if log is not None and isinstance(event, NavigationStep):
                 log.append(event)
+                log.head_for(watched.goal)
             stop = yield event
             if isinstance(event, NavigationStep):
                 flown.append(event)

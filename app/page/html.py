@@ -3,7 +3,9 @@
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from app.page.theme import HIT, MUTED, START, Rgb, css, readable
+import numpy as np
+
+from app.page.theme import HIT, MUTED, START, Rgb, css, on_scale, readable
 
 _PADDING = "padding: 0 0.75em 0.5em 0.75em; font-size: 0.8125em; line-height: 1.45;"
 
@@ -58,6 +60,17 @@ def columns(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         )
     grid = " ".join("auto" for _ in head)
     return f'<div style="{_PADDING} display: grid; grid-template-columns: {grid}; gap: 0.05em 1em">{cells}</div>'
+
+
+def scale(low: float, high: float, of: str) -> str:
+    """A bar in the colours of the scale, with what its ends mean."""
+    colors = ", ".join(css((r, g, b)) for r, g, b in on_scale(np.linspace(0, 1, 9)).tolist())
+    return (
+        f'<div style="{_PADDING} color: {MUTED}"><div style="height: 0.6em; border-radius: 0.3em; '
+        f'background: linear-gradient(to right, {colors})"></div><div style="display: flex; '
+        f'justify-content: space-between"><span>{low:g}</span><span>{escape(of)}</span><span>{high:g} and more</span>'
+        "</div></div>"
+    )
 
 
 def legend(entries: Iterable[tuple[Rgb, str]]) -> str:

@@ -24,6 +24,10 @@ CANDIDATE: Rgb = (205, 180, 255)
 HIT: Rgb = (228, 68, 60)
 OTHER_TRUTH: Rgb = (196, 236, 255)
 OTHER_PLAN: Rgb = (255, 246, 180)
+CLEARANCE_CM = (0.0, 20.0)
+"""Clearance at the two ends of the scale [cm]: what has more room than that is well clear."""
+SCALE: tuple[Rgb, ...] = ((255, 245, 140), (250, 155, 50), (205, 95, 130), (95, 105, 235))
+"""Low to high: the less room the brighter, from yellow by orange to blue, which deuteranopes tell apart too."""
 MUTED = "light-dark(#5a6070, #9aa0ae)"
 """Of secondary text."""
 _NIGHT_TOP: Rgb = (38, 43, 56)
@@ -38,6 +42,13 @@ _PANEL_WIDTH = 340.0  # [pixels]
 def linear(color: Rgb | np.ndarray) -> np.ndarray:
     """sRGB bytes as linear bytes: what viser wants where it takes an array of colours."""
     return np.round(255 * to_linear(np.asarray(color, dtype=np.float64) / 255)).astype(np.uint8)
+
+
+def on_scale(shares: np.ndarray) -> np.ndarray:
+    """Colours (n, 3), sRGB bytes, of shares (n,) of the scale, 0 to 1; what is beyond has the colour of its end."""
+    stops = np.linspace(0, 1, len(SCALE))
+    rows = [np.interp(shares, stops, channel) for channel in zip(*SCALE, strict=True)]
+    return np.round(np.stack(rows, -1)).astype(np.uint8)
 
 
 def css(color: Rgb) -> str:

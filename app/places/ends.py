@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from app.places.place import Place
-from nerfnav.geometry import Box
+from nerfnav.geometry import Box, so3
 from nerfnav.robots import RigidState
 from nerfnav.world import Task
 
 Point = tuple[float, float, float]
+_TYPED_M = 0.005
+"""People type numbers in centimetres: what is so near is meant."""
 
 
 class Which(Enum):
@@ -32,6 +34,12 @@ class End:
         """The state that this end stands for."""
         return RigidState.at_rest(self.position, self.yaw)
 
+    @classmethod
+    def of_state(cls, state: RigidState) -> "End":
+        """The end that a level state at rest stands for."""
+        x, y, z = state.position.tolist()
+        return cls((round(x, 4), round(y, 4), round(z, 4)), round(so3.yaw_of(state.rotation).item(), 4))
+
     def kept_inside(self, box: Box, margin: float) -> "End":
         """The nearest end whose position is at least `margin` [m] inside the box, its yaw in -pi to pi."""
         lower, upper = (box.lower + margin).tolist(), (box.upper - margin).tolist()
@@ -39,6 +47,12 @@ class End:
             round(min(max(value, low), high), 4) for value, low, high in zip(self.position, lower, upper, strict=True)
         )
         return End((x, y, z), math.remainder(self.yaw, math.tau))
+
+    def misfits(self, box: Box, margin: float) -> list[tuple[str, float, float]]:
+        """The axes along which it is not `margin` [m] inside the box, each with the least and largest value [m]."""
+        lower, upper = (box.lower + margin).tolist(), (box.upper - margin).tolist()
+        rows = zip("xyz", self.position, lower, upper, strict=True)
+        return [(axis, low, high) for axis, value, low, high in rows if not low - _TYPED_M <= value <= high + _TYPED_M]
 
 
 @dataclass(frozen=True)

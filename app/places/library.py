@@ -6,6 +6,7 @@ One folder for each, named by a digest of what was brought, so that the same upl
         NAME             what was brought, and beside it its field, its ground truth, its splats
         place.json       what is known of it, once it was opened: without it, it is in no list
         picture.jpg      what it looks like
+    robots/              see app/places/robot_library.py
 """
 
 import hashlib
@@ -21,6 +22,7 @@ from pathlib import Path
 
 from platformdirs import user_data_path
 
+from app.places.robot_library import RobotLibrary
 from app.places.uploads import UploadError, check_upload
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.files import replacing
@@ -80,6 +82,7 @@ class PlaceLibrary:
         named = os.environ.get(VARIABLE)
         own = user_data_path("nerfnav", appauthor=False) / "places"
         self.folder = folder or (Path(named) if named else own)
+        self.robots = RobotLibrary(self.folder / "robots")
         self._brought: list[Path] = []
 
     def keep(self, name: str, content: bytes) -> Path:

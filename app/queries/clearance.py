@@ -21,6 +21,8 @@ class ClearanceQuery(Query[np.ndarray]):
 
     step: PlanStep = field(compare=False)
     """The last iteration of the plan."""
+    unknown: Unknown = field(default=Unknown.OCCUPIED, compare=False)
+    """What the plan took space for that no camera ever saw into."""
 
     def __eq__(self, other: object) -> bool:
         """Plans are told apart as objects: `step` is kept, so that no other one can take its address."""
@@ -34,7 +36,7 @@ class ClearanceQuery(Query[np.ndarray]):
         """Of a plan that is finished, while nothing else is computed."""
         plan = session.plan
         if plan is not None and plan.latest is not None and plan.outcome is not None and session.job is None:
-            query = cls(plan.latest)
+            query = cls(plan.latest, plan.settings.unknown)
             if not query.is_answered(session):
                 yield query
 
@@ -48,7 +50,7 @@ class ClearanceQuery(Query[np.ndarray]):
     @torch.no_grad()
     def answer(self, resources: Resources) -> np.ndarray:
         """Take the densities around the body at each step, as plans do."""
-        place = planning_place(resources.place, Unknown.OCCUPIED)
+        place = planning_place(resources.place, self.unknown)
         motion, body, config = self.step.motion, place.robot.body, SafetyConfig()
         _, reach, _ = config.lengths(place.field, body)
         bound = collision_per_step(place.field, motion, body, config.samples_per_step)

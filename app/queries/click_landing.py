@@ -3,13 +3,17 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 
+from app.places.derived import occupancy_of, planning_place
 from app.places.ends import End
+from app.places.place import Place
 from app.queries.query import Query, Resources
 from app.reducers.common import moved, noticed
 from app.state.session import Click, Session
-from nerfnav.field import Field, render_rays
+from nerfnav.field import Field, Unknown, render_rays
+from nerfnav.planner import OccupancyConfig, OccupancyMap, fits, nearest_free_pose
 
 LEAST_OPACITY = 0.5
 """Of a ray that has met something."""
@@ -33,12 +37,14 @@ class ClickLandingQuery(Query[Vector | None]):
     """Where does the end go that is put where a click points? The result is a position [m], None where nothing is."""
 
     click: Click
+    unknown: Unknown = Unknown.OCCUPIED
+    """What space is taken for that no camera ever saw into."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["ClickLandingQuery"]:
         """While an end waits for its click to land."""
         if session.clicked is not None:
-            yield cls(session.clicked)
+            yield cls(session.clicked, session.plan_settings.unknown)
 
     def answer(self, resources: Resources) -> Vector | None:
         """Where the robot would stand or hover if it were put on what the ray of the click meets."""
@@ -47,7 +53,24 @@ class ClickLandingQuery(Query[Vector | None]):
         if met is None:
             return None
         # as high above it as the body and what it keeps clear of
-        return met[0], met[1], met[2] + 0.5 * place.robot.body.extents[2] + _ROOM_M
+        above = met[0], met[1], met[2] + 0.5 * place.robot.body.extents[2] + _ROOM_M
+        return above if self._fits(resources, above) else self._before(resources, met) or above
+
+    def _before(self, resources: Resources, met: Vector) -> Vector | None:
+        """Beside the side of something: the nearest free point before it, as the click came; None without one."""
+        place = planning_place(resources.place, self.unknown)
+        towards = np.array(self.click.direction) / np.linalg.norm(self.click.direction)
+        x, y, z = (np.array(met) - (place.robot.body.radius + _ROOM_M) * towards).tolist()
+        nearest = nearest_free_pose(place.field, place.robot.body, End((x, y, z)).state(), self._map(place, z))
+        return None if nearest is None else End.of_state(nearest).position
+
+    def _fits(self, resources: Resources, at: Vector) -> bool:
+        place = planning_place(resources.place, self.unknown)
+        threshold = self._map(place, at[2]).scales.threshold
+        return fits(place.field, place.robot.body, End(at).state(), threshold)
+
+    def _map(self, place: Place, height: float) -> OccupancyMap:
+        return occupancy_of(place, OccupancyConfig(), height)
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """The session with the end there, unless another click came."""

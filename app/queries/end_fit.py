@@ -28,6 +28,8 @@ class EndFitQuery(Query[EndFit]):
 
     which: Which
     end: End
+    unknown: Unknown = Unknown.OCCUPIED
+    """What space is taken for that no camera ever saw into."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["EndFitQuery"]:
@@ -36,11 +38,11 @@ class EndFitQuery(Query[EndFit]):
             return
         for which in Which:
             if which not in session.problems:
-                yield cls(which, session.ends.of(which))
+                yield cls(which, session.ends.of(which), session.plan_settings.unknown)
 
     def answer(self, resources: Resources) -> EndFit:
         """Ask the density at all body points, as plans do."""
-        place = planning_place(resources.place, Unknown.OCCUPIED)
+        place = planning_place(resources.place, self.unknown)
         body, state, name = place.robot.body, self.end.state(), self.which.value
         occupancy = occupancy_of(place, OccupancyConfig(), self.end.position[2])
         if fits(place.field, body, state, occupancy.scales.threshold):
@@ -54,7 +56,7 @@ class EndFitQuery(Query[EndFit]):
 
     def apply(self, session: Session, result: EndFit) -> Session:
         """The session with what is wrong with the end, unless it was moved meanwhile."""
-        if session.ends.of(self.which) != self.end:
+        if (session.ends.of(self.which), session.plan_settings.unknown) != (self.end, self.unknown):
             return session
         known = replace(session, problems={**session.problems, self.which: result.problem})
         if result.offer is None:

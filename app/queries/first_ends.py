@@ -15,11 +15,9 @@ from app.reducers.common import noticed
 from app.state.session import Session
 from nerfnav.errors import NerfnavError
 from nerfnav.field import Unknown
-from nerfnav.geometry import so3
 from nerfnav.planner import OccupancyConfig
 from nerfnav.planner.columns import dense_at
 from nerfnav.planner.scales import threshold_of
-from nerfnav.robots import RigidState
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ class FirstEndsQuery(Query[FirstEnds]):
             return FirstEnds(None, str(error))
         if found is None:
             return FirstEnds(None, _no_room(place))
-        ends = Ends(*map(_end, found))
+        ends = Ends(*map(End.of_state, found))
         return FirstEnds(ends, view=_view(place, ends))
 
     def apply(self, session: Session, result: FirstEnds) -> Session:
@@ -71,12 +69,7 @@ class FirstEndsQuery(Query[FirstEnds]):
         if result.ends is None:
             return noticed(session, "Nowhere to go", result.problem or "", bad=True)
         view = result.view or session.view
-        return replace(session, ends=result.ends, home_ends=result.ends, view=view, problems={}, offers={})
-
-
-def _end(state: RigidState) -> End:
-    x, y, z = state.position.tolist()
-    return End((round(x, 4), round(y, 4), round(z, 4)), round(so3.yaw_of(state.rotation).item(), 4))
+        return replace(session, ends=result.ends, home_ends=result.ends, view=view, problems={}, offers={}, outside={})
 
 
 def _view(place: Place, ends: Ends) -> View:

@@ -29,7 +29,10 @@ class WantedPlan:
 
 def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> PlanRequest:
     """What there is to plan between some ends with what a person has set; `own` where nobody changed the weights."""
-    request = PlanRequest(ends, planner=planner, config=settings.config(planner, own), shortest=settings.shortest)
+    request = PlanRequest(
+        ends, planner=planner, config=settings.config(planner, own), shortest=settings.shortest,
+        max_collision=settings.max_collision, unknown=settings.unknown,
+    )  # fmt: skip
     return request.lasting(settings.duration_s)
 
 

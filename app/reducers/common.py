@@ -1,6 +1,7 @@
 """Changes of the session that several messages bring about."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
@@ -28,7 +29,8 @@ def noticed(session: Session, title: str, body: str, bad: bool = False) -> Sessi
 def moved(session: Session, place: Place, which: Which, end: End, held: bool = False) -> Session:
     """The session with one end somewhere else, kept inside the box; `held` while a hand still moves it."""
     end = end.kept_inside(place.field.box, margin=place.robot.body.radius)
-    session = session if session.held == held else replace(session, held=held)
+    if session.held != held or which in session.outside:
+        session = replace(session, held=held, outside=_without(session.outside, which))
     if end == session.ends.of(which):
         return session
     ends = session.ends.moved(which, end)
@@ -36,6 +38,13 @@ def moved(session: Session, place: Place, which: Which, end: End, held: bool = F
         session, ends=ends, seeking=False, task=None, problems=_without(session.problems, which),
         offers=_without(session.offers, which), flight=_followed(session, ends),
     )  # fmt: skip
+
+
+def typed(session: Session, place: Place, which: Which, end: End) -> Session:
+    """The session with one end where it was typed, or with what was typed, where that is no place for it."""
+    if not end.misfits(place.field.box, place.robot.body.radius):
+        return moved(session, place, which, end)
+    return replace(session, outside={**session.outside, which: end})
 
 
 def settled(session: Session, place: Place) -> Session:
@@ -50,7 +59,7 @@ def settled(session: Session, place: Place) -> Session:
     settings = first_settings(session.plan_settings, place, ends, name)
     return replace(
         session, place=place, plan_settings=settings, task=name, home=name, home_ends=None, ends=ends,
-        seeking=name is None, problems={}, offers={}, aiming=None, clicked=None,
+        robot_draft=None, seeking=name is None, problems={}, offers={}, outside={}, aiming=None, clicked=None,
         results={}, view_settings=session.view_settings.where(splats=place.splats is not None),
     )  # fmt: skip
 
@@ -76,5 +85,5 @@ def _followed(session: Session, ends: Ends) -> FlightRecord | None:
     return replace(flight, ends=Ends(flight.ends.start, ends.goal), goals_moved=moved_at)
 
 
-def _without(known: dict[Which, Value], which: Which) -> dict[Which, Value]:
+def _without(known: Mapping[Which, Value], which: Which) -> dict[Which, Value]:
     return {key: value for key, value in known.items() if key is not which}

@@ -6,6 +6,7 @@ from app.jobs import events as e
 from app.places.place import Place
 from app.places.sources import without_folder
 from app.reducers.common import noticed, settled
+from app.reducers.history import restored
 from app.reducers.jobs import begun, given_up
 from app.reducers.placing import placed
 from app.state.downloads import Download
@@ -26,7 +27,10 @@ def reported(session: Session, event: e.JobReport) -> Session:
     assert job is not None, "only what the wanted job tells comes here"
     match event:
         case e.PlaceOpened(place):
-            return _doubted(settled(session, place), place)
+            there = settled(session, place)
+            if session.left_off is not None:
+                there = restored(replace(there, left_off=None), session.left_off)
+            return _doubted(there, place)
         case e.SurfaceShaped(glb):
             return replace(session, surface=glb)
         case e.PlannerCompared(result):

@@ -97,8 +97,8 @@ def _reset(session: Session, place: Place) -> Session:
     ends = session.first_ends or opening_ends(place, None) or session.ends
     stopped = replace(cancelled(session), plan=None, flight=None, doubt=None, comparison=(), search=None)
     return replace(
-        stopped, task=session.home, ends=ends, problems={}, offers={}, held=False, aiming=None, clicked=None,
-        choice=Choice(session.choice.robot), flight_settings=FlightSettings(),
+        stopped, task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False, aiming=None,
+        clicked=None, choice=Choice(session.choice.robot), flight_settings=FlightSettings(),
         plan_settings=first_settings(PlanSettings(), place, ends, session.home),
         view_settings=ViewSettings().where(splats=place.splats is not None),
     )  # fmt: skip

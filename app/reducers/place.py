@@ -5,21 +5,35 @@ from dataclasses import replace
 from app.places.ends import Ends
 from app.places.place import Place
 from app.places.sources import title_of
-from app.reducers.common import moved, noticed, settled
+from app.reducers.common import moved, noticed, settled, typed
 from app.reducers.jobs import cancelled
 from app.state import actions as m
 from app.state.choice import Choice
 from app.state.job import Job, JobKind
 from app.state.placing import Ray
 from app.state.session import Click, Session, Vector
-from nerfnav.errors import UnknownNameError
+from app.text import sentence
+from nerfnav.errors import NerfnavError
 
-PlaceCommand = m.MoveEnd | m.ChooseTask | m.OpenPlace | m.ListPlaces | m.Choose | m.Aim | m.Point | m.Looked | m.Left
+PlaceCommand = (
+    m.MoveEnd
+    | m.TypeEnd
+    | m.ChooseTask
+    | m.OpenPlace
+    | m.ListPlaces
+    | m.Choose
+    | m.Aim
+    | m.Point
+    | m.Looked
+    | m.Left
+)
 
 
 def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Session:
     """The session after such a command, where `place` is open."""
     match command:
+        case m.TypeEnd(which, end):
+            return typed(session, place, which, end)
         case m.MoveEnd(which, end, held):
             return moved(session, place, which, end, held)
         case m.ChooseTask(name):
@@ -29,7 +43,7 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
         case m.ListPlaces():
             return replace(session, places_asked=session.places_asked + 1)
         case m.Choose(choice):
-            return _choose(session, place, choice)
+            return chosen(session, place, choice)
         case m.Aim(which):
             return replace(session, aiming=which, placing=replace(session.placing, pointing=None))
         case m.Point(origin, direction):
@@ -51,17 +65,17 @@ def opening(session: Session, what: str) -> Session:
     return replace(opening, before=session if session.place is not None else session.before)
 
 
-def _choose(session: Session, place: Place, choice: Choice) -> Session:
-    """The session with another robot, planner or estimator; a notice where one of these names is not known."""
+def chosen(session: Session, place: Place, choice: Choice) -> Session:
+    """The session with another robot, planner or estimator; a notice where one of these is not known or not sound."""
     try:
         choice.check()
-    except UnknownNameError as error:
-        return noticed(session, "No such choice", str(error), bad=True)
-    chosen = replace(session, choice=choice)
+    except NerfnavError as error:
+        return noticed(session, "No such choice", sentence(str(error)), bad=True)
+    changed = replace(session, choice=choice)
     if choice.robot == session.choice.robot:
-        return chosen
+        return changed
     # plans and flights are those of another body
-    forgotten = replace(cancelled(chosen), plan=None, flight=None, doubt=None, comparison=(), search=None)
+    forgotten = replace(cancelled(changed), plan=None, flight=None, doubt=None, comparison=(), search=None)
     return settled(forgotten, place)
 
 
@@ -71,9 +85,9 @@ def _chosen_task(session: Session, place: Place, name: str) -> Session:
     if task is None:
         return session
     if task.robot != session.choice.robot:
-        session = _choose(session, place, replace(session.choice, robot=task.robot))
+        session = chosen(session, place, replace(session.choice, robot=task.robot))
     return replace(
-        session, task=name, home=name, ends=Ends.of_task(task), seeking=False, problems={}, offers={}
+        session, task=name, home=name, ends=Ends.of_task(task), seeking=False, problems={}, offers={}, outside={}
     )
 
 

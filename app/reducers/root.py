@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from app.reducers.common import noticed
 from app.reducers.flight import Steering, steered
+from app.reducers.history import remembered, travelled
 from app.reducers.job_reports import reported
 from app.reducers.jobs import JobCommand, cancelled, job_commanded
 from app.reducers.place import PlaceCommand, opening, place_commanded
@@ -12,13 +13,19 @@ from app.reducers.runs import changed, commanded, rolled, source_elsewhere
 from app.reducers.settings import adjusted
 from app.state import actions as m
 from app.state.experiments import ListExperiments, ShowResult
+from app.state.history import Redo, Undo
 from app.state.placing import PlacingAction
+from app.state.robot_draft import EditRobot, ForgetEdits
 from app.state.run_actions import OpenRun, RunAction
 from app.state.session import Session
 
 
 def reduce(session: Session, message: m.Action) -> Session:
-    """The session after `message`."""
+    """The session after `message`, which can be undone where it is a move or a setting."""
+    return remembered(session, _reduced(session, message), message)
+
+
+def _reduced(session: Session, message: m.Action) -> Session:
     match message:
         case m.QueryAnswered(query, result):
             return query.apply(session, result)
@@ -66,6 +73,12 @@ def _command(session: Session, command: m.Command) -> Session:
     match command:
         case m.Adjust(settings, name, value):
             return adjusted(session, settings, name, value)
+        case EditRobot():
+            return replace(session, robot_draft=command.of(session.robot_draft))
+        case ForgetEdits():
+            return replace(session, robot_draft=None)
+        case Undo() | Redo():
+            return travelled(session, command)
         case ShowResult() | ListExperiments():
             return replace(session, experiments=session.experiments.commanded(command))
     raise TypeError(f"the session knows no message of type {type(command).__name__}")

@@ -85,7 +85,7 @@ def opened(session: Session, stored: StoredFlight) -> Session:
     timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # all of it is seen at once
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
-        seeking=False, problems={}, offers={}, plan=None, flight=stored.record, search=None,
+        seeking=False, problems={}, offers={}, outside={}, plan=None, flight=stored.record, search=None,
         results={}, runs=replace(session.runs, opened=stored, timeline=timeline),
     )  # fmt: skip
 

@@ -26,7 +26,10 @@ def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Sessi
         case Settings.PLAN:
             if "duration_s" in change:  # what somebody says takes the place of what is found
                 change = {"shortest": False, **change}
-            return replace(session, plan_settings=_checked(replace(session.plan_settings, **change)))
+            planning = _checked(replace(session.plan_settings, **change))
+            if planning.unknown is not session.plan_settings.unknown:  # which decides where the robot fits
+                session = replace(session, problems={}, offers={})
+            return replace(session, plan_settings=planning)
         case Settings.WEIGHTS:
             weights = replace(session.plan_settings.weights, **change)
             return replace(session, plan_settings=_checked(replace(session.plan_settings, weights=weights)))

@@ -9,8 +9,10 @@ from app.places.ends import End, Which
 from app.state.choice import Choice
 from app.state.downloads import MapWish
 from app.state.experiments import ExperimentAction
+from app.state.history import Redo, Undo
 from app.state.placing import PlacingAction
 from app.state.plan_actions import PlanAction
+from app.state.robot_draft import EditRobot, ForgetEdits
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange
 from app.state.session import Session, Vector
@@ -25,6 +27,14 @@ class MoveEnd:
     end: End
     held: bool = False
     """Whether a hand still moves it."""
+
+
+@dataclass(frozen=True)
+class TypeEnd:
+    """Put the start or the goal where its numbers say; unlike a hand, they may say a place that is none."""
+
+    which: Which
+    end: End
 
 
 @dataclass(frozen=True)
@@ -182,6 +192,7 @@ class Tell:
 
 Command = (
     MoveEnd
+    | TypeEnd
     | ChooseTask
     | OpenPlace
     | ListPlaces
@@ -204,6 +215,10 @@ Command = (
     | Resume
     | StepOnce
     | Reset
+    | EditRobot
+    | ForgetEdits
+    | Undo
+    | Redo
     | RunAction
     | PlacingAction
     | ExperimentAction

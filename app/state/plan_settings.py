@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, fields, replace
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.field import Unknown
 from nerfnav.planner import CostWeights, PlannerConfig, planners
 
 _SHORTEST_S, LONGEST_S = 0.5, 600.0
@@ -17,6 +18,10 @@ class PlanSettings:
     """How long the robot may take from start to goal [s]."""
     shortest: bool = False
     """Whether to find the shortest duration that keeps the robot's limits instead."""
+    max_collision: float | None = None
+    """Largest bound on the probability of a collision that is accepted, 0 to 1; None accepts any."""
+    unknown: Unknown = Unknown.OCCUPIED
+    """What space is taken for that no camera ever saw into."""
     weights: CostWeights = field(default_factory=CostWeights)
     """What the terms of J weigh."""
 
@@ -28,6 +33,8 @@ class PlanSettings:
         """Raise InvalidInputError for numbers that no plan can have: they are typed, and the notice tells the range."""
         if not _SHORTEST_S <= self.duration_s <= LONGEST_S:
             raise InvalidInputError(f"the duration must be from {_SHORTEST_S:g} to {LONGEST_S:g} s")
+        if self.max_collision is not None and not 0 < self.max_collision <= 1:
+            raise InvalidInputError("the accepted risk must be above 0 % and at most 100 %")
         most = {"samples_per_step": _MOST_SAMPLES, "margin": _WIDEST_M}
         for part in fields(self.weights):
             value, largest = getattr(self.weights, part.name), most.get(part.name, _HEAVIEST)

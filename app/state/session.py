@@ -6,7 +6,7 @@ No other place holds state: a reloaded page and a second tab show the same, and 
 """
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from torch import Tensor
@@ -19,12 +19,14 @@ from app.state.choice import Choice
 from app.state.downloads import Download
 from app.state.experiments import ExperimentState
 from app.state.flight_settings import FlightSettings
+from app.state.history import History, Moment
 from app.state.job import Job, JobKind
 from app.state.placing import Placing
 from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord, SearchRecord
 from app.state.runs import Runs
 from app.state.view_settings import Eye, ViewSettings
+from nerfnav.robots import RobotFile
 
 Vector = tuple[float, float, float]
 
@@ -67,6 +69,8 @@ class Session:
     """How plans are made."""
     flight_settings: FlightSettings = field(default_factory=FlightSettings)
     """How flights are flown."""
+    robot_draft: RobotFile | None = None
+    """Changes of the robot that are not taken yet."""
     place: Place | None = None
     """None while it is being opened."""
     places_asked: int = 0
@@ -89,8 +93,12 @@ class Session:
     """What keeps the robot from an end, None where nothing does; absent while it is being looked at."""
     offers: dict[Which, End] = field(default_factory=dict)
     """Where the robot would fit near an end at which it does not."""
+    outside: Mapping[Which, End] = field(default_factory=dict)
+    """Ends that were typed where the robot cannot be: they are shown until they are put right, and not taken."""
     held: bool = False
     """Whether a hand moves an end now."""
+    history: History = field(default_factory=History)
+    """Moves and settings that can be undone."""
     aiming: Which | None = None
     """Which end the next click into the scene puts down."""
     clicked: Click | None = None
@@ -125,14 +133,18 @@ class Session:
     """The file that was made last."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
+    left_off: Moment | None = None
+    """What was asked for here when a server last had this place open, until it is open again."""
     before: "Session | None" = None
     """Where to go back to if the place cannot be opened; None for the first place."""
 
     @classmethod
-    def opening(cls, what: str, choice: Choice | None = None, surface: bytes | None = None) -> "Session":
-        """The session at the start: `what` is to be opened; its `surface` may be known from an earlier time."""
+    def opening(
+        cls, what: str, choice: Choice | None = None, surface: bytes | None = None, left_off: Moment | None = None
+    ) -> "Session":
+        """The session at the start: `what` is to be opened; `surface` and `left_off` may be known from earlier."""
         job = Job(0, JobKind.OPEN, label="Opening the field")
-        return cls(what, choice or Choice(), job=job, jobs_begun=1, surface=surface)
+        return cls(what, choice or Choice(), job=job, jobs_begun=1, surface=surface, left_off=left_off)
 
     @property
     def first_ends(self) -> Ends | None:
@@ -140,6 +152,11 @@ class Session:
         if self.place is None or self.home is None:
             return self.home_ends
         return opening_ends(self.place, self.home)
+
+    @property
+    def moment(self) -> Moment:
+        """What is asked for now."""
+        return Moment(**{part.name: getattr(self, part.name) for part in fields(Moment)})
 
     @property
     def fresh_plan(self) -> PlanRecord | None:

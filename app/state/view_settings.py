@@ -44,6 +44,8 @@ class ViewSettings:
     """From where the scene is seen."""
     light: bool = False
     """Whether the panels are light."""
+    clearance: bool = False
+    """Whether the plan's line has the colours of its clearance."""
     ellipsoid: float = 1.0
     """How much larger than the 95 % region covariance ellipsoids and attitude cones are drawn."""
 

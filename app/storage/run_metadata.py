@@ -1,7 +1,8 @@
 """What is known of a flight besides its steps: run.json in its folder, written at take-off and again at the end."""
 
 import json
-from dataclasses import asdict, dataclass, field
+import math
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from nerfnav.errors import InvalidInputError
 FILE = "run.json"
 FORMAT, VERSION = "nerfnav run", 1
 _INTERRUPTED = "interrupted"
+_SAME_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,12 @@ class RunMetadata:
     def save(self, folder: Path) -> Path:
         """Write run.json."""
         return write_text(folder / FILE, json_line({"format": FORMAT, "version": VERSION, **asdict(self)}) + "\n")
+
+    def heading_for(self, goal: End) -> "RunMetadata":
+        """The same flight; with another goal than it began with it is that of no task."""
+        if math.dist(goal.position, self.ends.goal.position) < _SAME_M:
+            return self
+        return replace(self, ends=Ends(self.ends.start, goal), task=None)
 
     @classmethod
     def load(cls, folder: Path) -> "RunMetadata":

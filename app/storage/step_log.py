@@ -12,11 +12,13 @@ from typing import Any
 
 from filelock import Timeout
 
+from app.places.ends import End
 from app.storage import run_metadata
 from app.storage.file_lock import lock_of
 from app.storage.output_files import OutputError
 from app.storage.step_codec import FILE, PICTURES, content_of, keep_picture
 from nerfnav.navigation import Episode, NavigationStep
+from nerfnav.robots import RigidState
 
 _LEAST_STEPS = 2  # a flight that never left the start is not kept
 
@@ -52,6 +54,11 @@ class StepLog:
         except OSError as error:
             raise OutputError(f"the flight cannot be written into {self._folder.name}: {error.strerror}") from error
         self._steps.append(step)
+
+    def head_for(self, goal: RigidState | None) -> None:
+        """Note where the flight goes now: one whose goal was moved is no flight of its task any more."""
+        if goal is not None:
+            self._about = self._about.heading_for(End.of_state(goal))
 
     def close(self) -> None:
         """Write into run.json how the flight ended; one that never left the start leaves nothing behind."""

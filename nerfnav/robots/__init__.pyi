@@ -1,6 +1,12 @@
 from .body import Body as Body
+from .body_file import BodyFile as BodyFile
+from .body_file import Cylinder as Cylinder
 from .couch import Couch as Couch
 from .couch_config import CouchConfig as CouchConfig
+from .description import LIMITS as LIMITS
+from .description import WITH_MASS as WITH_MASS
+from .description import described as described
+from .description import to_yaml as to_yaml
 from .diffdrive import DiffDrive as DiffDrive
 from .diffdrive_config import DiffDriveConfig as DiffDriveConfig
 from .flat_map import FlatMap as FlatMap
@@ -12,6 +18,9 @@ from .quadrotor_config import QuadrotorConfig as QuadrotorConfig
 from .robot import CAMERA as CAMERA
 from .robot import Limit as Limit
 from .robot import Robot as Robot
+from .robot_file import RobotFile as RobotFile
+from .robot_file import decoded as decoded
+from .robot_file import robot_of as robot_of
 from .robots import ROBOTS as ROBOTS
 from .robots import RobotEntry as RobotEntry
 from .robots import is_file as is_file

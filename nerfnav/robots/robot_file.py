@@ -54,19 +54,24 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
 
 def read_robot(path: Path) -> Robot:
     """The robot that a file describes. Raises InvalidInputError for one that cannot be read, or cannot be."""
+    told = decoded(path)
     try:
-        told = msgspec.yaml.decode(path.read_bytes(), type=RobotFile, strict=False)  # "1e-3" is a number, too
-    except FileNotFoundError as error:
-        raise InvalidInputError(f"there is no robot file {path}") from error
-    except (OSError, msgspec.MsgspecError, RecursionError) as error:
-        raise InvalidInputError(f"{path} is no robot file: {' '.join(str(error).replace('`', '').split())}") from error
-    try:
-        return _robot_of(told, path.parent)
+        return robot_of(told, path.parent)
     except InvalidInputError as error:
         raise InvalidInputError(f"{path}: {error}") from error
 
 
-def _robot_of(told: RobotFile, folder: Path) -> Robot:
+def decoded(path: Path) -> RobotFile:
+    """What a file says, whether there can be such a robot or not. Raises InvalidInputError for one that is none."""
+    try:
+        return msgspec.yaml.decode(path.read_bytes(), type=RobotFile, strict=False)  # "1e-3" is a number, too
+    except FileNotFoundError as error:
+        raise InvalidInputError(f"there is no robot file {path}") from error
+    except (OSError, msgspec.MsgspecError, RecursionError) as error:
+        raise InvalidInputError(f"{path} is no robot file: {' '.join(str(error).replace('`', '').split())}") from error
+
+
+def robot_of(told: RobotFile, folder: Path) -> Robot:
     """Raises InvalidInputError for a robot that cannot be; `folder` is where its meshes lie."""
     if not told.name.strip():
         raise InvalidInputError("a robot needs a name")

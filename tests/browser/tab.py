@@ -46,11 +46,11 @@ KNOWS_HELP = "localStorage.setItem('nerfnav-help-seen', '1')"
 
 _TAB_OF_BUTTON = {
     **dict.fromkeys(("start", "goal"), "Scene"),
-    **dict.fromkeys(("Plan", "Cancel", "Compare planners"), "Plan"),
-    **dict.fromkeys(("Fly", "Pause", "Resume", "Step", "Stop", "Gust"), "Fly"),
+    "Compare planners": "Plan",
+    **dict.fromkeys(("Pause", "Resume", "Step", "Gust"), "Fly"),
     **dict.fromkeys(("Find the robot", "Put it elsewhere"), "Estimate"),
     **dict.fromkeys(("Open", "Compare", "End comparison", "Rename", "Delete"), "Runs"),
-    **dict.fromkeys(("Download", "Download map", "Screenshot", "Reset"), "Export"),
+    **dict.fromkeys(("Download", "Download map", "Screenshot"), "Export"),
 }
 
 
@@ -141,6 +141,11 @@ class Tab:
         if name in _TAB_OF_BUTTON:
             self.turn_to(_TAB_OF_BUTTON[name])
         self.page.get_by_role("button", name=name, exact=True).click()
+
+    def key(self, name: str) -> None:
+        """Press a key while nothing is being typed."""
+        self.page.evaluate("document.activeElement?.blur()")
+        self.page.keyboard.press(name)
 
     def upload(self, button: str, file: Path) -> None:
         """Give a file to an upload button."""

@@ -49,7 +49,7 @@ def test_a_robot_is_found_and_carried_away_in_flight_and_found_after_it(serve: S
     tab.turn_to("Estimate")
     find = tab.page.get_by_role("button", name="Find the robot", exact=True)
     tab.until(find.is_disabled, "a robot that saw nothing can be looked for")
-    tab.press("Fly")
+    tab.key("f")
     tab.until(lambda: app.session.steps_reported > 2, "it does not fly", 60)
     tab.press("Pause")
     tab.until(lambda: app.session.job is not None and app.session.job.paused, "it does not hold")
@@ -59,7 +59,7 @@ def test_a_robot_is_found_and_carried_away_in_flight_and_found_after_it(serve: S
 
     tab.press("Put it elsewhere")
     step_until(tab, lambda: max(moves(app)) > 0.45, "it was not carried away")
-    tab.press("Stop")
+    tab.press("Stop now")
     tab.until(lambda: app.session.job is None, "it flies on", 60)
     flight = app.session.flight
     assert flight is not None

@@ -1,6 +1,7 @@
 """From a file or a bundled world to an exported flight, by the main buttons alone."""
 
 import csv
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from app.worker.backend import NavigationBackend
 from tests.app.jobs.training_data.test_meshes import pillars
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work
+from tests.importers.captures.test_depths import write_depths
 from tests.importers.splat_files import ball_of_splats, write_dot_splat
 
 _OPEN_S, _FLY_S = 240.0, 300.0
@@ -84,6 +86,24 @@ def test_an_own_mesh_is_learned_and_flown_in(
 
 
 @pytest.mark.slow
+def test_an_own_capture_is_learned_and_flown_in(
+    serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(make_field, "BUDGET_S", 8.0)
+    app = serve(opening_work())
+    tab = open_tab(app)
+    tab.turn_to("Scene")
+    capture = shutil.make_archive(str(tmp_path / "ownroom"), "zip", write_depths(tmp_path / "ownroom"))
+    tab.upload("Open a file", Path(capture))
+    tab.until(lambda: app.session.place is None, "it is not being opened")
+    tab.until(lambda: app.session.what.endswith("ownroom.zip") and settled(app), "it did not open", _OPEN_S)
+    assert "ownroom" in [place.name for place in PlaceLibrary().entries()]
+    flown = plan_fly_export(tab)
+    tab.until(lambda: len(app.session.runs.entries) > 0, "the flight is in no list")
+    assert app.session.runs.entries[0].metadata.source == flown.what
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "robot"), [("church", "couch"), ("stonehenge", "diffdrive")])
 def test_robots_on_the_ground_are_chosen_planned_for_and_flown(
     browser_app: Callable[[str], Tab], place: str, robot: str
@@ -105,3 +125,9 @@ def browser_app(serve: Callable[..., App], open_tab: Callable[[App], Tab]) -> Ca
         return open_tab(serve(NavigationBackend(), what=place))
 
     return start
+
+
+def test_a_cart_too_large_for_stonehenge_is_told_so_in_one_sentence(browser_app: Callable[[str], Tab]) -> None:
+    tab = browser_app("stonehenge")
+    tab.choose("Scene", "Robot", "cart")
+    tab.until(lambda: tab.says("for a cart, 50 cm long, in this place of 2.6 x 2.6 x 0.83 m"), "nobody says why", 60)

@@ -25,7 +25,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
     goal = np.array(app.session.ends.goal.position)
 
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: tab.is_visible("/plan/line"), "no iteration is shown")
     tab.until(lambda: app.session.job is None, "the plan did not end", timeout_s=60)
     assert app.session.plan is not None and app.session.plan.latest is not None
@@ -35,10 +35,11 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
 
     for name in ("position_noise_m", "attitude_noise_rad"):
         app.post(Adjust(Settings.FLIGHT, name, 0.002))
-    tab.press("Fly")
+    tab.press("Fly it")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", 120)
     flight = app.session.flight
     assert flight is not None and flight.outcome is EpisodeOutcome.REACHED
+    tab.turn_to("Fly")
     tab.until(lambda: tab.says("The robot is at the goal."), "the page does not say that the robot arrived")
     tab.until(lambda: len(tab.line("/flight/truth")) == len(flight.steps), "the path is not that of the flight")
     assert np.linalg.norm(tab.line("/flight/truth")[-1] - goal) < 0.12

@@ -43,8 +43,7 @@ def test_the_page_shows_handles_and_panel_under_its_own_name(serve: Serve, open_
     tab = open_tab(serve(ScriptedWork()))
     assert tab.page.title() == "nerfnav"
     assert tab.says("balls")
-    for title, name in (("Plan", "Plan"), ("Fly", "Fly"), ("Export", "Reset")):
-        tab.turn_to(title)
+    for name in ("Plan the way", "Undo", "Redo", "Reset"):
         assert tab.page.get_by_role("button", name=name, exact=True).is_enabled()
     for which in Which:
         np.testing.assert_allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-5)
@@ -113,7 +112,7 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
     first, second = open_tab(app), open_tab(app)
     first.page.bring_to_front()
     first.drag_along_x(Which.GOAL, -0.2, GIZMO)
-    first.press("Plan")
+    first.press("Plan the way")
     first.until(lambda: app.session.plan is not None and app.session.job is None, "the plan did not end")
     for tab in (first, second):
         tab.page.bring_to_front()
@@ -122,29 +121,32 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
         tab.until(
             lambda tab=tab, goal=goal: np.allclose(tab.line("/plan/line")[-1], goal, atol=1e-4), "it ends elsewhere"
         )
+    first.turn_to("Plan")
     first.until(lambda: first.says("The plan cannot be improved any more."), "the page does not say how it ended")
 
 
 def test_a_plan_turns_grey_when_an_end_moves(serve: Serve, open_tab: OpenTab) -> None:
     done = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
     tab = open_tab(serve(ScriptedWork({JobKind.PLAN: done})))
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: tab.is_visible("/plan/line"), "no plan is shown")
     fresh = tab.property("/plan/line", "colors")
     tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
     tab.until(lambda: tab.property("/plan/line", "colors") != fresh, "a stale plan looks fresh")
+    tab.turn_to("Plan")
     tab.until(lambda: tab.says("this is the earlier plan"), "the page does not say that it is stale")
 
 
 def test_cancel_stops_a_plan_and_the_next_one_can_begin(serve: Serve, open_tab: OpenTab) -> None:
     tab = open_tab(serve(ScriptedWork({JobKind.PLAN: [lambda job: plan_step(job.ends, 0), *[endless] * 5000]})))
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: tab.says("Optimising 50 %"), "no progress is shown")
-    tab.press("Cancel")
+    tab.press("Stop now")
     tab.until(lambda: tab.app.session.job is None, "the plan went on")
+    tab.turn_to("Plan")
     tab.until(lambda: tab.says("Stopped before it was done."), "the page does not say that it stopped")
     assert tab.is_visible("/plan/line")
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: tab.app.session.job is not None, "no second plan began")
 
 
@@ -152,11 +154,11 @@ def test_a_failed_job_is_told_and_the_app_goes_on(serve: Serve, open_tab: OpenTa
     work = ScriptedWork({JobKind.PLAN: [NerfnavError("the goal is inside a stone")]})
     app = serve(work)
     tab = open_tab(app)
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: tab.says("Could not plan: the goal is inside a stone"), "nobody says why")
     assert tab.page.locator(".mantine-Notification-root", has_text="inside a stone").count() == 0, "it is said twice"
     work.scripts[JobKind.PLAN] = [lambda job: plan_step(job.ends, 0, PlanOutcome.CONVERGED), JobResult()]
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: tab.is_visible("/plan/line"), "the app did not go on")
     tab.until(lambda: not tab.says("inside a stone"), "the error has outlived its cause")
 
@@ -171,7 +173,7 @@ def test_a_flight_can_be_paused_stepped_and_stopped(serve: Serve, open_tab: Open
 
     tab = open_tab(serve(ScriptedWork({JobKind.FLY: [slowly(k) for k in range(2000)]})))
     app = tab.app
-    tab.press("Fly")
+    tab.key("f")
     tab.until(lambda: app.session.steps_reported > 3, "the flight did not begin")
     tab.press("Pause")
     tab.until(lambda: tab.says("Paused after time step"), "the flight was not paused")
@@ -190,7 +192,7 @@ def test_a_flight_can_be_paused_stepped_and_stopped(serve: Serve, open_tab: Open
     np.testing.assert_allclose(half.max(-1), 2.7955 * 0.02, rtol=1e-3)
     tab.press("Resume")
     tab.until(lambda: app.session.steps_reported > held + 3, "the flight did not go on")
-    tab.press("Stop")
+    tab.press("Stop now")
     tab.until(lambda: app.session.job is None, "the flight was not stopped")
     tab.until(lambda: tab.says("Stopped on the way."), "the page does not say that it stopped")
 

@@ -75,12 +75,12 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
     for which, position in ((Which.START, (-0.5, -0.9, 0.35)), (Which.GOAL, (0.3, 0.8, 0.35))):
         app.post(MoveEnd(which, End(position)))
     tab.until_ends_agree()
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: app.session.plan is not None and app.session.job is None, "nothing was planned", 120)
     plan = app.session.plan
     assert plan is not None and plan.outcome is PlanOutcome.CONVERGED
     tab.turn_to("Scene")
-    tab.press("Undo")
+    tab.press("As it was before")
     tab.until(lambda: app.session.what == what and app.session.job is None, "the change was not undone", 120)
     place = app.session.place
     assert place is not None and place.field.box.size.tolist() == before.field.box.size.tolist()

@@ -86,7 +86,7 @@ def test_what_is_uploaded_becomes_a_place_in_which_one_plans(
     tab.until(lambda: app.session.job is None, "its surface was not shaped", 60)
     place = app.session.place
     assert place is not None and place.field.box.size.max() < 20
-    tab.press("Plan")
+    tab.press("Plan the way")
     tab.until(lambda: app.session.job is None and app.session.plan is not None, "the plan did not end", 120)
     plan = app.session.plan
     assert plan is not None and plan.latest is not None and plan.outcome is not None, app.session.trouble

@@ -106,7 +106,7 @@ def test_planners_are_drawn_side_by_side(serve: Serve, open_tab: OpenTab) -> Non
     tab = open_tab(app)
     tab.press("Compare planners")
     tab.until(lambda: len(app.session.comparison) >= 2, "no planner has ended", timeout_s=60)
-    tab.press("Cancel")
+    tab.press("Stop now")
     tab.until(lambda: app.session.job is None, "the comparison goes on", timeout_s=60)
     for result in app.session.comparison[:2]:
         assert result.motion is not None
@@ -138,12 +138,12 @@ def test_a_flight_is_slowed_pushed_and_charted(serve: Serve, open_tab: OpenTab) 
     tab.unfold("Fly", "Settings")
     tab.choose("Fly", "Speed", "real time")
     tab.until(lambda: app.session.flight_settings == FlightSettings(pace=1.0), "the speed was not taken")
-    tab.press("Fly")
+    tab.key("f")
     tab.until(lambda: app.session.steps_reported > 3, "it does not fly")
     tab.press("Gust")
     tab.until(lambda: app.session.job is not None and app.session.job.gusts == 1, "no gust blows")
     tab.until(lambda: tab.page.locator(".uplot").locator("visible=true").count() == 1, "there is no chart")
     tab.until(lambda: tab.is_visible("/flight/attitude"), "the attitude's uncertainty is not drawn")
-    tab.press("Stop")
+    tab.press("Stop now")
     tab.until(lambda: app.session.job is None, "it flies on")
     assert app.session.steps_reported < 2000

@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.page.layers.nodes import Bodies, Line, positions, quaternions
-from app.page.layers.shapes import robot_shape
+from app.page.layers.shapes import body_shape, robot_shape
 from app.page.theme import OTHER_PLAN, OTHER_TRUTH
 from app.state.records import FlightRecord
 from app.state.runs import StoredFlight
@@ -35,7 +35,7 @@ class ComparisonLayer:
         self._shown = shown
         with self._server.atomic():
             if session.place is not None:
-                self._robot.shape(robot_shape(session.place.robot.body.extents))
+                self._robot.shape(body_shape(session.place.robot.body))
             path = positions(RigidState.stack([step.truth for step in steps])) if len(steps) > 1 else None
             self._truth.show(path)
             under_way = compared is not None and 0 < len(steps) < len(compared.record.steps)

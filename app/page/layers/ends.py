@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from app.page.layers.nodes import Fan, drops, yaw_quaternion
-from app.page.layers.shapes import robot_shape
+from app.page.layers.shapes import body_shape
 from app.page.theme import GOAL, HIT, START
 from app.places.ends import End, Which
 from app.state.actions import Command, MoveEnd, Point
@@ -67,14 +67,14 @@ class _Handle:
     """One end: a gizmo with the robot's body and a label."""
 
     def __init__(self, server: viser.ViserServer, which: Which, robot: Robot, post: Callable[[Command], None]) -> None:
-        self._which, self._post, self._end = which, post, End()
+        self._server, self._which, self._post, self._end = server, which, post, End()
         self._robot = robot
         self._dragged = False
         name = f"/{which.value}"
         self._gizmo = server.scene.add_transform_controls(
             name, scale=GIZMO, line_width=3.0, disable_rotations=True, depth_test=False, opacity=0.9
         )
-        shape = robot_shape(robot.body.extents)
+        shape = body_shape(robot.body)
         self._body = server.scene.add_mesh_simple(
             f"{name}/body",
             shape.vertices,
@@ -112,8 +112,9 @@ class _Handle:
         if robot is self._robot:
             return
         self._robot = robot
-        shape = robot_shape(robot.body.extents)
-        self._body.vertices, self._body.faces = shape.vertices, shape.faces
+        shape = body_shape(robot.body)
+        with self._server.atomic():  # corners and faces of two shapes do not fit each other
+            self._body.vertices, self._body.faces = shape.vertices, shape.faces
 
     async def _moved(self, event: viser.TransformControlsEvent) -> None:
         """Runs on the server's event loop, so that moves keep their order."""

@@ -6,7 +6,7 @@ import viser
 import viser.transforms as tf
 
 from app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
-from app.page.layers.shapes import ball, robot_shape
+from app.page.layers.shapes import ball, body_shape, robot_shape
 from app.page.theme import BELIEF, HIT, PLAN, TRUTH
 from app.places.place import Place
 from app.state.session import Session
@@ -54,8 +54,10 @@ class FlightLayer:
         self._shown = id(flight), scale
         if session.place is not None and self._shaped is not session.place.robot:
             self._shaped = session.place.robot
-            for bodies in (self._robot, self._ghost):
-                bodies.shape(robot_shape(self._shaped.body.extents))
+            shape = body_shape(self._shaped.body)
+            with self._server.atomic():
+                for bodies in (self._robot, self._ghost):
+                    bodies.shape(shape)
         steps = flight.steps if flight is not None else ()
         under_way = flight is not None and bool(steps) and flight.outcome is None
         with self._server.atomic():

@@ -67,19 +67,20 @@ class Line:
 
 
 class Fan:
-    """Lines that begin where they like, in one colour."""
+    """Lines that begin where they like, in one colour, or each in its own."""
 
-    def __init__(self, server: viser.ViserServer, name: str, color: Rgb, thickness: float) -> None:
-        """`thickness` is in metres."""
-        self._node = server.scene.add_line_segments(
-            name, _SOMEWHERE, np.array(color, dtype=np.uint8), thickness=thickness, visible=False
-        )
+    def __init__(self, server: viser.ViserServer, name: str, color: Rgb | None, thickness: float) -> None:
+        """`thickness` is in metres; without a `color` each line has its own: pages cannot go from one to the other."""
+        first = np.zeros((1, 2, 3), np.uint8) if color is None else np.array(color, np.uint8)
+        self._node = server.scene.add_line_segments(name, _SOMEWHERE, first, thickness=thickness, visible=False)
 
-    def show(self, lines: np.ndarray | None, color: Rgb | None = None) -> None:
-        """Draw segments (n, 2, 3) [m], or nothing."""
+    def show(self, lines: np.ndarray | None, color: Rgb | np.ndarray | None = None) -> None:
+        """Draw segments (n, 2, 3) [m], or nothing; `color` is one for each of them (n, 3) where they differ."""
         if lines is not None and len(lines):
             self._node.points = lines.astype(np.float32)
-            if color is not None:
+            if isinstance(color, np.ndarray):
+                self._node.colors = np.repeat(linear(color)[:, None], 2, axis=1)
+            elif color is not None:
                 self._node.colors = np.array(color, dtype=np.uint8)
         self._node.visible = lines is not None and len(lines) > 0
 

@@ -6,10 +6,11 @@ import numpy as np
 import viser
 
 from app.jobs.events import PlannerResult
-from app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions
-from app.page.layers.shapes import robot_shape
-from app.page.theme import HIT, PLAN, STALE
+from app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
+from app.page.layers.shapes import body_shape, robot_shape
+from app.page.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
 from app.places.place import Place
+from app.queries.clearance import ClearanceQuery
 from app.state.records import NOWHERE, PlanRecord
 from app.state.session import Session
 from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
@@ -24,6 +25,7 @@ class PlanLayer:
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._line = Line(server, "/plan/line", PLAN, _THICKNESS, through=True)
+        self._rooms = Fan(server, "/plan/room", None, 1.2 * _THICKNESS)
         self._drops = Fan(server, "/plan/drops", STALE, 0.2 * _THICKNESS)
         self._trail = Trail(server, "/plan/trail", PLAN, 0.5 * _THICKNESS)
         self._bodies = Bodies(server, "/plan/bodies", robot_shape((0.1, 0.1, 0.04)), PLAN, opacity=0.35)
@@ -34,15 +36,17 @@ class PlanLayer:
         self._robot: Robot | None = None
         self._floor = 0.0
         self._plan: PlanRecord | None = None
+        self._room: np.ndarray | None = None
         self._shown: tuple[Look, bool] | None = None
 
     def show(self, session: Session) -> None:
         """Draw the plan as `look_of` says."""
         self._compare(session.comparison)
         plan, shown = session.plan, (look_of(session), session.job is not None or session.held)
-        if plan is self._plan and shown == self._shown:
+        room = ClearanceQuery.rows_of(plan, session) if session.view_settings.clearance else None
+        if plan is self._plan and shown == self._shown and room is self._room:
             return
-        self._plan, self._shown = plan, shown
+        self._plan, self._shown, self._room = plan, shown, room
         if session.place is not None:
             self._stand_in(session.place)
         with self._server.atomic():
@@ -53,7 +57,8 @@ class PlanLayer:
         self._floor = float(place.field.box.lower[2])
         if self._robot is not place.robot:
             self._robot = place.robot
-            self._bodies.shape(robot_shape(self._robot.body.extents))
+            with self._server.atomic():
+                self._bodies.shape(body_shape(self._robot.body))
 
     def _draw(self, plan: PlanRecord | None, look: "Look", busy: bool) -> None:
         """Draw what there is of a plan; the bodies along it only once it rests."""
@@ -62,6 +67,7 @@ class PlanLayer:
         self._line.show(
             None if motion is None else positions(motion.states), _COLORS.get(look), dashed=look is Look.UNSAFE
         )
+        self._show_room(None if moving or look is not Look.WANTED else motion)
         self._drops.show(None if motion is None else drops(positions(motion.states)[::2], self._floor))
         self._trail.show(_beside(plan, moving) if plan is not None and look is Look.WANTED else ())
         if motion is None or moving or look is Look.STALE:
@@ -69,6 +75,13 @@ class PlanLayer:
         else:
             self._bodies.paint(_COLORS[look])
             self._bodies.show(positions(motion.states), quaternions(motion.states))
+
+    def _show_room(self, motion: Motion | None) -> None:
+        """Draw the colours of the clearance around the line, where they are wanted and known."""
+        if motion is None or self._room is None:
+            self._rooms.show(None)
+        else:
+            self._rooms.show(segments(positions(motion.states)), room_colors(self._room))
 
     def _compare(self, comparison: tuple[PlannerResult, ...]) -> None:
         """Draw the plans of a comparison."""
@@ -92,6 +105,12 @@ class Look(Enum):
 
 
 _COLORS = {Look.WANTED: PLAN, Look.STALE: STALE, Look.UNSAFE: HIT}
+
+
+def room_colors(rows: np.ndarray) -> np.ndarray:
+    """Colours (n, 3) of the n steps of a plan; `rows` are those of its `ClearanceQuery`."""
+    low, high = CLEARANCE_CM
+    return on_scale((rows[1] - low) / (high - low))
 
 
 def look_of(session: Session) -> Look:

@@ -5,11 +5,11 @@ import torch
 import viser
 
 from app.page.layers.nodes import Bodies, Fan
-from app.page.layers.shapes import robot_shape
+from app.page.layers.shapes import body_shape, robot_shape
 from app.page.theme import CANDIDATE
 from app.state.records import SearchRecord
 from app.state.session import Session
-from nerfnav.estimator import RelocaliseStep
+from nerfnav.estimator import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry import Pose
 from nerfnav.geometry.so3 import quaternion_from_matrix
 
@@ -46,7 +46,7 @@ class SearchLayer:
         self._shown = search
         with self._server.atomic():
             if session.place is not None:
-                self._ghosts.shape(robot_shape(session.place.robot.body.extents))
+                self._ghosts.shape(body_shape(session.place.robot.body))
             self._draw(None if search is None else search.step)
 
     def _draw(self, step: RelocaliseStep | None) -> None:
@@ -62,7 +62,7 @@ class SearchLayer:
         for index, label in enumerate(self._labels):
             # the unlikely are in the panel's table, and would only cover the likely
             share = told.weights[index].item() if told is not None and index < len(told.weights) else 0.0
-            label.visible = share >= _LEAST_LIKELY
+            label.visible = share >= _LEAST_LIKELY and told is not None and told.outcome is not RelocaliseOutcome.LOST
             if told is not None and label.visible:
                 label.text = f"{index + 1}: {100 * share:.0f} %"
                 label.position = tuple((told.poses.position[index] + torch.tensor([0.0, 0.0, _ABOVE])).tolist())

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nerfnav.robots import Body
+
 _AROUND = 16  # corners of what is round
 
 
@@ -23,12 +25,23 @@ class Shape:
 
 
 def robot_shape(extents: tuple[float, float, float]) -> Shape:
-    """A body of these edge lengths [m], with a nose that shows where forward is."""
+    """A box of these edge lengths [m], with a nose that shows where forward is."""
+    return _box(extents).joined(_nose(extents))
+
+
+def _nose(extents: tuple[float, float, float]) -> Shape:
     length, width, height = extents
     base, tip = 0.5 * length, 0.85 * length
     nose = _turned(np.array([[base, 0.5 * height], [tip, 0]]))
-    flattened = nose.vertices * np.array([1, 0.7 * width / height, 1], np.float32)
-    return _box(extents).joined(Shape(flattened, nose.faces))
+    return Shape(nose.vertices * np.array([1, 0.7 * width / height, 1], np.float32), nose.faces)
+
+
+def body_shape(body: Body) -> Shape:
+    """A robot's own body, a box or whatever its solid is, with a nose that shows where forward is."""
+    if body.solid is None:
+        return robot_shape(body.extents)
+    corners, faces = np.asarray(body.solid.vertices, np.float32), np.asarray(body.solid.faces, np.uint32)
+    return Shape(corners, faces).joined(_nose(body.extents))
 
 
 def ball() -> Shape:

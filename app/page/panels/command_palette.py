@@ -28,6 +28,7 @@ from app.state.actions import (
     StartPlan,
     StepOnce,
 )
+from app.state.history import Redo, Undo
 from app.state.job import JobKind
 from app.state.run_actions import PlayBack, Scrub
 from app.state.session import Session
@@ -106,6 +107,8 @@ def entries() -> Iterator[Shortcut]:
     yield Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)
     yield Shortcut("Next task", _next_task, "T", icon=icons.ARROW_RIGHT, hint="Start and goal of the scene's next task")
     yield Shortcut("Reset", lambda session: Reset() if session.place is not None else None, "R", "shift", icons.REFRESH)
+    yield Shortcut("Undo", _when_known(Undo(), "past"), "Z", "cmd/ctrl", icons.ARROW_BACK_UP)
+    yield Shortcut("Redo", _when_known(Redo(), "future"), "Y", "cmd/ctrl", icons.ARROW_FORWARD_UP)
     for key, mode in enumerate(CameraMode, 1):
         yield Shortcut(f"See from: {mode.value}", _see(mode), str(key), icon=icons.EYE)
     for name in scenes.names():
@@ -122,6 +125,10 @@ def _when_free(command: Command) -> Callable[[Session], Command | None]:
 
 def _when_flying(command: Command) -> Callable[[Session], Command | None]:
     return lambda session: command if session.in_flight else None
+
+
+def _when_known(command: Command, side: str) -> Callable[[Session], Command | None]:
+    return lambda session: command if getattr(session.history, side) else None
 
 
 def _hold(session: Session) -> Command | None:

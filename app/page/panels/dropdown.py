@@ -38,7 +38,7 @@ class ChoiceList:
         self._field, self._post = field, post
         self._session: Session | None = None
         labels = _LABELS.get(field, {})
-        self._names = {labels.get(name, name): name for name in names}
+        self._names = {labels.get(name) or label_of(name): name for name in names}
         self._labels = {name: label for label, name in self._names.items()}
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             capital(field), list[str](self._names), hint=hint

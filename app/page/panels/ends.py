@@ -8,10 +8,9 @@ import viser
 from app.page.html import fine, note, warning
 from app.places.ends import End, Which
 from app.places.place import Place
-from app.state.actions import Aim, ChooseTask, Command, MoveEnd
+from app.state.actions import Aim, ChooseTask, Command, MoveEnd, TypeEnd
 from app.state.session import Session
 from app.text import capital, sentence
-from nerfnav.geometry import Box
 
 _BY_HAND = "my own"
 
@@ -59,7 +58,7 @@ class EndsPanel:
             self._task.options = (_BY_HAND, *self._tasks)
         self._task.value = next((title for title, name in self._tasks.items() if name == session.task), _BY_HAND)
         for which, numbers in self._numbers.items():
-            numbers.show(session.ends.of(which), place.field.box)
+            numbers.show(session.outside.get(which) or session.ends.of(which))
         self._said.content = describe(session)
         for which, offer in self._offers.items():
             offer.show(session.offers.get(which))
@@ -78,6 +77,8 @@ def describe(session: Session) -> str:
         return note("Looking for a start and a goal that suit the robot…")
     if session.aiming is not None:
         return note(f"Click into the scene where the {session.aiming.value} shall be.")
+    if session.outside:
+        return note("Numbers outside of the place are not taken: put them right, or drag the end.")
     problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
     if problems:
         return warning(" ".join(map(sentence, problems)))
@@ -123,7 +124,7 @@ class _EndNumbers:
         if event.client is None:
             return  # the session wrote it
         x, y, z = (float(value) for value in self._position.value)
-        self._post(MoveEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value)))))
+        self._post(TypeEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value)))))
 
     @property
     def visible(self) -> bool:
@@ -134,13 +135,6 @@ class _EndNumbers:
     def visible(self, visible: bool) -> None:
         self._position.visible = self._yaw.visible = visible
 
-    def show(self, end: End, box: Box) -> None:
-        self._position.min = _rounded(box.lower.tolist())
-        self._position.max = _rounded(box.upper.tolist())
+    def show(self, end: End) -> None:
         self._position.value = end.position
         self._yaw.value = round(float(np.rad2deg(end.yaw)), 2)
-
-
-def _rounded(values: list[float]) -> tuple[float, float, float]:
-    x, y, z = values
-    return round(x, 3), round(y, 3), round(z, 3)

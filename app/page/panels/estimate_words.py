@@ -15,7 +15,7 @@ from nerfnav.robots import ATTITUDE, POSITION, RigidState
 def describe(flight: FlightRecord | None) -> str:
     """The numbers of the last time step, as HTML."""
     if flight is None or not flight.steps:
-        return note("Nothing is estimated yet: press Fly, and the robot finds its way by its camera.")
+        return note("Nothing is estimated yet: press Fly it, and the robot finds its way by its camera.")
     last = flight.steps[-1]
     error, deviation = last.truth.local(last.belief.mean), last.belief.covariance.diagonal().clamp_min(0).sqrt()
     nees = nees_of_pose(last.belief, last.truth)
@@ -42,6 +42,8 @@ def found(step: RelocaliseStep) -> str:
     """The likeliest places of a search, as HTML."""
     if step.outcome is None:
         return note(f"{len(step.weights)} places are left to compare.")
+    if step.outcome is RelocaliseOutcome.LOST:  # the shares among places that all look otherwise say nothing
+        return warning(sentence(step.outcome.value))
     poses = step.body_poses()
     rows = [
         (

@@ -7,9 +7,8 @@ import viser
 
 from app.page.html import heading, note, table
 from app.queries.experiments import Experiments, ExperimentsQuery
-from app.state.actions import Cancel, Command
+from app.state.actions import Command
 from app.state.experiments import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
-from app.state.job import JobKind
 from app.state.session import Session
 from app.storage.experiment_store import ExperimentResult
 from app.text import capital
@@ -31,7 +30,6 @@ class ExperimentsPanel:
         self._purpose = gui.add_html("")
         self._count = gui.add_number("Trials", 4, min=1, max=MOST_TRIALS, step=1, hint="More are surer, and slower")
         self._run = gui.add_button("Run the experiment", icon=viser.Icon.FLASK, disabled=True)
-        self._stop = gui.add_button("Stop the experiment", icon=viser.Icon.X, color="gray", visible=False)
         self._earlier: viser.GuiDropdownHandle[str] = gui.add_dropdown(
             "Results", list[str]([_NONE]), hint="Of earlier experiments, the newest first"
         )
@@ -44,10 +42,6 @@ class ExperimentsPanel:
         @self._run.on_click
         async def _(_: viser.GuiEvent) -> None:
             self._post(StartExperiment(self._names.value, int(self._count.value)))
-
-        @self._stop.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            self._post(Cancel())
 
     async def _choose(self, event: viser.GuiEvent) -> None:
         if event.client is not None and self._earlier.value != _NONE:
@@ -67,9 +61,7 @@ class ExperimentsPanel:
         if session.place is not None and session.job is None and not self._listed:
             self._listed = True
             self._post(ListExperiments())
-        there, job = _known(session), session.job
-        running = job is not None and job.kind is JobKind.EXPERIMENT
-        self._run.visible, self._stop.visible = not running, running
+        there = _known(session)
         self._run.disabled = not there.names or not session.may_begin
         _offer(self._names, there.names)
         self._purpose.content = self._purpose_of(session)

@@ -1,4 +1,4 @@
-"""Take the trajectory or a picture of the scene away, and begin again."""
+"""Take the trajectory or a picture of the scene away."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,7 +8,7 @@ import viser
 
 from app.page.html import note
 from app.page.theme import night
-from app.state.actions import Command, Reset, Tell
+from app.state.actions import Command, Tell
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
@@ -24,7 +24,7 @@ _RENDER_TIMEOUT_S = 30.0
 
 
 class ExportPanel:
-    """Downloads of the last flight, or of the plan where nothing was flown; screenshots; and the reset button."""
+    """Downloads of the last flight, or of the plan where nothing was flown; and screenshots."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
@@ -37,14 +37,9 @@ class ExportPanel:
         self._download = server.gui.add_button("Download", icon=viser.Icon.DOWNLOAD, visible=False)
         self._size: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Picture size", list(SIZES))
         self._shot = server.gui.add_button("Screenshot", icon=viser.Icon.CAMERA, hint="The scene as you see it now")
-        self._reset = server.gui.add_button("Reset", color="gray", icon=viser.Icon.REFRESH)
         self._format.on_update(self._explain)
         self._download.on_click(self._send)
         self._shot.on_click(self._shoot)
-
-        @self._reset.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(Reset())
 
     def show(self, session: Session) -> None:
         """Say what there is to take away."""

@@ -1,4 +1,4 @@
-"""Fly, hold, step and push, and the numbers of the flight."""
+"""Hold, step and push, and the numbers of the flight."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ import viser
 from app.page.html import note, table, warning
 from app.page.panels.flight_charts import TIMES, FlightChart
 from app.page.panels.flight_settings import FlyingPanel
-from app.state.actions import Cancel, Command, Gust, Pause, Resume, StartFlight, StepOnce
+from app.state.actions import Command, Gust, Pause, Resume, StepOnce
 from app.state.records import FlightRecord
 from app.state.session import Session
 from app.text import number, sentence
@@ -20,8 +20,7 @@ class FlightPanel:
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._fly = server.gui.add_button("Fly", icon=viser.Icon.DRONE, disabled=True)
-        self._steer = server.gui.add_button_group("Flight", ("Pause", "Step", "Stop"), visible=False)
+        self._steer = server.gui.add_button_group("Flight", ("Pause", "Step"), visible=False)
         self._gust = server.gui.add_button(
             "Gust", color="gray", icon=viser.Icon.WIND, visible=False, hint="Push the robot, now"
         )
@@ -33,25 +32,20 @@ class FlightPanel:
         async def _(_: viser.GuiEvent) -> None:
             post(Gust())
 
-        @self._fly.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(StartFlight())
-
         @self._steer.on_click
         async def _(event: viser.GuiEvent) -> None:
-            commands = {"Pause": Pause(), "Resume": Resume(), "Step": StepOnce(), "Stop": Cancel()}
+            commands = {"Pause": Pause(), "Resume": Resume(), "Step": StepOnce()}
             if event.target.value in commands:
                 post(commands[event.target.value])
 
     def show(self, session: Session) -> None:
         """Show the flight as far as it is."""
         job, flying = session.job, session.in_flight
-        self._fly.disabled = not session.may_begin
-        self._fly.visible, self._steer.visible, self._gust.visible = not flying, flying, flying
+        self._steer.visible = self._gust.visible = flying
         self._settings.show(session)
         self._times.show(session)
         if job is not None:
-            self._steer.options = ("Resume" if job.paused else "Pause", "Step", "Stop")
+            self._steer.options = ("Resume" if job.paused else "Pause", "Step")
         self._numbers.content = describe(session.shown_flight, session.flight_is_stale, flying)
 
 
@@ -59,7 +53,7 @@ def describe(flight: FlightRecord | None, stale: bool, flying: bool) -> str:
     """The numbers of a flight, as HTML."""
     if flight is None or not flight.steps:
         return note(
-            "Planning the way…" if flying else "Not flown yet: press Fly, and the robot goes by its camera alone."
+            "Planning the way…" if flying else "Not flown yet: press Fly it, and the robot goes by its camera alone."
         )
     last = flight.steps[-1]
     error = last.truth.local(last.belief.mean)

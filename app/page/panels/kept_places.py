@@ -96,10 +96,13 @@ class KeptPlacesPanel:
         self._session = session
         listed = PlaceListQuery.result_in(session)
         if listed is not None and tuple(self._entries.values()) != listed:
+            before = self._chosen
             self._entries = {entry.name: entry for entry in listed}
-            before, names = str(self._list.value), tuple(self._entries) or (_NONE,)
+            names = tuple(self._entries) or (_NONE,)
             self._list.options = names
-            self._list.value = before if before in names else names[0]
+            # what was chosen stays chosen under its new name
+            kept = (entry.name for entry in listed if before is not None and entry.key == before.key)
+            self._list.value = next(kept, names[0])
         self._describe()
 
     def _describe(self) -> None:

@@ -43,7 +43,8 @@ class PlacePanel:
         self._doing = server.gui.add_html("", visible=False)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
         self._unproven = server.gui.add_html("", visible=False)
-        self._robots = ChoiceList(server, "robot", robots.names(), "What moves: its body and its dynamics", post)
+        known = (*robots.names(), *map(str, library.robots.files()))
+        self._robots = ChoiceList(server, "robot", known, "What moves: its body and its dynamics", post)
 
         @self._stop.on_click
         async def _(_: viser.GuiEvent) -> None:

@@ -53,7 +53,7 @@ class PlacingPanel:
             self._said = server.gui.add_html("")
             self._buttons = [
                 self._button(server, "Apply", _ICON.CHECK, ApplyPlacing(), "Put the place right; nothing is learned"),
-                self._button(server, "Undo", _ICON.ARROW_BACK_UP, UndoPlacing(), "Go back to before the last change"),
+                self._button(server, "As it was before", _ICON.ARROW_BACK_UP, UndoPlacing(), "Before the last change"),
                 self._button(server, "Forget", _ICON.ERASER, ForgetPlacing(), "Forget what was clicked and typed"),
             ]
             keep = server.gui.add_button("Save the field", color="gray", icon=_ICON.DOWNLOAD, hint="As a file (.npz)")

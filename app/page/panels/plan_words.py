@@ -61,7 +61,8 @@ def compared(comparison: tuple[PlannerResult, ...]) -> str:
 def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
     """The numbers of a plan, as HTML."""
     if plan is None or plan.latest is None:
-        return note("Looking for a free way…" if planning else "No plan yet: press Plan, and its cost shows here.")
+        none = "No plan yet: press Plan the way, and its cost shows here."
+        return note("Looking for a free way…" if planning else none)
     cost = plan.latest.cost
     rows = [
         ("Iteration", _iteration(plan)),

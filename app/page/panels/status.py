@@ -8,7 +8,8 @@ from app.page.html import heading, legend
 from app.page.panels.status_words import NEXT, asks, next_step, status
 from app.page.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from app.places.sources import title_of
-from app.state.actions import Cancel, Command, StartFlight, StartPlan
+from app.state.actions import Cancel, Command, Reset, StartFlight, StartPlan
+from app.state.history import Redo, Undo
 from app.state.job import JobKind
 from app.state.plan_actions import StayDown
 from app.state.session import Session
@@ -21,6 +22,7 @@ _MEANINGS = (
     (BELIEF, "estimate, 95 % covariance"),
     (HIT, "hit"),
 )
+_CHANGES: dict[str, Command] = {"Undo": Undo(), "Redo": Redo(), "Reset": Reset()}
 
 
 class StatusPanel:
@@ -35,11 +37,17 @@ class StatusPanel:
         self._stay = server.gui.add_button("Do not fly", color="gray", visible=False)
         self._wanted: Command = StartPlan()
         self._progress = server.gui.add_progress_bar(0.0, visible=False, animated=True)
+        self._back = server.gui.add_button_group("Changes", tuple(_CHANGES), hint="Ctrl+Z, Ctrl+Y, shift+R")
         self._legend = server.gui.add_html(legend(_MEANINGS))
 
         @self._next.on_click
         async def _(_: viser.GuiEvent) -> None:
             post(self._wanted)
+
+        @self._back.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                post(_CHANGES[event.target.value])
 
         @self._anyway.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -59,6 +67,7 @@ class StatusPanel:
         self._wanted, self._next.label = next_step(session)
         self._next.disabled = session.place is None or session.seeking
         self._next.color = "gray" if isinstance(self._wanted, Cancel) else None
+        self._back.visible = session.place is not None
         self._next.visible = not asks(session)
         self._anyway.visible = self._stay.visible = asks(session)
         self._next.icon = viser.Icon.PLAYER_STOP if isinstance(self._wanted, Cancel) else viser.Icon.PLAYER_PLAY

@@ -38,6 +38,8 @@ def status(session: Session) -> Status:
         return Status(activity(session))
     if flight is not None and session.flight_is_shown and flight.outcome is not None:
         return Status(landed(flight), fine if flight.outcome is EpisodeOutcome.REACHED else warning)
+    if session.outside:
+        return Status(outside(session), warning)
     blocked = [which.value for which in Which if session.problems.get(which) is not None]
     if blocked:
         return Status(f"The robot does not fit at the {' and the '.join(blocked)}: move it into free space.", warning)
@@ -46,6 +48,18 @@ def status(session: Session) -> Status:
     if plan is not None and plan.latest is not None and not session.flight_is_shown:
         return _of_plan(plan, session)
     return Status("Move start and goal, plan, then fly.")
+
+
+def outside(session: Session) -> str:
+    """What is wrong with the numbers of start or goal that were typed and not taken."""
+    assert session.place is not None, "ends are typed in an open place"
+    box, margin = session.place.field.box, session.place.robot.body.radius
+    told = []
+    for which, end in session.outside.items():
+        at = ", ".join(f"{value:g}" for value in end.position)
+        room = " and ".join(f"{axis} from {low:.2f} to {high:.2f}" for axis, low, high in end.misfits(box, margin))
+        told.append(f"The {which.value} cannot be at {at}: the robot is inside the place with {room} m.")
+    return " ".join(told)
 
 
 def _of_plan(plan: PlanRecord, session: Session) -> Status:

@@ -18,6 +18,7 @@ from app.page.panels.panel import Page, Panel, PanelEntry
 from app.page.panels.place import PlacePanel
 from app.page.panels.placing import PlacingPanel
 from app.page.panels.plan import PlanPanel
+from app.page.panels.robot import RobotPanel
 from app.page.panels.runs import RunsPanel
 from app.page.panels.status import StatusPanel
 from app.page.panels.timeline import TimelinePanel
@@ -34,6 +35,7 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
     PanelEntry("place", lambda page: PlacePanel(page.server, page.post, page.library), "Scene", _ICON.MAP_2),
     PanelEntry("kept places", lambda page: KeptPlacesPanel(page.server, page.post, page.library), "Scene"),
     PanelEntry("ends", lambda page: EndsPanel(page.server, page.post), "Scene"),
+    PanelEntry("robot", lambda page: RobotPanel(page.server, page.post, page.library), "Scene"),
     PanelEntry("placing", lambda page: PlacingPanel(page.server, page.post), "Scene"),
     PanelEntry("view settings", lambda page: ViewSettingsPanel(page.server, page.post), "Scene"),
     PanelEntry("plan", lambda page: PlanPanel(page.server, page.post), "Plan", _ICON.ROUTE),

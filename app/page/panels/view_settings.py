@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import viser
 
+from app.page.html import scale
 from app.page.panels.binder import Binder
-from app.page.theme import apply_brightness
+from app.page.theme import CLEARANCE_CM, apply_brightness
 from app.state.actions import Command, Settings
 from app.state.session import Session
 from app.state.view_settings import Backdrop, CameraMode
@@ -37,10 +38,15 @@ class ViewSettingsPanel:
             self._unknown = gui.add_checkbox("Unknown", False, hint="What no camera saw: planners keep out of it")
             self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
             self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
+            self._clearance = gui.add_checkbox(
+                "Line by clearance", False, hint="Colours tell how much room the robot has along the plan"
+            )
+            self._scale = gui.add_html(scale(*CLEARANCE_CM, "cm of room"), visible=False)
             self._light = gui.add_checkbox("Light panels", False, hint="The scene stays dark, for its lines to be seen")
         bind = Binder(Settings.VIEW, post)
         bind(self._camera, "camera", _CAMERAS.__getitem__)
         bind(self._light, "light", bool)
+        bind(self._clearance, "clearance", bool)
         bind(self._backdrop, "backdrop", _BACKDROPS.__getitem__)
         bind(self._opacity, "opacity", _share)
         bind(self._clip, "clip", _share)
@@ -63,6 +69,7 @@ class ViewSettingsPanel:
             self._lit = look.light
             apply_brightness(self._server, look.light)
         self._backdrop.value = look.backdrop.value
+        self._clearance.value = self._scale.visible = look.clearance
         self._opacity.value, self._clip.value = round(100 * look.opacity), round(100 * look.clip)
         self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE
         self._truth.value, self._occupied.value, self._unknown.value = look.truth, look.occupied, look.unknown

@@ -18,6 +18,7 @@ from app.storage.run_metadata import RunMetadata
 from app.storage.stored_steps import read_steps
 from nerfnav.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
@@ -91,3 +92,13 @@ def test_a_flight_that_is_stopped_on_the_way_keeps_the_log_of_what_was_flown(pla
 def test_a_name_that_is_no_estimator_is_refused(place: Place) -> None:
     with pytest.raises(UnknownNameError, match=r"no estimator named 'luck'; known are: "):
         list(run(replace(BLIND, estimator="luck"), place))
+
+
+def test_a_flight_whose_goal_was_moved_is_filed_under_no_task(place: Place, tmp_path: Path) -> None:
+    other = End((0.6, -0.4, 0.5))
+    for name, goal, task in (("kept", ENDS.goal, "home"), ("moved", other, None)):
+        orders = Orders(goal=goal.state())
+        asked = replace(BLIND, task="home", orders=lambda orders=orders: orders, out=tmp_path / name)
+        flown(run(asked, place))
+        about = RunMetadata.load(tmp_path / name)
+        assert about.task == task and about.ends == Ends(ENDS.start, goal)

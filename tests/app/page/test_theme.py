@@ -1,6 +1,6 @@
 """Colours of the page: told apart in pairs, by deuteranopes too, and seen before the backdrop."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -55,3 +55,17 @@ def test_what_is_drawn_is_seen_before_the_backdrop(name: str) -> None:
 
 def test_white_is_read_on_the_brand() -> None:
     assert contrast(theme.BRAND, (255, 255, 255)) > 4.5
+
+
+@pytest.mark.parametrize("seen_by", [np.eye(3), _DEUTERANOPIA], ids=["most people", "deuteranopes"])
+def test_the_scale_of_clearance_grows_darker_and_its_steps_are_told_apart_and_seen(seen_by: np.ndarray) -> None:
+    seen = [lab(seen_by @ linear(color)) for color in theme.SCALE]
+    assert all(one[0] > other[0] for one, other in pairwise(seen)), "brightness alone does not tell where it is"
+    assert all(np.linalg.norm(one - other) > _APART for one, other in combinations(seen, 2))
+    for backdrop in theme.night()[[0, -1], 0]:
+        assert min(contrast(color, tuple(backdrop.tolist())) for color in theme.SCALE) > 3
+
+
+def test_what_is_beyond_the_scale_has_the_colour_of_its_end() -> None:
+    shares = np.array([-1.0, 0.0, 1.0, 7.0])
+    assert theme.on_scale(shares).tolist() == [list(theme.SCALE[end]) for end in (0, 0, -1, -1)]

@@ -61,6 +61,13 @@ def test_a_click_on_a_ball_puts_the_robot_on_top_of_it() -> None:
     assert 0.5 < z < 0.65, "the ball ends at 0.5 m"
 
 
+def test_a_click_on_a_side_puts_the_robot_beside_it_where_it_fits() -> None:
+    landed = ClickLandingQuery(Click(Which.START, (-0.9, 0.0, 0.3), (1.0, 0.0, 0.0))).answer(Resources(PLACE))
+    assert landed is not None
+    assert fits(PLACE.field, PLACE.robot.body, End(landed).state())
+    assert math.dist(landed, (-0.2, 0.0, 0.3)) < 0.3, "it is far from what was clicked"
+
+
 def test_a_click_into_the_sky_lands_nowhere() -> None:
     click = Click(Which.START, (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
     assert ClickLandingQuery(click).answer(Resources(PLACE)) is None

@@ -137,3 +137,9 @@ def test_a_frustum_begins_at_the_camera_and_opens_where_it_looks() -> None:
     np.testing.assert_allclose(lines[:4, 0], np.broadcast_to([0.1, 0.2, 0.3], (4, 3)), atol=1e-6)
     np.testing.assert_allclose(lines[:, 1, 0], 0.25, atol=1e-6)
     assert np.ptp(lines[4:, 0, 1]) == pytest.approx(0.3, abs=1e-5)
+
+
+def test_where_no_place_looks_like_the_picture_none_is_called_likely() -> None:
+    told = estimate_words.found(candidates(RelocaliseOutcome.LOST))
+    assert "No place looks like the picture" in told and "90 %" not in told
+    assert "90 %" in estimate_words.found(candidates())

@@ -1,0 +1,103 @@
+"""Numbers of a robot as a person reads and changes them, each with its unit, and the actions on them."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from nerfnav.robots import LIMITS, WITH_MASS, BodyFile, Cylinder, RobotFile
+
+_DEGREES = math.degrees(1)
+
+
+@dataclass(frozen=True)
+class EditRobot:
+    """Change one thing of what describes the robot, without taking it yet; others may be changed at the same time."""
+
+    chosen: RobotFile
+    """The robot without any changes."""
+    part: str
+    """`limits` or `camera`; empty: what is changed stands at the top."""
+    name: str
+    value: Any
+    """In the file's own unit."""
+
+    def of(self, draft: RobotFile | None) -> RobotFile:
+        """The robot with this change besides those that were made before."""
+        told = self.chosen if draft is None else draft
+        if self.part == "limits":
+            return msgspec.structs.replace(told, limits={**told.limits, self.name: self.value})
+        if self.part == "camera":
+            assert told.camera is not None, "only numbers that there are are changed"
+            return msgspec.structs.replace(told, camera=msgspec.structs.replace(told.camera, **{self.name: self.value}))
+        return msgspec.structs.replace(told, **{self.name: self.value})
+
+
+@dataclass(frozen=True)
+class ForgetEdits:
+    """Forget the changes of the robot that are not taken."""
+
+
+@dataclass(frozen=True)
+class RobotNumber:
+    """One number of a robot's file."""
+
+    part: str
+    """Where it stands: `limits` or `camera`; empty: at the top."""
+    name: str
+    label: str
+    """What people read, with the unit."""
+    scale: float = 1.0
+    """How many of that unit the file's own unit is."""
+    step: float = 0.01
+    """How finely it is shown and typed."""
+
+    def of(self, told: RobotFile) -> float | None:
+        """Its value in people's unit; None where such a robot has none."""
+        if self.part == "limits":
+            value = told.limits.get(self.name) if self.name in LIMITS.get(told.kind, {}) else None
+        elif self.part == "camera":
+            # the size of a calibrated camera is in its own file
+            value = None if told.camera is None or told.camera.file is not None else getattr(told.camera, self.name)
+        else:
+            value = getattr(told, self.name) if told.kind in WITH_MASS else None
+        return None if value is None else round(self.scale * value, 6)
+
+    def edit(self, chosen: RobotFile, value: float) -> EditRobot:
+        """The change of this number of a robot to another value, in people's unit."""
+        return EditRobot(chosen, self.part, self.name, round(value) if self.step == 1 else value / self.scale)
+
+
+NUMBERS = (
+    RobotNumber("", "mass", "Mass [kg]", step=0.001),
+    RobotNumber("limits", "thrust", "Most thrust [N]"),
+    RobotNumber("limits", "tilt", "Most tilt [°]", _DEGREES, step=0.1),
+    RobotNumber("limits", "speed", "Most speed [m/s]"),
+    RobotNumber("limits", "body_rate", "Most body rate [°/s]", _DEGREES, step=0.1),
+    RobotNumber("limits", "angular_acceleration", "Angular acceleration [rad/s²]"),
+    RobotNumber("limits", "force", "Most force [N]"),
+    RobotNumber("limits", "acceleration", "Most acceleration [m/s²]"),
+    RobotNumber("limits", "yaw_rate", "Most yaw rate [°/s]", _DEGREES, step=0.1),
+    RobotNumber("limits", "yaw_acceleration", "Most yaw acceleration [rad/s²]"),
+    RobotNumber("camera", "width", "Picture width [pixels]", step=1),
+    RobotNumber("camera", "height", "Picture height [pixels]", step=1),
+    RobotNumber("camera", "fov", "Field of view [°]"),
+    RobotNumber("camera", "pitch", "Camera down [°]", _DEGREES, step=0.1),
+)
+"""What a person may change, in the order of the page."""
+
+
+def shape_of(body: BodyFile) -> str:
+    """What a body is made of: the name of its field."""
+    return next(name for name in ("box", "cylinder", "spheres", "mesh", "urdf") if getattr(body, name) is not None)
+
+
+def box_of(body: BodyFile, edges: tuple[float, float, float]) -> BodyFile:
+    """A box of these edges [m] in place of a body; its points are as far apart as suits it."""
+    return BodyFile(box=edges, spacing=body.spacing)
+
+
+def cylinder_of(body: BodyFile, radius: float, height: float) -> BodyFile:
+    """An upright cylinder [m] in place of a body."""
+    return BodyFile(cylinder=Cylinder(radius, height), spacing=body.spacing)

@@ -1,0 +1,44 @@
+"""Session memory: what was asked for in a place, kept on disk, for the next time that a server opens it."""
+
+import hashlib
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+
+from app.state.history import Moment
+from app.state.session import Session
+from nerfnav.files import replacing
+
+
+class SessionMemory:
+    """The last moment of one place. Used by the UI loop's thread alone."""
+
+    def __init__(self, folder: Path, what: str) -> None:
+        """`folder` holds a file for each place, `what` is what is opened."""
+        self._what = what
+        # a scene is known by its name, a file by where it is
+        key = str(Path(what).resolve()) if Path(what).exists() else what
+        self._file = folder / f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.json"
+        self._kept = self.last()
+
+    def last(self) -> Moment | None:
+        """What was asked for last time; None where nobody knows, or an older version wrote it."""
+        try:
+            return msgspec.json.decode(self._file.read_bytes(), type=Moment)
+        except (OSError, msgspec.MsgspecError):
+            return None
+
+    def follow(self, session: Session) -> None:
+        """Keep what is asked for now, once a hand has let go; without it the page only begins anew next time."""
+        settled = session.place is not None and not session.held and not session.seeking
+        if session.what != self._what or not settled:
+            return
+        now = session.moment
+        if now == self._kept:
+            return
+        self._kept = now
+        with suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(self._file) as stream:
+                stream.write(msgspec.json.encode(now))

@@ -1,0 +1,127 @@
+"""Undo and redo of moves and settings, and numbers that no end can have."""
+
+from dataclasses import replace
+
+import pytest
+
+from app.page.panels.status_words import status
+from app.places.ends import End, Which
+from app.queries.click_landing import ClickLandingQuery
+from app.state import actions as m
+from app.state.history import MOST, Redo, Undo
+from app.state.plan_actions import AllowTime
+from app.state.session import Session
+from nerfnav.field import Unknown
+from tests.app.sessions import after
+from tests.app.sessions import planned as well_planned
+
+THERE, FARTHER = End((0.5, -0.5, 0.4)), End((0.4, -0.5, 0.4))
+
+
+def dragged(session: Session, *ends: End) -> Session:
+    """The session after a hand has moved the goal through some places and let go."""
+    moves = [m.MoveEnd(Which.GOAL, end, held=True) for end in ends]
+    return after(session, *moves, m.MoveEnd(Which.GOAL, ends[-1]))
+
+
+def test_a_drag_is_undone_as_one_step_and_done_again(opened: Session) -> None:
+    first = dragged(opened, End((0.3, -0.3, 0.4)), THERE)
+    second = dragged(first, FARTHER)
+    assert after(second, Undo()).ends == first.ends
+    back = after(second, Undo(), Undo())
+    assert back.ends == opened.ends and not back.history.past
+    assert after(back, Redo(), Redo()).ends == second.ends
+    assert after(back, Undo()) is back and after(second, Redo()) is second, "there is nothing to do"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        m.Adjust(m.Settings.PLAN, "duration_s", 3.5),
+        m.Adjust(m.Settings.WEIGHTS, "collision", 5.0),
+        m.Adjust(m.Settings.FLIGHT, "seed", 7),
+        m.Adjust(m.Settings.VIEW, "clearance", True),
+        m.TypeEnd(Which.START, THERE),
+    ],
+)
+def test_each_setting_and_typed_end_is_undone(opened: Session, change: m.Command) -> None:
+    changed = after(opened, change)
+    assert changed != opened
+    back = after(changed, Undo())
+    for part in ("ends", "choice", "task", "plan_settings", "flight_settings", "view_settings"):
+        assert getattr(back, part) == getattr(opened, part)
+    assert after(back, Redo()).plan_settings == changed.plan_settings
+
+
+def test_a_slider_that_moves_on_is_one_step_and_another_setting_is_another(opened: Session) -> None:
+    slid = after(opened, *(m.Adjust(m.Settings.VIEW, "opacity", share) for share in (0.9, 0.8, 0.7)))
+    other = after(slid, m.Adjust(m.Settings.VIEW, "clip", 0.5))
+    assert after(other, Undo()).view_settings == slid.view_settings
+    assert after(other, Undo(), Undo()).view_settings == opened.view_settings
+
+
+def test_a_click_that_puts_an_end_down_is_undone(opened: Session) -> None:
+    aimed = after(opened, m.Aim(Which.GOAL), m.Point((0.0, 0.0, 1.0), (0.0, 0.0, -1.0)))
+    assert aimed.clicked is not None
+    landed = after(aimed, m.QueryAnswered(ClickLandingQuery(aimed.clicked), THERE.position))
+    assert landed.ends.goal.position == THERE.position
+    assert after(landed, Undo()).ends == opened.ends
+
+
+def test_undo_makes_the_plan_stale_and_reset_and_more_time_are_undone_too(opened: Session) -> None:
+    slow = after(well_planned(opened), AllowTime(9.0))
+    assert slow.plan_settings.duration_s == 9.0
+    assert after(slow, Undo()).plan_settings == opened.plan_settings
+    moved = well_planned(dragged(opened, THERE))
+    assert after(moved, Undo()).plan_is_stale
+    reset = after(moved, m.Reset())
+    assert reset.ends == opened.ends
+    assert after(reset, Undo()).ends == moved.ends
+
+
+def test_another_robot_is_undone_with_its_ends(opened: Session) -> None:
+    moved = dragged(opened, THERE)
+    other = after(moved, m.Choose(replace(moved.choice, robot="couch")))
+    assert other.place is not None and other.place.robot.name == "couch"
+    back = after(other, Undo())
+    assert back.place is not None and back.place.robot.name == "quadrotor" and back.ends == moved.ends
+    assert not back.seeking
+
+
+def test_a_new_step_forgets_what_was_undone_and_old_ones_are_forgotten_in_the_end(opened: Session) -> None:
+    branch = after(dragged(opened, THERE), Undo(), m.Adjust(m.Settings.FLIGHT, "seed", 1))
+    assert not branch.history.future
+    many = after(opened, *(m.TypeEnd(Which.GOAL, End((0.001 * k, -0.5, 0.4))) for k in range(MOST + 20)))
+    assert len(many.history.past) == MOST
+
+
+def test_numbers_outside_of_the_place_are_said_and_stay_until_they_are_put_right(opened: Session) -> None:
+    typed = after(opened, m.TypeEnd(Which.GOAL, End((5.0, 0.0, 5.0))))
+    assert typed.ends == opened.ends and typed.outside == {Which.GOAL: End((5.0, 0.0, 5.0))}
+    said = status(typed).text
+    assert said.startswith("The goal cannot be at 5, 0, 5: ") and "x from -0.93 to 0.93 and z from 0.07 to 0.73" in said
+    still = after(typed, m.Adjust(m.Settings.FLIGHT, "seed", 3))
+    assert status(still).text == said, "it is forgotten though it is not put right"
+    for right in (m.TypeEnd(Which.GOAL, THERE), m.MoveEnd(Which.GOAL, THERE), m.Reset()):
+        assert not after(typed, right).outside
+    assert after(typed, m.TypeEnd(Which.GOAL, THERE)).ends.goal == THERE
+
+
+def test_numbers_a_hair_outside_are_meant_to_be_inside(opened: Session) -> None:
+    typed = after(opened, m.TypeEnd(Which.GOAL, End((0.93, 0.0, 0.4))))
+    assert not typed.outside and typed.ends.goal.position[0] == pytest.approx(0.93, abs=0.005)
+
+
+def test_where_unseen_space_is_free_the_ends_are_looked_at_again_also_after_undo(opened: Session) -> None:
+    known = replace(opened, problems=dict.fromkeys(Which))
+    free = after(known, m.Adjust(m.Settings.PLAN, "unknown", Unknown.FREE))
+    assert not free.problems
+    assert not after(replace(free, problems=dict.fromkeys(Which)), Undo()).problems
+
+
+def test_an_accepted_risk_that_is_no_share_is_refused(opened: Session) -> None:
+    for share in (0.0, -0.1, 1.2):
+        refused = after(opened, m.Adjust(m.Settings.PLAN, "max_collision", share))
+        assert refused.plan_settings == opened.plan_settings
+        assert "above 0 % and at most 100 %" in status(refused).text
+    assert after(opened, m.Adjust(m.Settings.PLAN, "max_collision", 0.2)).plan_settings.max_collision == 0.2

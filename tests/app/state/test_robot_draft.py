@@ -1,0 +1,43 @@
+"""Numbers of robots as people read and change them."""
+
+import math
+
+import pytest
+
+from app.state.robot_draft import NUMBERS, EditRobot, ForgetEdits, box_of, cylinder_of, shape_of
+from app.state.session import Session
+from nerfnav.robots import BodyFile, described, names, robot_of
+from tests.app.sessions import after
+
+
+@pytest.mark.parametrize("name", names())
+def test_each_number_is_read_and_written_in_its_unit(name: str) -> None:
+    told, meshes = described(name)
+    for number in NUMBERS:
+        value = number.of(told)
+        if value is not None:
+            edited = number.edit(told, value).of(None)
+            assert number.of(edited) == pytest.approx(value)
+            robot_of(edited, meshes)
+
+
+def test_angles_are_degrees_for_people_and_radians_in_the_file() -> None:
+    told, _ = described("quadrotor")
+    tilt = next(number for number in NUMBERS if number.name == "tilt")
+    assert tilt.of(told) == pytest.approx(math.degrees(1.2))
+    assert tilt.edit(told, 45.0).of(None).limits["tilt"] == pytest.approx(math.pi / 4)
+
+
+def test_changes_come_together_until_they_are_forgotten_or_another_robot_is_taken(opened: Session) -> None:
+    told, _ = described("quadrotor")
+    edits = EditRobot(told, "", "mass", 0.4), EditRobot(told, "camera", "fov", 70.0)
+    both = after(opened, *edits)
+    assert both.robot_draft is not None and both.robot_draft.camera is not None
+    assert (both.robot_draft.mass, both.robot_draft.camera.fov) == (0.4, 70.0)
+    assert told.mass == 0.25, "what is chosen has changed"
+    assert after(both, ForgetEdits()).robot_draft is None
+
+
+def test_bodies_change_their_shape() -> None:
+    body = BodyFile(box=(0.2, 0.1, 0.05))
+    assert shape_of(cylinder_of(body, 0.1, 0.05)) == "cylinder" and shape_of(box_of(body, (1, 1, 1))) == "box"

@@ -1,0 +1,53 @@
+"""What a server knows of a place from the last one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from app.jobs.events import PlaceOpened
+from app.places.ends import End, Which
+from app.state import actions as m
+from app.state.session import Session
+from app.worker.session_memory import SessionMemory
+from nerfnav.field import Unknown
+from tests.app.doubles import balls_place
+from tests.app.sessions import after, reports
+
+THERE = End((0.5, -0.5, 0.4), 0.3)
+
+
+def changed(session: Session) -> Session:
+    """A session in which much was set."""
+    return after(
+        session,
+        m.MoveEnd(Which.GOAL, THERE),
+        m.Adjust(m.Settings.PLAN, "unknown", Unknown.FREE),
+        m.Adjust(m.Settings.WEIGHTS, "collision", 5.0),
+        m.Adjust(m.Settings.FLIGHT, "seed", 7),
+        m.Adjust(m.Settings.VIEW, "clearance", True),
+        m.Choose(replace(session.choice, planner="rrt")),
+    )
+
+
+def test_ends_and_settings_are_as_they_were_left_when_a_server_opens_the_place_again(
+    opened: Session, tmp_path: Path
+) -> None:
+    left = changed(opened)
+    SessionMemory(tmp_path, left.what).follow(left)
+    again = Session.opening(left.what, left_off=SessionMemory(tmp_path, left.what).last())
+    there = reports(again, PlaceOpened(balls_place()))
+    assert there.moment == left.moment and there.left_off is None and not there.history.past
+    assert after(there, m.Reset()).ends == opened.ends, "what was found at first is forgotten"
+
+
+def test_another_place_knows_nothing_and_what_cannot_be_read_is_no_memory(opened: Session, tmp_path: Path) -> None:
+    SessionMemory(tmp_path, opened.what).follow(changed(opened))
+    assert SessionMemory(tmp_path, "elsewhere").last() is None
+    (file,) = tmp_path.iterdir()
+    file.write_text('{"choice": 3}')
+    assert SessionMemory(tmp_path, opened.what).last() is None
+
+
+def test_a_hand_that_holds_an_end_is_waited_for(opened: Session, tmp_path: Path) -> None:
+    memory = SessionMemory(tmp_path, opened.what)
+    memory.follow(after(opened, m.MoveEnd(Which.GOAL, THERE, held=True)))
+    assert not list(tmp_path.iterdir())

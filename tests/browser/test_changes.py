@@ -1,0 +1,132 @@
+"""Changes of a person: undone and done again, refused where they cannot be, and what their pictures show."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.page.layers.ends import GIZMO
+from app.page.layers.plan import room_colors
+from app.page.theme import PLAN, linear
+from app.places.ends import Which
+from app.queries.clearance import ClearanceQuery
+from app.server import App
+from app.state.actions import Choose
+from app.state.choice import Choice
+from tests.app.doubles import ScriptedWork
+from tests.browser.tab import Tab
+from tests.browser.works import small_work
+
+Serve = Callable[..., App]
+OpenTab = Callable[[App], Tab]
+
+
+def test_a_drag_is_undone_by_key_and_button_and_done_again(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(ScriptedWork())
+    tab = open_tab(app)
+    before = app.session.ends.goal
+    tab.drag_along_x(Which.GOAL, -0.3, GIZMO)
+    moved = app.session.ends.goal
+    assert moved != before
+    tab.key("Control+z")
+    tab.until(lambda: app.session.ends.goal == before, "the key has not undone it")
+    tab.until_ends_agree()
+    tab.key("Control+y")
+    tab.until(lambda: app.session.ends.goal == moved, "the key has not done it again")
+    tab.until_ends_agree()
+    tab.press("Undo")
+    tab.until(lambda: app.session.ends.goal == before, "the button has not undone it")
+    tab.press("Redo")
+    tab.until(lambda: app.session.ends.goal == moved, "the button has not done it again")
+
+
+def test_a_typed_setting_is_undone_in_its_widget(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(ScriptedWork())
+    tab = open_tab(app)
+    tab.turn_to("Plan")
+    box = tab.page.get_by_label("Duration [s]", exact=True)
+    before = app.session.plan_settings
+    box.fill("3.5")
+    tab.until(lambda: app.session.plan_settings.duration_s == 3.5, "the duration was not taken")
+    tab.press("Undo")
+    tab.until(lambda: app.session.plan_settings == before, "it was not undone")
+    tab.until(lambda: float(box.input_value().split()[0]) == before.duration_s, "the widget shows what was undone")
+
+
+def test_typed_numbers_outside_of_the_place_are_said_and_stay_until_they_are_right(
+    serve: Serve, open_tab: OpenTab
+) -> None:
+    app = serve(ScriptedWork())
+    tab = open_tab(app)
+    before = app.session.ends.goal
+    tab.turn_to("Scene")
+    boxes = tab.page.locator("div:has(> div > p label:text-is('Goal [m]'))").last.locator("input")
+    for axis in range(3):
+        boxes.nth(axis).fill("5")
+        boxes.nth(axis).press("Enter")
+    tab.until(lambda: tab.says("The goal cannot be at 5, 5, 5: "), "nobody says that it was not taken")
+    assert app.session.ends.goal == before
+    tab.page.wait_for_timeout(500)
+    assert [float(boxes.nth(axis).input_value()) for axis in range(3)] == [5, 5, 5], "it was silently undone"
+    for axis, value in enumerate((0.5, -0.5, 0.4)):
+        boxes.nth(axis).fill(f"{value}")
+        boxes.nth(axis).press("Enter")
+    tab.until(lambda: app.session.ends.goal.position == (0.5, -0.5, 0.4), "what is right was not taken")
+    tab.until(lambda: not tab.says("The goal cannot be at"), "the complaint has outlived its cause")
+
+
+def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them_back(
+    serve: Serve, open_tab: OpenTab
+) -> None:
+    app = serve(small_work())
+    tab = open_tab(app)
+    tab.press("Plan the way")
+    tab.until(lambda: app.session.fresh_plan is not None and not app.session.replaying, "there is no plan")
+    tab.until(lambda: ClearanceQuery.rows_of(app.session.plan, app.session) is not None, "its room is not known")
+    tab.unfold("Scene", "View")
+    tab.page.get_by_label("Line by clearance", exact=True).click()
+    rows = ClearanceQuery.rows_of(app.session.plan, app.session)
+    assert rows is not None
+    wanted = np.repeat(linear(room_colors(rows))[:, None], 2, axis=1).reshape(-1).tolist()
+    tab.until(lambda: tab.property("/plan/room", "colors") == wanted, "the line has other colours")
+    assert tab.is_visible("/plan/room")
+    tab.until(lambda: tab.says("cm of room") and tab.says("20 and more"), "there is no scale")
+    tab.page.get_by_label("Line by clearance", exact=True).click()
+    tab.until(lambda: not tab.is_visible("/plan/room"), "it keeps them")
+    assert tab.property("/plan/line", "colors") == list(PLAN)
+    tab.until(lambda: not tab.says("cm of room"), "the scale stays")
+
+
+BODIES = {
+    "cylinder": "{cylinder: {radius: 0.1, height: 0.05}}",
+    "spheres": "{spheres: [[0, 0, 0, 0.06], [0.08, 0, 0, 0.04]]}",
+    "mesh": "{mesh: hull.stl}",
+}
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_the_real_body_is_drawn(serve: Serve, open_tab: OpenTab, tmp_path: Path, kind: str) -> None:
+    import trimesh
+
+    trimesh.creation.cone(0.06, 0.1).export(tmp_path / "hull.stl")
+    file = tmp_path / "own.yaml"
+    file.write_text(f"name: own\nkind: quadrotor\nmass: 0.3\nbody: {BODIES[kind]}\n")
+    app = serve(ScriptedWork())
+    tab = open_tab(app)
+    app.post(Choose(Choice(robot=str(file))))
+    tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "own", "it was not taken")
+    assert app.session.place is not None
+    solid = app.session.place.robot.body.solid
+    assert solid is not None
+    count = len(solid.vertices)
+
+    def drawn() -> np.ndarray:
+        # the page holds vertices as bytes of floats
+        held = np.array(tab.property("/goal/body", "vertices"), dtype=np.float64).reshape(-1, 3)
+        return held[:count]
+
+    def is_own() -> bool:
+        return len(drawn()) == count and np.allclose(drawn(), solid.vertices, atol=1e-5)
+
+    tab.until(is_own, "another body is drawn")

@@ -1,0 +1,82 @@
+"""The robot's numbers in the page: seen with their units, changed, refused, taken, saved and loaded."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from app.server import App
+from app.state.robot_draft import NUMBERS
+from nerfnav.robots import load
+from tests.app.doubles import ScriptedWork
+from tests.browser.tab import Tab
+
+Serve = Callable[..., App]
+OpenTab = Callable[[App], Tab]
+
+
+@pytest.fixture
+def tab(serve: Serve, open_tab: OpenTab) -> Tab:
+    """A tab with the robot's numbers unfolded."""
+    tab = open_tab(serve(ScriptedWork()))
+    tab.unfold("Scene", "Robot in numbers")
+    return tab
+
+
+def typed(tab: Tab, label: str, value: str) -> None:
+    """Type into a number of the panel."""
+    tab.page.get_by_label(label, exact=True).fill(value)
+
+
+def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Path) -> None:
+    app = tab.app
+    has = {"mass", "thrust", "tilt", "speed", "body_rate", "angular_acceleration", "width", "height", "fov", "pitch"}
+    for number in NUMBERS:
+        box = tab.page.get_by_label(number.label, exact=True)
+        tab.until(lambda box=box, number=number: box.is_visible() == (number.name in has), f"{number.label}: wrong")
+    tab.fill("Robot name", "heavy")
+    typed(tab, "Mass [kg]", "0.4")
+    typed(tab, "Field of view [°]", "70")
+    tab.choose("Scene", "Body", "cylinder")
+    tab.until(lambda: tab.says("Changed: the robot is as before"), "nobody says that it is not taken yet")
+    assert app.session.place is not None and app.session.place.robot.name == "quadrotor"
+    tab.page.get_by_role("button", name="Use this robot").click()
+    tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "heavy", "it was not taken")
+    robot = app.session.place.robot
+    assert robot.body.solid is not None and robot.body.extents[0] == pytest.approx(0.1, abs=1e-3)
+    assert app.session.robot_draft is None
+    tab.until(lambda: tab.page.get_by_label("Robot", exact=True).input_value() == "heavy", "the list has it not")
+    saved = tab.download("Save robot")
+    file = tmp_path / "mine.yaml"
+    file.write_bytes(saved.read_bytes().replace(b"name: heavy", b"name: mine"))
+    own = load(str(file))
+    assert own.config.mass == pytest.approx(0.4) and own.camera.fx == pytest.approx(robot.camera.fx)  # type: ignore
+    with tab.page.expect_file_chooser() as chooser:
+        tab.page.get_by_role("button", name="Load robot").click()
+    chooser.value.set_files(file)
+    tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "mine", "it was not loaded")
+
+
+def test_numbers_that_cannot_be_are_said_and_not_taken(tab: Tab) -> None:
+    typed(tab, "Most thrust [N]", "1")
+    tab.until(lambda: tab.says("A thrust of 1 N does not lift 0.25 kg"), "nobody says what is wrong")
+    use = tab.page.get_by_role("button", name="Use this robot")
+    assert use.is_disabled()
+    typed(tab, "Most thrust [N]", "7")
+    tab.until(lambda: not tab.says("does not lift"), "the complaint has outlived its cause")
+    tab.until(use.is_enabled, "what is right cannot be taken")
+    tab.page.get_by_role("button", name="Forget changes").click()
+    tab.until(lambda: tab.page.get_by_label("Most thrust [N]", exact=True).input_value() == "6", "it was not forgotten")
+
+
+def test_files_that_are_no_robots_are_refused_in_one_sentence(tab: Tab, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("name: bad\nkind: quadrotor\nmass: -1\nbody: {box: [0.1, 0.1, 0.1]}\n")
+    missing = tmp_path / "missing.yaml"
+    missing.write_text("name: hull\nkind: quadrotor\nmass: 1\nbody: {mesh: hull.stl}\n")
+    for file, said in ((bad, "mass is a number above 0, not -1"), (missing, "hull.stl is not here")):
+        with tab.page.expect_file_chooser() as chooser:
+            tab.page.get_by_role("button", name="Load robot").click()
+        chooser.value.set_files(file)
+        tab.until(lambda said=said: tab.says(said), "nobody says what is wrong")
+    assert tab.app.session.choice.robot == "quadrotor"
