@@ -16,7 +16,8 @@ from nerfnav.field.train import train
 from nerfnav.field.train_config import TrainConfig
 from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
+from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.planner.optimize import PlanConfig, plan

@@ -15,8 +15,7 @@ from torch import Tensor
 
 from nerfnav.geometry import so3
 from nerfnav.live.answer import Guidance, Order, Setpoint
-from nerfnav.robots import TANGENT, HandHeld, RigidState
-from nerfnav.robots.thrust import thrust_and_attitude
+from nerfnav.robots import TANGENT, HandHeld, RigidState, thrust_and_attitude
 
 _GRAVITY = 9.81
 _INSTANT_S = 0.01

@@ -1,10 +1,10 @@
 from .episode import Episode as Episode
+from .mission import Mission as Mission
+from .mission import NavigateConfig as NavigateConfig
+from .mission import Pilot as Pilot
 from .orders import Orders as Orders
 from .physical.config import PhysicalConfig as PhysicalConfig
 from .recovery import Recovery as Recovery
-from .replan import Mission as Mission
-from .replan import NavigateConfig as NavigateConfig
-from .replan import Pilot as Pilot
 from .replan import navigate as navigate
 from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction

@@ -7,92 +7,23 @@ While pictures disagree with the belief, the plan is to come to rest (see naviga
 plan is no longer safe (navigation/backup.py).
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
-from time import perf_counter
 
 import torch
 from torch import Tensor
 
-from nerfnav.estimator import Belief, Estimator, FilterConfig, FilterOutcome, FilterStep, StateNoise
+from nerfnav.estimator import Belief, FilterOutcome, FilterStep
 from nerfnav.estimator.predict import predict
-from nerfnav.navigation.backup import Guard
+from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Course, Orders
-from nerfnav.navigation.realtime import Clock, Overrun
-from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, Relocaliser, come_to_rest
+from nerfnav.navigation.realtime import Overrun
+from nerfnav.navigation.recovery import Lookout, Recovery, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
-from nerfnav.planner import Planner, PlanOutcome, Route
+from nerfnav.planner import PlanOutcome, Route
 from nerfnav.robots import Motion, RigidState
-
-
-@dataclass(frozen=True)
-class NavigateConfig:
-    """How a flight is flown; how it is planned is the pilot's planner's own."""
-
-    filter: FilterConfig = field(default_factory=FilterConfig)
-    """How the state is estimated; in open loop, `process_noise` alone counts."""
-    noise: StateNoise = field(default_factory=StateNoise)
-    """What disturbs the true robot at each step (paper: 2 cm, 0.02 rad, half on the rates)."""
-    initial: StateNoise = field(default_factory=lambda: StateNoise.isotropic(0.01**2))
-    """Spread of the first belief around the truth, and its covariance: 1 cm, 0.01 rad (paper: covariance 0.1 I)."""
-    goal_tolerance_m: float = 0.08
-    """REACHED when the believed position is this near to the goal [m]."""
-    minimum_horizon: int = 6
-    """Fewest steps of a plan: to meet the goal exactly in less takes wild thrust when noise has pushed the robot."""
-    timeout_factor: float = 2.0
-    """TIMEOUT after this many times the planned steps; those in which the robot held count only beyond as many."""
-    most_hits: float | None = None
-    """TOO_RISKY, on the ground, where more collisions than this are to be expected of noise along the first plan, of a
-    flight with a guard; None: any number will do."""
-    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
-    """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
-    leash_m: float = 0.0
-    """How far the believed position may be from where the last plan has led by now, for the next plan to begin there
-    [m]: something must track plans then, between steps. 0, as in the paper: plans begin where the robot believes to
-    be."""
-    open_loop: bool = False
-    """Fly the first plan blindly: no pictures, no replanning, beliefs moved by the dynamics alone."""
-
-    @classmethod
-    def paper(cls) -> "NavigateConfig":
-        """The paper's assumptions: covariance 0.1 I at the start and for the process noise."""
-        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1))
-
-
-@dataclass(frozen=True)
-class Mission:
-    """What is to be flown, from where the simulator stands."""
-
-    goal: RigidState
-    """Where the robot shall arrive."""
-    steps: int = 20
-    """Time steps of the first plan (paper: 20)."""
-    dt: float = 0.1
-    """Length of a time step [s] (paper: 0.1)."""
-    plan: Motion | None = None
-    """A first plan that is already made, from the start to the goal; None: plan now."""
-    orders: Callable[[], Orders] = Orders
-    """Asked at the beginning of each time step for what has changed meanwhile."""
-    realtime: bool = False
-    """Whether the world goes on while filter and planner compute (see navigation/realtime.py)."""
-    clock: Clock = perf_counter
-    """By which it is told how long they take [s]."""
-
-
-@dataclass(frozen=True)
-class Pilot:
-    """Who flies."""
-
-    planner: Planner
-    """Finds the way."""
-    estimator: Estimator
-    """Says where the robot is."""
-    relocaliser: Relocaliser | None = None
-    """Finds a robot that is lost; None: lost is lost."""
-    guard: Guard | None = None
-    """Keeps a way to come to rest ready beside each plan; None: plans are flown whatever becomes of them."""
 
 
 @dataclass(frozen=True)
@@ -154,9 +85,7 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: _Flight) ->
     yield step
     if flight.mission.realtime:
         under_way = Motion(last.plan.states[1:], last.plan.actions[1:], last.plan.dt)
-        yield from Overrun(
-            step, under_way, flight.simulator, flight.pilot.estimator, flight.generator
-        ).steps()
+        yield from Overrun(step, under_way, flight.simulator, flight.pilot.estimator, flight.generator).steps()
 
 
 def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:

@@ -5,11 +5,11 @@ from dataclasses import replace
 from typing import Literal
 
 from nerfnav.estimator import FilterConfig, StateNoise
+from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.physical.config import INERTIAL, LEASH_M, PhysicalConfig
 from nerfnav.navigation.physical.inertial import Strapdown
 from nerfnav.navigation.physical.late_pictures import LatePictures
 from nerfnav.navigation.physical.simulator import PhysicalSimulator
-from nerfnav.navigation.replan import NavigateConfig, Pilot
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.robots import Quadrotor, Robot
 

@@ -8,7 +8,7 @@ from nerfnav.estimator.descent import DescentConfig
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.pixels import PixelConfig
-from nerfnav.navigation.replan import NavigateConfig
+from nerfnav.navigation.mission import NavigateConfig
 from nerfnav.planner.fast import FastPlanConfig
 from tests.app.doubles import balls_place
 

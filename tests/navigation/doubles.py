@@ -10,7 +10,7 @@ from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
-from nerfnav.navigation.replan import Mission
+from nerfnav.navigation.mission import Mission
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.route import Route

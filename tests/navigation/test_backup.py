@@ -8,8 +8,9 @@ import torch
 from torch import Tensor
 
 from nerfnav.navigation.backup import Guard
+from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.recovery import Recovery
-from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, NavigationStep
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome, PlanStep

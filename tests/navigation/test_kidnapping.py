@@ -8,8 +8,9 @@ from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.looks import LooksConfig
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseStep, Searcher
+from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.recovery import Recovery
-from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.robots.state import RigidState

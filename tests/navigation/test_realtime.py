@@ -6,8 +6,9 @@ import pytest
 import torch
 
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.realtime import later, missed
-from nerfnav.navigation.replan import NavigateConfig, Pilot, navigate
+from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
 

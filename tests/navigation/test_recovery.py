@@ -15,9 +15,10 @@ from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest
-from nerfnav.navigation.replan import NavigateConfig, Pilot, navigate
+from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.robots.state import POSITION

@@ -10,8 +10,9 @@ import torch
 from nerfnav.errors import OccupiedError
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.replan import Mission, NavigateConfig, Pilot, navigate
+from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.planner.route import Route

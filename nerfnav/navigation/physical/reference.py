@@ -20,8 +20,7 @@ import scipy
 import torch
 
 from nerfnav.geometry import so3
-from nerfnav.robots import Motion, RigidState
-from nerfnav.robots.thrust import thrust_and_attitude
+from nerfnav.robots import Motion, RigidState, thrust_and_attitude
 
 _DEGREE, _PAST, _AHEAD = 5, 3, 4
 """Of the spline, and on how many waypoints before and after the one where it begins a step of it depends."""

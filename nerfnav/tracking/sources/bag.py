@@ -48,12 +48,16 @@ class BagSource:
             last = after(time, last, f"{name} of {self.topic} in {self.path}")
             yield Frame(time, _picture(self.path, name, message), name)
 
-    @cached_property
+    @property
     def inertial(self) -> Inertial | None:
         """What an inertial measurement unit said; read when it is first asked for, which goes through the whole file.
 
         Raises InvalidInputError where time runs backwards.
         """
+        return self._measured
+
+    @cached_property
+    def _measured(self) -> Inertial | None:
         if self.imu is None:
             return None
         times, rates, forces = [], [], []
