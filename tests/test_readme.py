@@ -34,7 +34,7 @@ def test_every_command_is_understood(words: list[str]) -> None:
 def test_there_are_commands_for_every_part() -> None:
     assert {words[0] for words in commands() if words and not words[0].startswith("-")} == {
         "scenes", "plan", "fly", "export", "train", "import", "bake", "info", "map", "place", "open", "localize",
-        "experiment", "bench", "serve", "doctor",
+        "track", "live", "experiment", "bench", "serve", "doctor",
     }  # fmt: skip
 
 

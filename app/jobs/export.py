@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.events import FileMade, JobEvents, JobResult, Progress
 from app.jobs.recorded import planned_in, read_run
 from app.jobs.surface import surface_of
 from app.places.opening import open_place
@@ -11,7 +11,7 @@ from app.storage.output_files import prepare_file, write_bytes
 from app.storage.run_metadata import RunMetadata
 from app.storage.run_store import RunStore
 from nerfnav.errors import NerfnavError
-from nerfnav.export import FORMATS
+from nerfnav.export import FORMATS, Recording
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,14 @@ def run(request: ExportRequest) -> JobEvents:
         "file_bytes": out.stat().st_size,
     }
     return JobResult(summary, (out,))
+
+
+def download(made: Recording, format: str, name: str, force: bool) -> JobEvents:
+    """Make the file, which is told and not written. Raises as `run` does."""
+    yield Progress("judging what the vehicle is to fly", 0.3)
+    exported = FORMATS[format].exported(made, force)
+    yield FileMade(name, exported.content)
+    return JobResult(exported.info)
 
 
 def _folder(run: Path) -> Path:

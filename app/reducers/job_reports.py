@@ -36,7 +36,7 @@ def reported(session: Session, event: e.JobReport) -> Session:
         case e.PlannerCompared(result):
             return replace(session, comparison=(*session.comparison, result))
         case e.FileMade(name, content):
-            wish = job.map
+            wish = job.wish
             made = None if wish is None else Download(job.id, wish.client, name, content)
             return replace(session, download=made)
         case e.Progress(label, fraction):

@@ -7,7 +7,8 @@ from app.places.place import Place
 from app.reducers.common import first_settings, noticed
 from app.state import actions as m
 from app.state.choice import Choice
-from app.state.downloads import MapWish
+from app.state.download_actions import DownloadAction, TakeMap, TakeTrajectory
+from app.state.downloads import Wish
 from app.state.experiments import StartExperiment
 from app.state.flight_settings import FlightSettings
 from app.state.job import Job, JobKind
@@ -24,7 +25,7 @@ JobCommand = (
     | m.StartFlight
     | PlanAction
     | m.FindRobot
-    | m.TakeMap
+    | DownloadAction
     | m.Cancel
     | m.Reset
     | StartExperiment
@@ -52,8 +53,10 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return begun(asked, JobKind.EXPERIMENT)
         case m.FindRobot():
             return _sought(session)
-        case m.TakeMap(wish):
+        case TakeMap(wish):
             return begun(session, JobKind.MAP, wish)
+        case TakeTrajectory(wish):
+            return begun(session, JobKind.EXPORT, wish)
         case m.Cancel():
             return cancelled(session)
         case m.Reset():
@@ -62,7 +65,7 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
 
 
 def begun(
-    session: Session, kind: JobKind, map: MapWish | None = None, anyway: PlanRecord | None = None
+    session: Session, kind: JobKind, wish: Wish | None = None, anyway: PlanRecord | None = None
 ) -> Session:
     """The session that wants a job of this kind, on a fresh record; a notice where another one runs.
 
@@ -70,13 +73,13 @@ def begun(
     """
     if not session.may_begin:
         return noticed(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
-    job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, map=map)
+    job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, wish=wish)
     if kind is JobKind.FLY:
         job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)
     fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=False)
     if kind is JobKind.COMPARE:
         return replace(fresh, comparison=())
-    if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.PLACE):
+    if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE):
         return fresh
     fresh = replace(fresh, flight=None, doubt=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:

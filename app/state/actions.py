@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from app.jobs.events import JobReport
 from app.places.ends import End, Which
 from app.state.choice import Choice
-from app.state.downloads import MapWish
+from app.state.download_actions import DownloadAction
 from app.state.experiments import ExperimentAction
 from app.state.history import Redo, Undo
 from app.state.placing import PlacingAction
@@ -150,13 +150,6 @@ class StartFlight:
 
 
 @dataclass(frozen=True)
-class TakeMap:
-    """Make a map of the place and send it to the tab that asks."""
-
-    wish: MapWish
-
-
-@dataclass(frozen=True)
 class Cancel:
     """Stop the running job and keep what it has shown."""
 
@@ -209,7 +202,7 @@ Command = (
     | StartPlan
     | StartFlight
     | PlanAction
-    | TakeMap
+    | DownloadAction
     | Cancel
     | Pause
     | Resume

@@ -14,6 +14,22 @@ class MapWish:
 
 
 @dataclass(frozen=True)
+class TrajectoryWish:
+    """What a vehicle is to fly, as a file that somebody wants to take away."""
+
+    format: str
+    """Name of the format."""
+    client: int
+    """The tab that asks."""
+    force: bool = False
+    """Whether to have it also where it should not be flown."""
+
+
+Wish = MapWish | TrajectoryWish
+"""What is made for one tab."""
+
+
+@dataclass(frozen=True)
 class Download:
     """A file for one tab."""
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from app.places.ends import Ends
-from app.state.downloads import MapWish
+from app.state.downloads import Wish
 from app.state.records import PlanRecord
 
 
@@ -18,6 +18,7 @@ class JobKind(Enum):
     EXPERIMENT = "do the experiment"
     FIND = "find the robot"
     MAP = "make the map"
+    EXPORT = "export"
     PLACE = "put the place right"
 
 
@@ -55,5 +56,5 @@ class Job:
     """How many times its robot was to be carried away."""
     searches: int = 0
     """How many times it was asked to look for the robot everywhere."""
-    map: MapWish | None = None
-    """Which map is to be made."""
+    wish: Wish | None = None
+    """The file that is to be made."""

@@ -4,13 +4,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from app.jobs import compare_planners, find_robot, fly, open_place, plan
+from app.jobs import compare_planners, export, find_robot, fly, open_place, plan
 from app.jobs import map as map_job
 from app.jobs.events import JobEvents
 from app.jobs.fly_request import FlyRequest
+from app.places.derived import planning_place
+from app.places.place import Place
 from app.queries.wanted_plan import plan_request
+from app.state.downloads import MapWish, TrajectoryWish
 from app.state.job import Job, JobKind
 from app.state.session import Session
+from app.state.taken_away import file_name, recording_of
 from app.storage.run_store import RunStore
 from app.worker.experiment_job import begin_experiment
 from app.worker.flight_orders import FlightOrders
@@ -52,9 +56,11 @@ class JobStarter:
         if job.kind is JobKind.PLACE:
             return self._placed.begin(session, job)
         if job.kind is JobKind.MAP:
-            assert job.map is not None, "a map is made for who says which"
-            name = Path(f"{place.name}-map{job.map.ending}")
+            assert isinstance(job.wish, MapWish), "a map is made for who says which"
+            name = Path(f"{place.name}-map{job.wish.ending}")
             return map_job.download(place.field, map_job.MapRequest(name))
+        if job.kind is JobKind.EXPORT:
+            return _export(session, job, place)
         if job.kind is JobKind.PLAN:
             name = session.choice.planner
             return plan.run(plan_request(settings, job.ends, name, self.plans.get(name)), place)
@@ -86,3 +92,11 @@ class JobStarter:
             task=session.task,
             out=None if self.runs is None else self.runs.new(session.place.name),
         )
+
+
+def _export(session: Session, job: Job, place: Place) -> JobEvents:
+    """What a vehicle is to fly, judged in the place as planners see it."""
+    wish, made = job.wish, recording_of(session)
+    assert isinstance(wish, TrajectoryWish) and made is not None, "there is something to take away, in some format"
+    seen = planning_place(place, session.plan_settings.unknown)
+    return export.download(made.planned_in(seen.field), wish.format, file_name(session, wish.format), wish.force)

@@ -81,7 +81,7 @@ def _on_the_field(exported: Exported, curve: PiecewisePolynomial, recording: Rec
     if found.outcome not in GOOD and not force:
         raise InvalidInputError(
             f"the curve that the vehicle would fly is not to be flown, for it cuts the corners of what was planned: "
-            f"{found.outcome.value}; plan with more room or time, or give --force to export it all the same"
+            f"{found.outcome.value}; plan with more room or time, or export it by force (--force)"
         )
     told = {
         "outcome": found.outcome.name.lower(),

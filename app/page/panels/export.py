@@ -9,14 +9,15 @@ import viser
 from app.page.html import note
 from app.page.theme import night
 from app.state.actions import Command, Tell
+from app.state.download_actions import TakeTrajectory
+from app.state.downloads import TrajectoryWish
 from app.state.session import Session
+from app.state.taken_away import ended, file_name, recording_of, subject
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.export import FORMATS, ExportFormat, Recording
+from nerfnav.export import FORMATS, ExportFormat
 from nerfnav.export.formats import unsafe
 from nerfnav.geometry import picture_file
-from nerfnav.navigation import EpisodeOutcome
-from nerfnav.planner import PlanOutcome
 
 SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}
 """Of screenshots: width and height [pixels]."""
@@ -62,8 +63,9 @@ class ExportPanel:
         form = FORMATS[self._format.value]
         why = "" if self._session is None else unsafe(ended(self._session), form)
         self._purpose.content = note(" ".join(map(sentence, filter(None, (f"{form.purpose} (.{form.ending})", why)))))
-        self._force.visible = bool(why)
-        if not why and self._force.value:
+        forced = bool(why) or form.moves_vehicle
+        self._force.visible = forced
+        if not forced and self._force.value:
             self._force.value = False
 
     def _send(self, event: viser.GuiEvent[Any]) -> None:
@@ -71,16 +73,19 @@ class ExportPanel:
         session, name = self._session, self._format.value
         if event.client is None or session is None:
             return
-        made = recording_of(session)
+        made, form = recording_of(session), FORMATS[name]
         if made is None:
             self._post(Tell("Nothing to take away", "Plan or fly first.", bad=True))
             return
-        why = unsafe(ended(session), FORMATS[name])
+        why = unsafe(ended(session), form)
         if why and not self._force.value:
             self._post(Tell("Not exported", f"{sentence(why)} Tick what is below the format to have it.", bad=True))
             return
+        if form.moves_vehicle:  # what a vehicle is to fly is judged on the field first, by the worker
+            self._post(TakeTrajectory(TrajectoryWish(name, event.client.client_id, self._force.value)))
+            return
         try:
-            content = FORMATS[name].exported(made, self._force.value).content
+            content = form.exported(made, self._force.value).content
         except NerfnavError as error:
             self._post(Tell("Not exported", sentence(str(error)), bad=True))
             return
@@ -105,46 +110,10 @@ class ExportPanel:
         client.send_file_download(f"{name}-{width}x{height}.png", png(picture), save_immediately=True)
 
 
-def subject(session: Session) -> str | None:
-    """What would be exported: the flight, else the plan, else nothing."""
-    if session.flight is not None and len(session.flight.steps) > 1:
-        return "flight"
-    return "plan" if session.plan is not None and session.plan.latest is not None else None
-
-
-def ended(session: Session) -> PlanOutcome | EpisodeOutcome | None:
-    """How what would be exported ended; None while it goes on, or where there is nothing."""
-    name = subject(session)
-    if name == "flight" and session.flight is not None:
-        return session.flight.outcome
-    return session.plan.outcome if name == "plan" and session.plan is not None else None
-
-
 def formats_for(subject: str | None) -> dict[str, ExportFormat]:
     """The formats of a flight, or of a plan; a page knows of no place on Earth."""
     fitting = {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
     return {name: form for name, form in fitting.items() if not form.needs_datum}
-
-
-def recording_of(session: Session) -> Recording | None:
-    """The flight or the plan, as formats take it."""
-    place = session.place
-    if place is None:
-        return None
-    title = f"{place.name}, {session.task}" if session.task else place.name
-    if session.flight is not None and len(session.flight.steps) > 1:
-        return Recording.of_flight(session.flight.steps, place.robot, title, session.surface)
-    if session.plan is not None and session.plan.latest is not None:
-        return Recording.of_plan(session.plan.latest.motion, place.robot, title, session.plan.latest.outcome)
-    return None
-
-
-def file_name(session: Session, format: str) -> str:
-    """What a download is called."""
-    place = session.place.name if session.place is not None else "nerfnav"
-    ending = FORMATS[format].ending
-    told = "" if format == ending else f"-{format}"
-    return f"{place}-{subject(session)}{told}.{ending}"
 
 
 def png(picture: np.ndarray) -> bytes:

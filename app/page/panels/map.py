@@ -6,7 +6,8 @@ from typing import Any
 import viser
 
 from app.page.html import note
-from app.state.actions import Command, TakeMap
+from app.state.actions import Command
+from app.state.download_actions import TakeMap
 from app.state.downloads import Download, MapWish
 from app.state.job import JobKind
 from app.state.session import Session

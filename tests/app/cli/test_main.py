@@ -145,7 +145,8 @@ def test_doctor_finds_working_kernels(capsys: Capture) -> None:
 def test_plan_prints_the_numbers_of_its_contract_and_writes_its_files(
     field_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
-    plan = printed(["plan", str(field_file), *FROM, *TO, *QUICK, "--out", str(tmp_path / "new" / "run")], capsys)
+    words = [*FROM, *TO, *QUICK, "--steps", "20", "--out", str(tmp_path / "new" / "run")]
+    plan = printed(["plan", str(field_file), *words], capsys)
     assert keys(plan) == {
         "outcome": None,
         "iterations": None,

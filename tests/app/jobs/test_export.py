@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from app.cli.main import main
-from app.jobs.export import ExportRequest, run
+from app.jobs.events import FileMade
+from app.jobs.export import ExportRequest, download, run
 from app.jobs.recorded import read_run
 from app.storage.run_store import VARIABLE, RunStore
 from app.storage.step_log import FILE
@@ -20,12 +21,14 @@ from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.table_text import json_text
 from nerfnav.export.tables import motion_table
 from nerfnav.export.tum import poses_of_tum
+from nerfnav.field.analytic import BallsField
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.voxel import VoxelField
 from nerfnav.robots.state import Motion
+from tests.app.doubles import balls_place
 from tests.app.following import result_of
 from tests.app.storage.stored_runs import put
-from tests.export.flights import flown
+from tests.export.flights import flown, hover_to_hover
 
 
 def exported(folder: Path, format: str, out: Path) -> dict:
@@ -87,6 +90,18 @@ def test_what_a_vehicle_is_to_fly_is_judged_in_the_field_of_its_plan_as_long_as_
     assert not (tmp_path / "b.csv").exists()
     mine.unlink()
     assert exported(tmp_path / "plan", "px4", tmp_path / "c.csv")["curve"] is None
+
+
+def test_a_page_gets_what_was_judged_or_one_sentence() -> None:
+    place = balls_place()
+    recording = hover_to_hover()
+    away = recording.planned_in(BallsField(place.field.box, torch.tensor([[9.0, 9.0, 9.0]]), torch.tensor([0.1])))
+    (made,) = [event for event in download(away, "px4", "mine.csv", force=False) if isinstance(event, FileMade)]
+    assert made.name == "mine.csv" and made.content.startswith(b"# px4_msgs")
+    there = recording.planned_in(BallsField(place.field.box, recording.position[:1].float(), torch.tensor([0.3])))
+    with pytest.raises(InvalidInputError, match="export it by force"):
+        list(download(there, "px4", "mine.csv", force=False))
+    assert [event for event in download(there, "px4", "mine.csv", force=True) if isinstance(event, FileMade)]
 
 
 def test_an_interrupted_flight_is_exported_as_far_as_it_went(tmp_path: Path) -> None:

@@ -13,13 +13,13 @@ from app.page.layers.shapes import Shape, ball, robot_shape
 from app.page.panels import ends as ends_panel
 from app.page.panels import flight as fly_panel
 from app.page.panels import plan_charts, plan_words
-from app.page.panels.export import recording_of, subject
 from app.page.panels.status_words import activity
 from app.page.theme import branded, linear
 from app.places.ends import End, Ends
 from app.places.surface_glb import dressed, unlit_glb, without_specks
 from app.state.records import CostHistory, FlightRecord, PlanRecord
 from app.state.session import Session
+from app.state.taken_away import recording_of, subject
 from app.state.view_settings import CameraMode
 from app.text import number
 from nerfnav.estimator.belief import Belief

@@ -7,6 +7,7 @@ import pytest
 from app.jobs.events import FileMade, JobFailed, JobFinished, Progress
 from app.jobs.map import MapRequest, download
 from app.state import actions as m
+from app.state.download_actions import TakeMap
 from app.state.downloads import Download, MapWish
 from app.state.job import JobKind
 from app.state.session import Session
@@ -14,12 +15,12 @@ from nerfnav.errors import InvalidInputError
 from tests.app.sessions import after, planned, reports
 from tests.field.test_neural import random_field
 
-VOXELS = m.TakeMap(MapWish(".npz", client=3))
+VOXELS = TakeMap(MapWish(".npz", client=3))
 
 
 def test_the_file_that_a_job_made_is_for_the_tab_that_asked(opened: Session) -> None:
     begun = after(opened, VOXELS)
-    assert begun.job is not None and (begun.job.kind, begun.job.map) == (JobKind.MAP, VOXELS.wish)
+    assert begun.job is not None and (begun.job.kind, begun.job.wish) == (JobKind.MAP, VOXELS.wish)
     made = reports(begun, Progress("looking at all voxels", 0.1), FileMade("balls-map.npz", b"voxels"))
     assert made.download == Download(begun.job.id, 3, "balls-map.npz", b"voxels")
     assert reports(made, JobFinished("map")).job is None

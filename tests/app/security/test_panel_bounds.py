@@ -1,5 +1,6 @@
 """Settings that only the page can set have no validation of their own: the bounds of their widgets stop nonsense."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,8 +18,17 @@ from app.state.session import Session
 from tests.app.security.hostile import INF, NAN, Page
 
 
+class NoRobots:
+    """Nor any robot."""
+
+    def files(self) -> tuple[Path, ...]:
+        return ()
+
+
 class NoUploads:
     """Nothing is brought here."""
+
+    robots = NoRobots()
 
 
 @pytest.fixture
