@@ -88,9 +88,12 @@ def test_help_opens_at_first_sight_and_by_its_key(serve: Serve, browser: Browser
     for first in (True, False):
         page.goto(f"{app.url}?fixedDpr=0.5")
         page.wait_for_function("window.__viserMutable && window.__viserMutable.canvas")
-        assert dialog.is_visible() == first
-        if first:
+        if first:  # it may come a moment after the scene on a busy machine
+            dialog.wait_for()
             page.get_by_role("button", name="Begin").click()
+        else:
+            page.wait_for_timeout(2000)
+            assert not dialog.is_visible()
     page.keyboard.press("?")
     dialog.wait_for()
     page.keyboard.press("Escape")

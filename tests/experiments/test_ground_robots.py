@@ -62,6 +62,7 @@ def test_wheels_pass_the_door_both_ways_without_sliding() -> None:
     assert len(figure.axes) == 3
 
 
+@pytest.mark.slow
 def test_a_task_that_begins_and_ends_with_other_headings_is_not_tried_with_a_held_one() -> None:
     *_, results = run(Study(room, (replace(GAP, goal_yaw=0.0),)))
     assert isinstance(results, Results) and len(results.rows) == 1 and results.summary["refused"] == 0

@@ -35,6 +35,7 @@ def test_a_hull_holds_the_thing_and_little_more() -> None:
     assert fine.sum() < coarse.sum()
 
 
+@pytest.mark.slow
 def test_one_picture_that_errs_takes_nothing_away() -> None:
     views = cut_out(60)
     assert views.silhouettes is not None

@@ -134,6 +134,7 @@ def test_a_new_goal_gets_a_new_plan(guide: Guide) -> None:
     assert told.order is Order.FOLLOW and told.setpoints[-1].position == pytest.approx(other.position, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_robot_on_the_ground_is_guided_at_its_height() -> None:
     robot = DiffDrive()
     guide = Guide(room(), robot, GuideConfig(minimum_horizon=10))

@@ -57,6 +57,7 @@ def body_of(case: dict) -> Airframe:
     return Airframe(case["mass"], *arrays, case["k_eta"], case["k_m"])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(DATA is None, reason="NERFNAV_TEST_DATA does not say where the third-party data are")
 def test_the_rigid_body_flies_as_rotorpys_with_constant_rotor_speeds() -> None:
     cases = json.loads((Path(str(DATA)) / "oracles" / "rotorpy_openloop.json").read_text())["cases"]
@@ -108,6 +109,7 @@ def test_rotors_follow_with_their_lag_and_keep_their_limits() -> None:
     np.testing.assert_allclose(motors.speeds, CALM.fastest_radps, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_robot_hovers_in_calm_air_and_heavier_than_it_thinks_too() -> None:
     for config in (CALM, replace(CALM, mass_error=0.1)):
         world = world_of(config)
@@ -153,6 +155,7 @@ def _cubic(t: np.ndarray, order: int) -> np.ndarray:
     return np.stack(orders[order], -1)
 
 
+@pytest.mark.slow
 def test_a_plan_is_tracked_in_gusts_with_a_wrong_mass() -> None:
     world, goal = world_of(PhysicalConfig(), seed=5), RigidState.at_rest((0.6, 0.3, 0.5), 0.8)
     share = torch.linspace(0, 1, 21)[:, None]
@@ -196,6 +199,7 @@ def test_wind_is_as_strong_as_it_says_and_the_same_for_the_same_seed() -> None:
     assert np.array_equal(one.blow(0.1), same.blow(0.1))
 
 
+@pytest.mark.slow
 def test_wind_carries_off_a_robot_that_does_not_see() -> None:
     blown, calm = world_of(PhysicalConfig(), seed=2), world_of(replace(PhysicalConfig(), wind_mps=0.0), seed=2)
     for world in (blown, calm):

@@ -63,6 +63,7 @@ def test_noise_grows_until_the_next_action_reaches_the_position():
     assert position_spread(DiffDrive(), 0.1, PUSHED)[0] == pytest.approx(0.04)  # to the side never reached
 
 
+@pytest.mark.slow
 def test_the_spread_is_that_of_robots_that_nothing_takes_back():
     draws, disturbance = torch.Generator().manual_seed(0), Disturbance()
     std, known = (torch.tensor(part).repeat_interleave(3) for part in (disturbance.noise, disturbance.estimate))
@@ -149,6 +150,7 @@ def test_a_plan_that_counts_risk_goes_through_a_strait_all_the_same_and_in_fewer
     assert expected(problem, quick) < 0.7 * expected(problem, slow)
 
 
+@pytest.mark.slow
 def test_a_robot_whose_arrival_is_put_off_does_not_wait_outside_of_a_strait():
     wall = Wall(door=0.3)
     start, goal = RigidState.at_rest((-0.35, 0.5, 0.4)), RigidState.at_rest((0.0, 0.5, 0.4))
@@ -161,6 +163,7 @@ def test_a_robot_whose_arrival_is_put_off_does_not_wait_outside_of_a_strait():
     assert (state.position - goal.position).norm() < 0.08
 
 
+@pytest.mark.slow
 def test_where_noise_makes_every_way_too_risky_the_plan_says_so_and_is_the_least_risky_found():
     problem = across(Wall(door=0.26))
     first = planned(problem, CAREFUL)

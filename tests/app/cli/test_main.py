@@ -308,8 +308,8 @@ def test_train_makes_a_field_that_finds_its_ground_truth_again(tmp_path: Path, c
     quick = ["--iterations", "60", "--images", "20", "--voxel", "0.05"]
     trained = printed(["train", "blocks", "--out", str(out), *quick], capsys)
     assert set(trained) == {
-        "psnr_db", "train_s", "voxels", "file_bytes", "learned_from", "proven_from", "geometry", "in_words",
-        "source",
+        "psnr_db", "psnr_one_exposure_db", "noise_std", "train_s", "voxels", "file_bytes", "learned_from",
+        "proven_from", "geometry", "in_words", "source",
     }  # fmt: skip
     assert trained["psnr_db"] > 12
     assert trained["file_bytes"] == out.stat().st_size

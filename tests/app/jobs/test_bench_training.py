@@ -35,6 +35,7 @@ def write_blender(folder: Path) -> None:
         (folder / f"transforms_{split}.json").write_text(json.dumps(told))
 
 
+@pytest.mark.slow
 def test_a_capture_is_learned_for_each_time_and_judged_on_its_own_test_views(tmp_path: Path) -> None:
     write_blender(tmp_path)
     steps = measure_training(tmp_path, (0.5, 1.0))

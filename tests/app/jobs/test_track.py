@@ -76,6 +76,7 @@ def test_a_folder_becomes_a_trajectory_in_the_captures_own_frame(
     assert all(float(row["cov_x_x_m.m"]) > 0 for row in rows)
 
 
+@pytest.mark.slow
 def test_a_video_of_another_size_is_tracked_and_shown(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
