@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import pytest
 import torch
 
 from nerfnav.estimator.descent import DescentConfig, descend
@@ -41,6 +42,7 @@ def test_a_descent_that_has_settled_stops_early_if_allowed():
     assert config.stop_window < len(states) < 201
 
 
+@pytest.mark.slow
 def test_velocity_follows_position_through_the_cross_covariance():
     prediction = near(HERE, 4)
     covariance = prediction.covariance.clone()

@@ -129,6 +129,7 @@ def test_a_picture_from_elsewhere_is_reported_as_diverged():
     assert posterior(step).covariance.isfinite().all()
 
 
+@pytest.mark.slow
 def test_a_false_minimum_is_left_by_trying_again():
     far = StateNoise(0.08, 0.01, 0.1, 0.01)
     coarse = replace(DESCENT, iterations=60, position_rate=5e-3, attitude_rate=5e-3)

@@ -60,6 +60,7 @@ def test_random_ends_are_free_with_room_to_spare_and_the_same_for_the_same_seed(
     assert len({task.start for task in tasks}) == 5
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_flights_with_the_state_known() -> None:
     trials = [FlightTrial(TASKS[0], seed, known=True) for seed in (3, 3, 4)]
     one, same, other = (fly(column(), trial) for trial in trials)

@@ -54,6 +54,7 @@ def test_air_before_large_patterns_is_proven_free_by_many_pictures(tile: float, 
     assert share(proven, SURFACE) < 0.001
 
 
+@pytest.mark.slow
 def test_fewer_pictures_and_finer_patterns_prove_less():
     field, taken = rooms.field_without_the_plain_wall(), rooms.photographs(tile=0.25).without_depth()
     many, few = carved(field, taken), carved(field, taken.subset(slice(30)))

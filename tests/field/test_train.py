@@ -28,6 +28,7 @@ def trained() -> list[TrainStep]:
     return run()
 
 
+@pytest.mark.slow
 def test_a_ball_is_learned_from_its_pictures(trained: list[TrainStep]):
     steps = trained
     field = steps[-1].field
@@ -41,6 +42,7 @@ def test_a_ball_is_learned_from_its_pictures(trained: list[TrainStep]):
     assert far_away.max() < 1
 
 
+@pytest.mark.slow
 def test_progress_counts_up_to_the_end(trained: list[TrainStep]):
     steps = trained
     fractions = [step.fraction for step in steps]

@@ -16,6 +16,7 @@ def arena() -> Arena:
     return Arena(scenes.load("stonehenge"), load_field(scenes.trained_path("stonehenge")))
 
 
+@pytest.mark.slow
 def test_the_fast_plan_is_no_dearer_and_both_are_timed(arena: Arena):
     before = torch.get_num_threads()
     found = plan.measure(arena, tasks=1, fast_per_round=2, iterations=30)

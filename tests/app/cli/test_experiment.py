@@ -10,6 +10,7 @@ from app.cli.parsing import parse
 from app.jobs.experiment_catalog import EXPERIMENTS
 
 
+@pytest.mark.slow
 def test_an_experiment_prints_its_summary_and_writes_its_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

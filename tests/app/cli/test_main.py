@@ -413,6 +413,7 @@ def test_a_taken_port_is_refused(capsys: Capture) -> None:
         assert f"port {port} of 127.0.0.1 is taken" in refused(["serve", "--port", str(port)], capsys)
 
 
+@pytest.mark.slow
 def test_as_a_process_it_ends_with_the_exit_code_and_one_sentence() -> None:
     words = [sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())", "plan", "atlantis"]
     ran = subprocess.run(words, capture_output=True, text=True, cwd=Path(__file__).parents[3], env=os.environ)
