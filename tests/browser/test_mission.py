@@ -49,6 +49,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     truth = np.array([[float(row[f"{name} [m]"]) for name in "xyz"] for row in rows])
     np.testing.assert_allclose(truth, tab.line("/flight/truth"), atol=1e-5)
     assert json.loads(tab.export("json").read_text())["format"].startswith("nerfnav")
+    assert tab.export("px4").read_text().startswith("# px4_msgs")  # which the worker has judged in the field
 
     flown = tab.line("/flight/truth")
     tab.load()

@@ -161,6 +161,7 @@ def activity(session: Session) -> str:
         JobKind.EXPERIMENT: "Doing the experiment",
         JobKind.FIND: "Looking for the robot",
         JobKind.MAP: "Making the map",
+        JobKind.EXPORT: "Judging what is to be flown",
         JobKind.PLACE: "Putting the place right",
     }[job.kind]
     return capital(job.label or default) + done

@@ -1,5 +1,7 @@
 """What the layers and panels make of numbers, without a page."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -17,6 +19,7 @@ from app.page.panels.status_words import activity
 from app.page.theme import branded, linear
 from app.places.ends import End, Ends
 from app.places.surface_glb import dressed, unlit_glb, without_specks
+from app.state.job import Job, JobKind
 from app.state.records import CostHistory, FlightRecord, PlanRecord
 from app.state.session import Session
 from app.state.taken_away import recording_of, subject
@@ -174,6 +177,11 @@ def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
     assert "Opening" in activity(session)
     assert subject(session) is None and recording_of(session) is None
     assert "Checking" in ends_panel.describe(session)
+
+
+@pytest.mark.parametrize("kind", JobKind)
+def test_every_kind_of_job_is_said_in_a_line(kind: JobKind) -> None:
+    assert len(activity(replace(Session.opening("balls"), job=Job(1, kind)))) > 5
 
 
 def test_numbers_of_a_flight_carry_their_units() -> None:
