@@ -30,7 +30,7 @@ class Arguments:
     robot: str = "quadrotor"
     """What moves: a name, or a file that describes it (see README)."""
     camera: Path | None = None
-    """What it sees with: a calibration by ROS, OpenCV or nerfstudio; by default the robot's own camera."""
+    """What it sees with, calibrated by ROS, OpenCV, nerfstudio or COLMAP; by default the robot's own camera."""
     host: str = "127.0.0.1"
     """Address to listen at; the default is reached from this machine alone."""
     port: int = 8090

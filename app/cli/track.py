@@ -20,18 +20,19 @@ class Arguments:
     field: Positional[str]
     """Path of a field file, or name of a bundled scene."""
     source: Positional[Path]
-    """A video, or a folder of pictures with times: rgb.txt (TUM), names that are times in s or ns, or a capture."""
+    """A video; an MCAP file or rosbag2; an EuRoC folder; or a folder of pictures with times: rgb.txt (TUM), names that
+    are times in s or ns, a capture."""
     out: Path
     """Folder for trajectory.tum, poses.csv, overlay.mp4 and track.mcap."""
     camera: Path | None = None
-    """Calibration of the camera by ROS, OpenCV or nerfstudio; by default what the source says, else the camera that the
-    field was trained with, else 90 degrees."""
+    """Calibration of the camera by ROS, OpenCV, nerfstudio or COLMAP; by default what the source says, else the camera
+    that the field was trained with, else 90 degrees."""
     fov: float | None = None
     """Horizontal field of view of the camera [degrees], in place of --camera."""
     fps: float | None = None
     """Pictures in a second, for sources that tell no times."""
     topic: str | None = None
-    """Name of the pictures that are meant, where a recording has several."""
+    """Name of the pictures that are meant, where a recording has several: a topic, or cam1 of an EuRoC folder."""
     pictures: bool = True
     """Write overlay.mp4 and track.mcap, too (the latter needs the extra [ros])."""
     json: bool = False

@@ -38,7 +38,7 @@ def run(request: ExportRequest) -> JobEvents:
     out = prepare_file(request.out)
     if form.moves_vehicle:
         yield Progress("opening the field, to judge what the vehicle is to fly", 0.1)
-        made = made.planned_in(planned_in(folder))
+        made = made.planned_in(planned_in(folder, made))
     if form.shows_place and made.steps:
         yield Progress("shaping the surface of the place", 0.2)
         made = made.standing_in(_surface(folder))

@@ -1,5 +1,6 @@
 """Recording of a stored plan or flight, read from its folder."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from app.places.derived import planning_place
@@ -38,18 +39,22 @@ def read_run(folder: Path) -> Recording:
         raise InvalidInputError(f"{path} cannot be read: {error}") from error
 
 
-def planned_in(folder: Path) -> StoredField | None:
-    """The field that a run was planned in, as its planner saw it; None where its place is gone, or was never noted."""
-    try:
-        if (folder / FILE).is_file():
-            about = RunMetadata.load(folder)
-            source, unknown = about.source, about.unknown
-        else:
-            told = table_of_json((folder / TRAJECTORY).read_text()).info
-            source, unknown = str(told.get("place") or ""), str(told.get("unknown", ""))
-        return planning_place(open_place(source), Unknown(unknown)).field if source else None
-    except (NerfnavError, OSError, ValueError):
+def planned_in(folder: Path, recording: Recording) -> StoredField | None:
+    """The field that the run in a folder was planned in, as its planner saw it.
+
+    None where its place is gone or is no field any more, or was never noted, as by earlier versions.
+    """
+    if recording.steps:
+        about = RunMetadata.load(folder)
+        source, unknown = about.source, about.unknown
+    else:
+        told = recording.table.info
+        source, unknown = str(told.get("place") or ""), str(told.get("unknown", ""))
+    if not source or unknown not in (known.value for known in Unknown):
         return None
+    with suppress(NerfnavError):
+        return planning_place(open_place(source), Unknown(unknown)).field
+    return None
 
 
 def title_of(about: RunMetadata) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
@@ -26,6 +25,7 @@ from nerfnav.geometry.similarity import Similarity
 from nerfnav.tracking import Frame, FrameSource, Tracked, Tracker, TrackerConfig, TrackStatus
 from nerfnav.tracking.sources.open_source import SourceOptions, open_source
 
+_OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
 _FPS = 15.0
 """How fast an overlay is played whose source does not tell its rate."""
 
@@ -78,8 +78,8 @@ def run(request: TrackRequest) -> JobEvents:
     if broken is not None:
         kept = f"; what was tracked until then is in {out}" if track else ""
         raise InvalidInputError(f"{broken}{kept}")
-    names = (*files, *sorted(out.glob("overlay.mp4")), *sorted(out.glob("track.mcap")))
-    return JobResult({**summary_of(track), "camera": told, "frame": _frame_in_words(place.info)}, names)
+    pictures = (out / _OVERLAY, out / _RECORDING) if request.pictures else ()
+    return JobResult({**summary_of(track), "camera": told, "frame": _frame_in_words(place.info)}, (*files, *pictures))
 
 
 def summary_of(track: list[Tracked]) -> dict[str, Any]:
@@ -122,15 +122,14 @@ def _viewers(request: TrackRequest, out: Path) -> list[OverlayVideo | TrackRecor
     if not request.pictures:
         return []
     about = {"made by": "nerfnav", "field": request.place, "source": request.source.name, "camera": "OpenCV axes"}
-    overlay = OverlayVideo(out / "overlay.mp4", request.options.fps or _FPS)
-    return [overlay, TrackRecorder(out / "track.mcap", about)]
+    overlay = OverlayVideo(out / _OVERLAY, request.options.fps or _FPS)
+    return [overlay, TrackRecorder(out / _RECORDING, about)]
 
 
 def _shown(place: Field, camera: Camera, tracked: Tracked) -> UInt8[Tensor, "height width 3"] | None:
     if tracked.pose is None:
         return None
-    color = render_image(place, camera, tracked.pose).color
-    return (255 * color.clamp(0, 1)).round().to(torch.uint8).reshape(camera.height, camera.width, 3)
+    return render_image(place, camera, tracked.pose).image
 
 
 def _written(track: list[Tracked], info: FieldInfo, out: Path) -> tuple[Path, ...]:

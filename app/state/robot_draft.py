@@ -56,7 +56,7 @@ class RobotNumber:
     def of(self, told: RobotFile) -> float | None:
         """Its value in people's unit; None where such a robot has none."""
         if self.part == "limits":
-            value = told.limits.get(self.name) if self.name in LIMITS.get(told.kind, {}) else None
+            value = told.limits.get(self.name) if self.name in LIMITS[told.kind] else None
         elif self.part == "camera":
             # the size of a calibrated camera is in its own file
             value = None if told.camera is None or told.camera.file is not None else getattr(told.camera, self.name)

@@ -62,21 +62,20 @@ class Navigator:
         self.config = LiveConfig() if config is None else config
         self.field, self.robot = field, robot
         self.camera, self.mount = robot.camera if camera is None else camera, robot.mount if mount is None else mount
-        self._tracker = self._new_tracker()
+        self._tracker = Tracker(field, self.camera, Guided(robot.name), self.mount, self._settings)
         self._guide = Guide(field, robot, self.config.guide)
         self._last: float | None = None
         self._followed: Guidance | None = None
 
-    def _new_tracker(self) -> Tracker:
+    @property
+    def _settings(self) -> TrackerConfig:
+        """How it is tracked, with what was measured of the field."""
         settings = self.config.tracker
-        if isinstance(self.field, GridField):
-            settings = settings.for_field(self.field.info)
-        return Tracker(self.field, self.camera, Guided(self.robot.name), self.mount, settings)
+        return settings.for_field(self.field.info) if isinstance(self.field, GridField) else settings
 
     def forget(self) -> None:
         """Know nothing of the vehicle: another one comes, or its clock begins anew. What was prepared is kept."""
-        known, self._tracker = self._tracker.searcher, self._new_tracker()
-        self._tracker._searcher = known  # it takes seconds to make
+        self._tracker.forget()
         self._guide.forget()
         self._last = self._followed = None
 

@@ -3,7 +3,6 @@ from .body_file import BodyFile as BodyFile
 from .body_file import Cylinder as Cylinder
 from .couch import Couch as Couch
 from .couch_config import CouchConfig as CouchConfig
-from .description import LIMITS as LIMITS
 from .description import WITH_MASS as WITH_MASS
 from .description import described as described
 from .description import to_yaml as to_yaml
@@ -18,6 +17,7 @@ from .quadrotor_config import QuadrotorConfig as QuadrotorConfig
 from .robot import CAMERA as CAMERA
 from .robot import Limit as Limit
 from .robot import Robot as Robot
+from .robot_file import LIMITS as LIMITS
 from .robot_file import RobotFile as RobotFile
 from .robot_file import decoded as decoded
 from .robot_file import robot_of as robot_of

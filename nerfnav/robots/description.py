@@ -7,21 +7,9 @@ import msgspec
 from nerfnav.robots.body_file import BodyFile
 from nerfnav.robots.camera_file import CameraFile
 from nerfnav.robots.robot import CAMERA
-from nerfnav.robots.robot_file import RobotFile, decoded
+from nerfnav.robots.robot_file import LIMITS, RobotFile, decoded
 from nerfnav.robots.robots import BUNDLED, is_file, load
 
-LIMITS = {
-    "quadrotor": {
-        "thrust": "max_thrust",
-        "tilt": "max_tilt",
-        "speed": "max_speed",
-        "body_rate": "max_rate",
-        "angular_acceleration": "angular_acceleration",
-    },
-    "couch": {name: f"max_{name}" for name in ("speed", "yaw_rate", "force")},
-    "diffdrive": {name: f"max_{name}" for name in ("speed", "yaw_rate", "acceleration", "yaw_acceleration")},
-}
-"""Kind of robot to the limits that its file may have, each with the name in its configuration."""
 WITH_MASS = ("quadrotor", "couch")
 """Kinds of robots that have a mass."""
 
@@ -39,7 +27,7 @@ def described(name: str) -> tuple[RobotFile, Path]:
     else:
         box = BodyFile(box=config.extents, points=config.point_counts)  # type: ignore[union-attr]
         told = RobotFile(name=robot.name, kind=robot.name, body=box)  # type: ignore[arg-type]
-    known = LIMITS.get(told.kind, {})
+    known = LIMITS[told.kind]
     told.limits = {limit: getattr(config, attribute) for limit, attribute in known.items()} or told.limits
     if told.kind in WITH_MASS:
         told.mass = getattr(config, "mass", told.mass)

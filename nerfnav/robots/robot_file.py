@@ -34,6 +34,19 @@ from nerfnav.robots.robot import Robot
 
 SUFFIXES = (".yaml", ".yml")
 """How the names of robots' files end."""
+LIMITS = {
+    "quadrotor": {
+        "thrust": "max_thrust",
+        "tilt": "max_tilt",
+        "speed": "max_speed",
+        "body_rate": "max_rate",
+        "angular_acceleration": "angular_acceleration",
+    },
+    "couch": {name: f"max_{name}" for name in ("speed", "yaw_rate", "force")},
+    "diffdrive": {name: f"max_{name}" for name in ("speed", "yaw_rate", "acceleration", "yaw_acceleration")},
+    "handheld": {},
+}
+"""Kind of robot to the limits that its file may have, each with the name in its configuration."""
 
 
 class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -88,22 +101,12 @@ def _quadrotor(told: RobotFile, known: dict[str, Any]) -> Robot:
     _check_inertia(inertia)
     limits = _limits(
         told,
+        usual,
         thrust=usual.max_thrust / usual.weight * mass * usual.gravity,
-        tilt=usual.max_tilt,
-        speed=usual.max_speed,
         body_rate=usual.max_rate / math.sqrt(larger),
         angular_acceleration=usual.angular_acceleration / larger,
     )
-    config = QuadrotorConfig(
-        mass=mass,
-        inertia=inertia,
-        max_thrust=limits["thrust"],
-        max_tilt=limits["tilt"],
-        max_speed=limits["speed"],
-        max_rate=limits["body_rate"],
-        angular_acceleration=limits["angular_acceleration"],
-        **known,
-    )
+    config = QuadrotorConfig(mass=mass, inertia=inertia, **limits, **known)
     if config.max_thrust <= config.weight:
         raise InvalidInputError(
             f"a thrust of {config.max_thrust:g} N does not lift {mass:g} kg: more than {config.weight:.3g} N are needed"
@@ -116,24 +119,18 @@ def _quadrotor(told: RobotFile, known: dict[str, Any]) -> Robot:
 def _couch(told: RobotFile, known: dict[str, Any]) -> Robot:
     _refuse(told, "inertia")
     usual, mass = CouchConfig(), _above_zero("mass", told.mass)
-    limits = _limits(
-        told, speed=usual.max_speed, yaw_rate=usual.max_yaw_rate, force=usual.max_force / usual.mass * mass
-    )
-    named = {f"max_{name}": value for name, value in limits.items()}
-    return Couch(CouchConfig(mass=mass, **named, **known))
+    limits = _limits(told, usual, force=usual.max_force / usual.mass * mass)
+    return Couch(CouchConfig(mass=mass, **limits, **known))
 
 
 def _diffdrive(told: RobotFile, known: dict[str, Any]) -> Robot:
     _refuse(told, "mass", "inertia")
-    usual = DiffDriveConfig()
-    names = ("speed", "yaw_rate", "acceleration", "yaw_acceleration")
-    limits = _limits(told, **{name: getattr(usual, f"max_{name}") for name in names})
-    return DiffDrive(DiffDriveConfig(**{f"max_{name}": value for name, value in limits.items()}, **known))
+    return DiffDrive(DiffDriveConfig(**_limits(told, DiffDriveConfig()), **known))
 
 
 def _handheld(told: RobotFile, known: dict[str, Any]) -> Robot:
     _refuse(told, "mass", "inertia")
-    _limits(told)
+    _limits(told, None)
     return HandHeld(told.name)
 
 
@@ -142,13 +139,15 @@ _MAKERS: dict[str, Callable[[RobotFile, dict[str, Any]], Robot]] = {
 }  # fmt: skip
 
 
-def _limits(told: RobotFile, **usual: float) -> dict[str, float]:
-    """The limits that were given, else the usual ones of the kind."""
-    unknown = told.limits.keys() - usual
+def _limits(told: RobotFile, usual: Any, **scaled: float) -> dict[str, float]:
+    """The limits that were given, else those `scaled` to its size, else the usual ones; named as configurations do."""
+    named = LIMITS[told.kind]
+    unknown = told.limits.keys() - named
     if unknown:
-        known = ", ".join(usual) or "none"
+        known = ", ".join(named) or "none"
         raise InvalidInputError(f"a {told.kind} has no limit {sorted(unknown)[0]!r}; it has {known}")
-    return {name: _above_zero(name, told.limits.get(name, value)) for name, value in usual.items()}
+    left_out = {name: getattr(usual, attribute) for name, attribute in named.items()} | scaled
+    return {named[name]: _above_zero(name, told.limits.get(name, value)) for name, value in left_out.items()}
 
 
 def _refuse(told: RobotFile, *names: str) -> None:

@@ -7,11 +7,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator import Belief
+from nerfnav.estimator.covariance import POSE
 from nerfnav.geometry import Pose, so3
-from nerfnav.robots import ATTITUDE, POSITION
 from nerfnav.tracking.status import TrackStatus
-
-_POSE = [*range(12)[POSITION], *range(12)[ATTITUDE]]
 
 
 @dataclass(frozen=True)
@@ -52,5 +50,5 @@ class Tracked:
         change[:3, :3] = torch.eye(3)
         change[3:, 3:] = rotation
         change[:3, 3:] = -so3.hat(rotation @ self.mount.position.double()) @ rotation
-        covariance = self.belief.covariance.double()[_POSE][:, _POSE]
+        covariance = self.belief.covariance.double()[POSE][:, POSE]
         return change @ covariance @ change.T

@@ -64,13 +64,17 @@ class Tracker:
         self.field, self.camera, self.mount = field, camera, mount
         self.robot = HandHeld() if robot is None else robot
         self.config = TrackerConfig() if config is None else config
+        self._filters: dict[Camera, FastFilter] = {}
+        self.forget()
+
+    def forget(self) -> None:
+        """Know nothing again: another camera comes, or its clock begins anew. What took long to make is kept."""
         self._belief: Belief | None = None
         self._time: float | None = None
         self._useless = 0
         self._searched: float | None = None
         self._was_known = False
         self._usual: deque[float] = deque(maxlen=self.config.remembered)
-        self._filters: dict[Camera, FastFilter] = {}
         self._generator = torch.Generator().manual_seed(0)
 
     @torch.no_grad()
@@ -87,13 +91,9 @@ class Tracker:
         ms = 1e3 * (time.perf_counter() - begun)
         return Tracked(frame.time, frame.name, status, self._belief, self.mount, ms, difference)
 
-    @property
+    @cached_property
     def searcher(self) -> Searcher:
         """Finds the camera in the field from nothing; its first search takes seconds longer."""
-        return self._searcher
-
-    @cached_property
-    def _searcher(self) -> Searcher:
         return Searcher(self.field, self.compared, self.config.filter.color_noise, self.config.search)
 
     def _filter_of(self, picture: Tensor) -> FastFilter:
@@ -199,7 +199,7 @@ class Tracker:
         if soon or contrast(picture) < self.config.filter.least_contrast:
             return missing, None
         self._searched = now
-        step: RelocaliseStep = deque(self._searcher.relocalise(self.fitted(picture)), maxlen=1).pop()
+        step: RelocaliseStep = deque(self.searcher.relocalise(self.fitted(picture)), maxlen=1).pop()
         if step.outcome is not RelocaliseOutcome.FOUND:
             return missing, None
         pose, still = step.body_poses(self.mount)[0], torch.zeros(3)

@@ -46,11 +46,17 @@ def read_blender(folder: Path) -> Views:
     return Views("Blender", tuple(views))
 
 
-def _views(path: Path, test: bool = False) -> tuple[View, ...]:
+def head_and_frames(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """What a transforms.json says, and its frames. Raises CaptureError where it has none."""
     head = read_json(path)
     frames = head.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
         raise CaptureError(f"{path} has no list of frames: it is not a transforms.json")
+    return head, frames
+
+
+def _views(path: Path, test: bool = False) -> tuple[View, ...]:
+    head, frames = head_and_frames(path)
     undo = _undone(head.get("applied_transform"), path)
     views = []
     for index, frame in enumerate(frames):

@@ -1,6 +1,5 @@
 """A capture whose transforms.json tells when each photograph was taken (`time_s`); its poses are not looked at."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera, read_camera
+from nerfnav.importers.captures.transforms import head_and_frames
 from nerfnav.tracking.frame import Frame, Inertial
 from nerfnav.tracking.sources.pictures import pictures_of
 
@@ -29,8 +29,9 @@ class PosedSource:
     def of(cls, path: Path) -> "PosedSource":
         """The photographs of a capture, in the order of their times. Raises InvalidInputError where one tells none."""
         path = path / _NAME if path.is_dir() else path
-        listed = [_entry(frame, path) for frame in _frames(path)]
-        return cls(tuple(sorted(listed)), _camera_in(path))
+        head, frames = head_and_frames(path)
+        camera = read_camera(path) if "fl_x" in head else None  # which took all of them
+        return cls(tuple(sorted(_entry(frame, path) for frame in frames)), camera)
 
     @property
     def count(self) -> int:
@@ -47,17 +48,7 @@ def is_capture_with_times(path: Path) -> bool:
     path = path / _NAME if path.is_dir() else path
     if path.name != _NAME or not path.is_file():
         return False
-    return any("time_s" in frame for frame in _frames(path))
-
-
-def _frames(path: Path) -> list[dict[str, Any]]:
-    try:
-        frames = json.loads(path.read_text(encoding="utf-8"))["frames"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InvalidInputError(f"{path} has no list of frames: it is not a transforms.json") from error
-    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
-        raise InvalidInputError(f"{path} has no list of frames: it is not a transforms.json")
-    return frames
+    return any("time_s" in frame for frame in head_and_frames(path)[1])
 
 
 def _entry(frame: dict[str, Any], path: Path) -> tuple[float, Path]:
@@ -67,8 +58,3 @@ def _entry(frame: dict[str, Any], path: Path) -> tuple[float, Path]:
     if not isinstance(name, str):
         raise InvalidInputError(f"a frame of {path} has no file_path")
     return float(seconds), path.parent / name
-
-
-def _camera_in(path: Path) -> Camera | None:
-    """What took all of them; None where the file's head does not say. Raises InvalidInputError for no camera."""
-    return read_camera(path) if "fl_x" in json.loads(path.read_text(encoding="utf-8")) else None
