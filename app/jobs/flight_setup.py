@@ -13,16 +13,13 @@ from app.places.derived import occupancy_of, planning_place, searcher_of
 from app.places.place import Place
 from nerfnav.estimator import ColorNoise, FilterConfig, estimators
 from nerfnav.navigation import (
+    WORLDS,
     LoopEvent,
     Mission,
     Pilot,
     Simulator,
-    expecting_physics,
-    in_physical_world,
     navigate,
-    with_inertial_unit,
     with_late_pictures,
-    with_reserve,
     world_generator,
 )
 from nerfnav.navigation.guarded import guarded
@@ -32,30 +29,27 @@ from nerfnav.planner import planners
 def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     """Yield the steps of a flight in a simulator of the place. Raises NerfnavError for unknown names."""
     route, seen_as = request.route, planning_place(place, request.route.unknown)
-    robot, seen_with, physical = place.robot, place.robot.camera, request.world == "physical"
+    robot, seen_with, world = place.robot, place.robot.camera, WORLDS[request.world]
     estimator = estimators.load(request.estimator)
     occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
     config = replace(request.config, open_loop=request.open_loop or request.config.open_loop)
-    config = expecting_physics(config) if physical else config
-    where = seen_as.field, occupancy, with_reserve(robot) if physical else robot
-    moved = with_inertial_unit(robot) if physical else robot
+    config = world.expecting(config)
+    where = seen_as.field, occupancy, world.planned(robot)
     planner, guard = guarded(planners.load(route.planner), where, route.settings, route.again, config.noise)
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     pilot = Pilot(
         planner,
-        estimator.make(place.field, moved, seen_with, mount=robot.mount, config=config.filter),
+        estimator.make(place.field, world.estimated(robot), seen_with, mount=robot.mount, config=config.filter),
         searcher_of(place, seen_with, config.filter.color_noise),
         guard,
     )
     camera, contact = camera_function(place), contact_function(place)
-    simulator = Simulator(
+    simulator = world.simulated(Simulator(
         robot, route.ends.start.state(), camera, world_generator(request.seed), robot.mount,
         noise=config.noise, contact=contact,
-    )  # fmt: skip
-    if physical:
-        simulator = in_physical_world(simulator)
-        pilot = with_late_pictures(pilot, simulator, config.filter)
+    ))  # fmt: skip
+    pilot = with_late_pictures(pilot, simulator, config.filter)
     goal = route.ends.goal.state()
     if request.realtime:  # the first update of a process takes seconds, which no robot waits for on the ground
         for _ in first_update(place, simulator.state):
@@ -73,8 +67,7 @@ def timed(request: FlyRequest, place: Place) -> FlyRequest:
         return request
     seen_as = planning_place(place, route.unknown)
     occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
-    if request.world == "physical":
-        seen_as = replace(seen_as, robot=with_reserve(place.robot))
+    seen_as = replace(seen_as, robot=WORLDS[request.world].planned(place.robot))
     timing = timing_for(route, seen_as, occupancy, keep_dt=True)  # the loop looks around at each step
     return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
 

@@ -19,6 +19,7 @@ from nerfnav.experiments.views import renderer_of
 from nerfnav.field import Unknown, planning_field
 from nerfnav.geometry import Camera, Pose
 from nerfnav.navigation import (
+    WORLDS,
     LoopEvent,
     Mission,
     NavigateConfig,
@@ -26,12 +27,8 @@ from nerfnav.navigation import (
     Pilot,
     Simulator,
     WorldName,
-    expecting_physics,
-    in_physical_world,
     navigate,
-    with_inertial_unit,
     with_late_pictures,
-    with_reserve,
     world_generator,
 )
 from nerfnav.navigation.guarded import guarded
@@ -77,7 +74,7 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
 
 def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     """What is to be planned, in the field with what no camera saw taken for solid."""
-    robot = _careful(task.robot) if trial.world == "physical" else _robot(task.robot)
+    robot = _planned(task.robot, trial.world)
     field = planning_field(arena.field, Unknown.OCCUPIED)
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
     if trial.task is not None:
@@ -87,8 +84,8 @@ def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
 
 
 def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[LoopEvent]:
-    physical, config = trial.world == "physical", NavigateConfig()
-    config = expecting_physics(config) if physical else config
+    world = WORLDS[trial.world]
+    config = world.expecting(NavigateConfig())
     config = replace(config, filter=config.filter.for_field(arena.field.info.noise_std))
     robot, draws = _robot(problem.robot.name), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
@@ -96,14 +93,14 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     planner, guard = guarded(entry, where, settings, again, config.noise)
     contact = contact_check(arena.scene, robot.body)
     look = partial(_black if trial.known else partial(_photo, _renderer(arena)), robot.camera)
-    simulator = Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
-    simulator = in_physical_world(simulator) if physical else simulator
+    simulator = world.simulated(
+        Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
+    )
     if trial.known:
         config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator), guard=guard)
     else:
         make, camera = estimators.load("fast").make, robot.camera
-        moved = with_inertial_unit(robot) if physical else robot
-        estimator = make(arena.field, moved, camera, mount=robot.mount, config=config.filter)
+        estimator = make(arena.field, world.estimated(robot), camera, mount=robot.mount, config=config.filter)
         pilot = Pilot(planner, estimator, _searcher(arena, camera, config.filter.color_noise), guard)
         pilot = with_late_pictures(pilot, simulator, config.filter)
     mission = Mission(problem.goal, problem.steps, problem.dt)
@@ -148,9 +145,9 @@ def _robot(name: str) -> robots.Robot:
 
 
 @lru_cache
-def _careful(name: str) -> robots.Robot:
-    """The same for the physical world."""
-    return with_reserve(_robot(name))
+def _planned(name: str, world: WorldName) -> robots.Robot:
+    """The same as planners take it in a world."""
+    return WORLDS[world].planned(_robot(name))
 
 
 def _words(*numbers: float) -> str:

@@ -26,7 +26,7 @@ from nerfnav.export.limits import Room, within
 from nerfnav.export.recording import Recording
 from nerfnav.export.splines import Samples, fit
 from nerfnav.geometry import so3
-from nerfnav.planner.polynomials import PiecewisePolynomial
+from nerfnav.planner.polynomials import PiecewisePolynomial, uniform_cubic
 from nerfnav.robots import Quadrotor
 
 PLANNED, SMOOTHED = "the plan", "the flown path, smoothed"
@@ -115,10 +115,7 @@ def _spline(recording: Recording) -> Curve:
     rests = bool(np.linalg.norm(ends[1, :3]) < _AT_REST)
     after = [values[-1]] * 2 if rests else [values[-1] + step * ends[1]]
     points = np.concatenate([2 * values[:1] - values[1:2], values, after])
-    p0, p1, p2, p3 = (points[first : len(points) - 3 + first] for first in range(4))
-    coefficients = [(p0 + 4 * p1 + p2) / 6, (p2 - p0) / 2, (p0 - 2 * p1 + p2) / 2, (3 * (p1 - p2) + p3 - p0) / 6]
-    knots = step * torch.arange(len(p0) + 1, dtype=torch.float64)
-    shape = PiecewisePolynomial(knots, torch.from_numpy(np.stack(coefficients, 1)))
+    shape = uniform_cubic(torch.from_numpy(points), step)
     off = np.linalg.norm((shape(torch.tensor(times)).numpy() - values)[:-1, :3], axis=-1)
     return Curve(shape, PLANNED, float(off.max()))
 

@@ -2,12 +2,9 @@
 
 A motion's velocity v_k leads from p_k to p_k+1: it is that of the time between the two. So a vehicle at p with velocity
 v plans from `half_a_step_back`, p - v h / 2, and the motion's p_k belongs to the time t + (k - 1/2) h. With control
-points p_k, continued by a constant acceleration before the first and by rest after the last, knot k has
-
-    position (p_k-1 + 4 p_k + p_k+1) / 6,   velocity (p_k+1 - p_k-1) / 2 h,   acceleration (p_k-1 - 2 p_k + p_k+1) / h^2
-
-and between knots the acceleration is linear: at the time t the curve has the vehicle's own velocity, and every setpoint
-is the derivative of the one before it.
+points p_k, continued by a constant acceleration before the first and by rest after the last, the curve has the
+vehicle's own velocity at the time t, and its acceleration is linear between knots: every setpoint is the derivative of
+the one before it.
 """
 
 from dataclasses import replace
@@ -18,6 +15,7 @@ from torch import Tensor
 
 from nerfnav.geometry import so3
 from nerfnav.live.answer import Setpoint
+from nerfnav.planner.polynomials import PiecewisePolynomial, uniform_cubic
 from nerfnav.robots import Motion, RigidState, unwrapped
 
 
@@ -36,12 +34,8 @@ def half_a_step_back(state: RigidState, dt: float, leaning: RigidState | None = 
 
 def knots(motion: Motion) -> Float[Tensor, "knots 3 3"]:
     """Position [m], velocity and acceleration at the knots, that of p_0 first; the last one is at rest."""
-    points, h = motion.states.position.double(), motion.dt
-    points = torch.cat([points, points[-1:], points[-1:]])
-    points = torch.cat([3 * points[:1] - 3 * points[1:2] + points[2:3], points])
-    before, here, after = points[:-2], points[1:-1], points[2:]
-    values = (before + 4 * here + after) / 6, (after - before) / (2 * h), (before - 2 * here + after) / h**2
-    return torch.stack(values, 1)
+    shape = _spline(motion)
+    return _table(shape, shape.times[:-1])
 
 
 def on_curve(motion: Motion) -> Motion:
@@ -51,16 +45,25 @@ def on_curve(motion: Motion) -> Motion:
 
 def setpoints_of(motion: Motion, time: float) -> tuple[Setpoint, ...]:
     """The motion of a plan that was made at a time [s] from `half_a_step_back`: then, and at each knot after it."""
-    table, h = knots(motion), motion.dt
-    yaws = unwrapped(so3.yaw_of(motion.states.rotation)).double().tolist()
-    begun = (table[0] + table[1]) / 2  # of the acceleration; of the others below, by the cubic between the knots
-    begun[0] = (table[0, 0] + table[1, 0]) / 2 - h**2 / 16 * (table[0, 2] + table[1, 2])
-    begun[1] = (table[0, 1] + table[1, 1]) / 2 + h / 8 * (table[0, 2] - table[1, 2])
-    rows = [(time, begun, yaws[0])]
-    for index in range(1, len(table)):  # yaws are those of the times between the knots
-        pair = yaws[min(index - 1, len(yaws) - 1)], yaws[min(index, len(yaws) - 1)]
-        rows.append((time + (index - 0.5) * h, table[index], sum(pair) / 2))
+    shape, begun = _spline(motion), 0.5 * motion.dt
+    times = torch.cat([shape.times.new_tensor([begun]), shape.times[1:-1]])
+    given = unwrapped(so3.yaw_of(motion.states.rotation)).double()
+    given = torch.cat([given, given[-1:].expand(len(times) - len(given))])
+    yaws = torch.cat([given[:1], (given[:-1] + given[1:]) / 2])  # given are those of the times between the knots
+    rows = zip((time + (times - begun)).tolist(), _table(shape, times), yaws.tolist(), strict=True)
     return tuple(_setpoint(when, values, yaw) for when, values, yaw in rows)
+
+
+def _spline(motion: Motion) -> PiecewisePolynomial:
+    """Its time 0 is that of the knot of p_0; its last segment rests, from the last knot on."""
+    points = motion.states.position.double()
+    points = torch.cat([points, points[-1:].expand(3, -1)])
+    return uniform_cubic(torch.cat([3 * points[:1] - 3 * points[1:2] + points[2:3], points]), motion.dt)
+
+
+def _table(shape: PiecewisePolynomial, times: Float[Tensor, " n"]) -> Float[Tensor, "n 3 3"]:
+    """Position, velocity and acceleration at times."""
+    return torch.stack([shape(times, order) for order in range(3)], 1)
 
 
 def _setpoint(time: float, values: Tensor, yaw: float) -> Setpoint:

@@ -13,9 +13,6 @@ from .simulator import world_generator as world_generator
 from .steps import EpisodeOutcome as EpisodeOutcome
 from .steps import LoopEvent as LoopEvent
 from .steps import NavigationStep as NavigationStep
+from .worlds import WORLDS as WORLDS
 from .worlds import WorldName as WorldName
-from .worlds import expecting_physics as expecting_physics
-from .worlds import in_physical_world as in_physical_world
-from .worlds import with_inertial_unit as with_inertial_unit
 from .worlds import with_late_pictures as with_late_pictures
-from .worlds import with_reserve as with_reserve

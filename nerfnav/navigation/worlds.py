@@ -1,8 +1,9 @@
 """Which world a flight happens in: the paper's, which adds noise to the dynamics, or the physical one."""
 
+from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
 
 from nerfnav.estimator import FilterConfig, StateNoise
 from nerfnav.navigation.mission import NavigateConfig, Pilot
@@ -13,10 +14,15 @@ from nerfnav.navigation.physical.simulator import PhysicalSimulator
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.robots import Quadrotor, Robot
 
+T = TypeVar("T")
 WorldName = Literal["paper", "physical"]
 """The worlds, as users choose them."""
 _GENTLE = 0.4
 """Share of the angular acceleration that plans take for as dear as the weight where rotors have to bring it about."""
+
+
+def _unchanged(thing: T) -> T:
+    return thing
 
 
 def in_physical_world(simulator: Simulator, world: PhysicalConfig | None = None) -> PhysicalSimulator:
@@ -69,3 +75,24 @@ def with_late_pictures(pilot: Pilot, simulator: Simulator, config: FilterConfig)
         config.process_noise,
     )  # fmt: skip
     return replace(pilot, estimator=late)
+
+
+@dataclass(frozen=True)
+class World:
+    """What a flight is told of the world that it happens in; nothing of the paper's."""
+
+    expecting: Callable[[NavigateConfig], NavigateConfig] = _unchanged
+    """How it is flown."""
+    planned: Callable[[Robot], Robot] = _unchanged
+    """The robot as planners take it."""
+    estimated: Callable[[Robot], Robot] = _unchanged
+    """The robot as estimators take it."""
+    simulated: Callable[[Simulator], Simulator] = _unchanged
+    """Where it happens."""
+
+
+WORLDS: dict[WorldName, World] = {
+    "paper": World(),
+    "physical": World(expecting_physics, with_reserve, with_inertial_unit, in_physical_world),
+}
+"""Name to world."""

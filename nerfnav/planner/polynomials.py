@@ -30,6 +30,19 @@ class PiecewisePolynomial:
         return torch.einsum("nk,nka->na", rows / spans[:, None] ** order, self.coefficients[segment])
 
 
+def uniform_cubic(points: Float[Tensor, "n axes"], step: float) -> PiecewisePolynomial:
+    """The uniform cubic B-spline with at least four control points (float64), `step` [s] apart.
+
+    Its time 0 is that of the second one, and it ends at that of the last but one; at control point k between them it is
+
+        p = (c_k-1 + 4 c_k + c_k+1) / 6,   p' = (c_k+1 - c_k-1) / (2 step),   p'' = (c_k-1 - 2 c_k + c_k+1) / step^2
+    """
+    c0, c1, c2, c3 = (points[first : len(points) - 3 + first] for first in range(4))
+    coefficients = [(c0 + 4 * c1 + c2) / 6, (c2 - c0) / 2, (c0 - 2 * c1 + c2) / 2, (3 * (c1 - c2) + c3 - c0) / 6]
+    knots = step * torch.arange(len(c0) + 1, dtype=torch.float64)
+    return PiecewisePolynomial(knots, torch.stack(coefficients, 1))
+
+
 def derivative_rows(u: Float[Tensor, " n"], order: int, terms: int) -> Float[Tensor, "n {terms}"]:
     """What each coefficient adds to the derivative d^order / du^order at u."""
     power = torch.arange(terms, dtype=torch.float64)

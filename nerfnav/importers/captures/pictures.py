@@ -142,27 +142,28 @@ def _window(camera: Camera, distortion: tuple[float, ...]) -> _Window:
 
 def _fisheye_window(camera: Camera) -> _Window:
     """What lies in the picture up to 60 degrees along each axis, shrunk until its corners lie in it too."""
-    reach = torch.from_numpy(_WIDEST * _SHRINKING)
-    none = torch.zeros_like(reach)
-    sides = [torch.stack(side, -1) for side in ((-reach, none), (reach, none), (none, -reach), (none, reach))]
-    left, right, top, bottom = (float(side.sum(-1)[_inside(camera, side)][:1].sum()) for side in sides)
-    across, down = torch.linspace(left, right, _BORDER_POINTS), torch.linspace(top, bottom, _BORDER_POINTS)
-    borders = [torch.stack(torch.broadcast_tensors(x, y), -1) for x, y in (
-        (torch.tensor(left), down), (torch.tensor(right), down), (across, torch.tensor(top)),
-        (across, torch.tensor(bottom)),
-    )]  # fmt: skip
-    border = torch.cat(borders).double()
-    fits = next((share for share in _SHRINKING if bool(_inside(camera, share * border).all())), 0.0)
-    if fits * min(right - left, bottom - top) == 0:
+    left, right, top, bottom = (_reach(camera, *way) for way in ((-1, 0), (1, 0), (0, -1), (0, 1)))
+    along_x, along_y = np.linspace(-left, right, _BORDER_POINTS), np.linspace(-top, bottom, _BORDER_POINTS)
+    sides = ((-left, along_y), (right, along_y), (along_x, -top), (along_x, bottom))
+    border = np.concatenate([np.stack(np.broadcast_arrays(*side), -1) for side in sides])
+    fits = next((share for share in _SHRINKING if _inside(camera, share * border).all()), 0.0)
+    if fits * min(left + right, top + bottom) == 0:
         raise CaptureError("a fisheye's picture shows nothing around its principal point: check its calibration")
-    return _Window(*(float(fits * edge) for edge in (left, right, top, bottom)))
+    return _Window(-fits * left, fits * right, -fits * top, fits * bottom)
 
 
-def _inside(camera: Camera, flat: torch.Tensor) -> torch.Tensor:
+def _reach(camera: Camera, x: float, y: float) -> float:
+    """How far a fisheye's picture goes from its principal point along (x, y), on the plane at depth 1."""
+    lengths = _WIDEST * _SHRINKING
+    return float(lengths[_inside(camera, np.outer(lengths, (x, y)))].max(initial=0.0))
+
+
+def _inside(camera: Camera, flat: np.ndarray) -> np.ndarray:
     """Which points (n, 2) of the plane at depth 1 a fisheye shows in its picture."""
-    u, v = (fisheye_points(flat, camera.distortion) * flat.new_tensor([camera.fx, camera.fy])).unbind(-1)
-    u, v = u + camera.cx, v + camera.cy
-    return (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)  # NaN is not
+    shown = fisheye_points(torch.from_numpy(flat), camera.distortion).numpy()
+    at = shown * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    inside: np.ndarray = (at >= 0) & (at <= (camera.width, camera.height))  # NaN is not
+    return np.logical_and.reduce(inside, axis=1)
 
 
 def _straightened(points: np.ndarray, camera: Camera, distortion: tuple[float, ...]) -> np.ndarray:
