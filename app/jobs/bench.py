@@ -11,8 +11,10 @@ from app.jobs.bench_files import save_bench
 from app.jobs.bench_measures import MEASURES, QUICK, Finder, module_named
 from app.jobs.bench_training import SECONDS, measure_training
 from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_folder
 from nerfnav.extras import from_extra
+from nerfnav.importers.captures.formats import read_views
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,13 @@ class BenchRequest:
 def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     """Yield which comparison is under way, and return all numbers; what cannot be measured is named under `left_out`.
 
-    Raises MissingExtraError where files are asked for, and matplotlib, which draws one of them, is not installed.
+    Raises MissingExtraError where files are asked for, and matplotlib, which draws one of them, is not installed, and
+    InvalidInputError for what is no capture, before anything is measured.
     """
+    if request.capture is not None:
+        read_views(request.capture)
+        for seconds in request.seconds:
+            require_positive(seconds=seconds)
     if request.out is not None:
         from_extra("matplotlib.figure", "experiments", "the plot of bench --out")
     out = None if request.out is None else prepare_folder(request.out)

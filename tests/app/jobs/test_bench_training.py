@@ -51,6 +51,19 @@ def test_a_capture_is_learned_for_each_time_and_judged_on_its_own_test_views(tmp
     assert all(row["views"] == 3 and row["iterations"] > 0 and row["psnr_db"] > 10 for row in rows)
 
 
+@pytest.mark.parametrize("seconds", [(30.0,), (30.0, 0.0)])
+def test_what_cannot_be_learned_is_refused_before_anything_is_measured(
+    tmp_path: Path, seconds: tuple[float, ...]
+) -> None:
+    folder = tmp_path / "capture"
+    folder.mkdir()
+    if 0 in seconds:
+        write_blender(folder)
+    steps = bench.run(BenchRequest(capture=folder, seconds=seconds), lambda name: None)
+    with pytest.raises(InvalidInputError, match="above 0" if 0 in seconds else "capture"):
+        next(iter(steps))
+
+
 def test_a_bench_of_a_capture_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="missing"):
         result_of(bench.run(BenchRequest(capture=tmp_path / "missing"), lambda name: None))
