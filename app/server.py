@@ -35,7 +35,7 @@ class App:
     ) -> None:
         """Nothing is listened at before `start`; with `begun`, its server is used, which whoever gives it stops.
 
-        An app that `remembers` begins with the ends and settings with which the last one left the place.
+        An app that `remembers` begins with the ends, settings and view with which the last one left the place.
         """
         self._host, self._port, self._token = host, port, token
         self._library = PlaceLibrary()

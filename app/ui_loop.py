@@ -63,8 +63,10 @@ class UiLoop:
         self._show()
         shown_at = time.monotonic()
         while (message := self._next()) is not None:
-            until = max(shown_at + _FRAME_S, time.monotonic() + _SETTLED_S)
             changed = self._take(message)
+            # the worker makes no more plans a second than the hand makes moves: none has to wait for a frame
+            frame = 0.0 if self.session.held else _FRAME_S
+            until = max(shown_at + frame, time.monotonic() + _SETTLED_S)
             while (left := until - time.monotonic()) > 0:
                 try:
                     message = self._inbox.get(timeout=left)

@@ -79,6 +79,7 @@ def fly(
         planner,
         FastFilter(problem.field, robot, camera, robot.mount, config=config.filter),
         guard=guard,
+        seen=problem.field,
     )
     contact = None if scene is None else contact_check(scene, robot.body)
     look = _pictures(problem, scene, camera)

@@ -44,7 +44,7 @@ def main() -> None:
 
 def photograph(app: App, page: Page) -> None:
     """Compare planners, plan, fly, and take a picture of each tab where it has most to show."""
-    wait(lambda: app.session.job is None and app.session.place is not None, 60)
+    wait(lambda: app.session.job is None and app.session.surface is not None and not app.session.surface_is_rough, 60)
     page.add_init_script("localStorage.setItem('nerfnav-help-seen', '1')")
     page.goto(f"{app.url}?fixedDpr=1")
     page.add_style_tag(content=_QUIET)

@@ -2,6 +2,7 @@
 
 # isort: off
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -21,3 +22,21 @@ def _own_shelf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv("NERFNAV_RUNS", str(tmp_path_factory.mktemp("shelf")))
         patch.setenv("NERFNAV_PLACES", str(tmp_path_factory.mktemp("places")))
         yield
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With several processes, all browser tests go to one: they have one browser, and it wants a core of its own.
+
+    Without them, neighbours stay in one process, with what they share, until another one has nothing left to do.
+    """
+    from xdist.scheduler import LoadScopeScheduling, WorkStealingScheduling
+
+    if "not browser" in config.getoption("markexpr"):
+        return WorkStealingScheduling(config, log)
+
+    class OneBrowser(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return "tests/browser" if nodeid.startswith("tests/browser/") else nodeid
+
+    return OneBrowser(config, log)

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from app.cli.catalog import COMMANDS
-from app.cli.parsing import parse
+from app.cli.main import COMMANDS, parse
 from tests import test_imports
 
 ROOT = Path(__file__).parents[1]
@@ -81,7 +80,7 @@ def test_every_command_in_contributing_is_understood(words: list[str]) -> None:
 
 def test_contributing_names_the_quick_tests_first_then_all_then_the_other_checks() -> None:
     assert [" ".join(words) for words in commands()] == [
-        "pytest -n auto -m not browser and not slow", "pytest", "ruff check .", "pyright",
+        "pytest -n auto -m not browser and not slow", "pytest -n auto", "ruff check .", "pyright",
         "python -m tests.measure_house",
     ]  # fmt: skip
 

@@ -17,7 +17,7 @@ HEAVY = ("torch", "numpy", "numba", "jaxtyping", "trimesh", "scipy", "cv2", "ski
 
 def test_the_front_imports_nothing_heavy() -> None:
     told = f"import sys, nerfnav; dir(nerfnav); print(*[name for name in {HEAVY} if name in sys.modules])"
-    ran = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True, timeout=60)
+    ran = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True, timeout=300)
     assert ran.stdout.split() == []
 
 

@@ -1,6 +1,7 @@
 """The architecture as the import graph shows it."""
 
 import ast
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LEVELS = (
     ("errors", "kernel_cache", "kernel_locator"),
-    ("structs", "compiled", "files", "extras", "glb", "memory"),
+    ("structs", "steps", "compiled", "files", "extras", "glb", "memory"),
     ("geometry", "cached", "registry"),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
@@ -55,6 +56,8 @@ SETTING_THREADS = ("app.worker", "app.live", "app.cli.progress", "app.benchmarks
 """Modules of app/ that may tell torch how many threads it has."""
 SOURCES = sorted(path for folder in ("nerfnav", "scenes", "app") for path in (ROOT / folder).rglob("*.py"))
 LIBRARY = [path for path in SOURCES if path.is_relative_to(ROOT / "nerfnav")]
+APP = [path for path in SOURCES if path.is_relative_to(ROOT / "app") and path.name != "__init__.py"]
+FACES = sorted((ROOT / "nerfnav").rglob("__init__.pyi"))
 
 
 def module_of(path: Path) -> str:
@@ -103,23 +106,9 @@ def relative(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("path", LIBRARY, ids=relative)
-def test_the_library_imports_only_from_lower_levels(path: Path) -> None:
-    own = package_of(module_of(path))
-    for module in imported(path):
-        assert module.split(".")[0] not in ("app", "scenes"), f"{relative(path)} imports {module}"
-        other = package_of(module)
-        if own is None or other is None or own == other or (own, other) in BESIDE:
-            continue
-        assert level_of(other) < level_of(own), f"{relative(path)} imports {module}, which is not below it"
-
-
-@pytest.mark.parametrize("path", [p for p in LIBRARY if package_of(module_of(p)) in WALL], ids=relative)
-def test_planning_and_estimation_never_see_the_ground_truth(path: Path) -> None:
-    assert not [module for module in imported(path) if package_of(module) == "world"]
-
-
-FACES = sorted((ROOT / "nerfnav").rglob("__init__.pyi"))
+def within(module: str, places: tuple[str, ...]) -> bool:
+    """Whether a module is one of these, or in one of these packages."""
+    return any(module == place or module.startswith(f"{place}.") for place in places)
 
 
 def package_path(stub: Path) -> str:
@@ -133,97 +122,135 @@ def on_the_face(stub: Path) -> dict[tuple[str, str], str]:
     return {(f"{package}.{node.module}", alias.name): package for node in imports for alias in node.names}
 
 
-@cache
-def on_all_faces() -> dict[tuple[str, str], str]:
-    return {name: face for stub in FACES if stub.parent.name != "nerfnav" for name, face in on_the_face(stub).items()}
+def the_library_imports_only_from_lower_levels() -> Iterator[str]:
+    for path in LIBRARY:
+        own = package_of(module_of(path))
+        for module in imported(path):
+            if module.split(".")[0] in ("app", "scenes"):
+                yield f"{relative(path)} imports {module}"
+            other = package_of(module)
+            if own is None or other is None or own == other or (own, other) in BESIDE:
+                continue
+            if not level_of(other) < level_of(own):
+                yield f"{relative(path)} imports {module}, which is not below it"
 
 
-@pytest.mark.parametrize("stub", FACES, ids=relative)
-def test_a_face_imports_nothing_of_its_package_before_it_is_asked_for(stub: Path) -> None:
-    assert imported(stub.with_suffix(".py")) <= {"os", "lazy_loader"}
+def planning_and_estimation_never_see_the_ground_truth() -> Iterator[str]:
+    for path in LIBRARY:
+        if package_of(module_of(path)) in WALL:
+            yield from (f"{relative(path)} imports {name}" for name in imported(path) if package_of(name) == "world")
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=relative)
-def test_what_a_package_has_on_its_face_is_imported_from_there_by_other_packages(path: Path) -> None:
-    for node in nodes_of(path):
-        if isinstance(node, ast.ImportFrom):
-            for alias in node.names:
-                face = on_all_faces().get((node.module or "", alias.name))
-                inside = face is None or within(module_of(path), (face,))
-                assert inside or alias.asname, f"{relative(path)}: {alias.name} is on the face of {face}"
+def a_face_imports_nothing_of_its_package_before_it_is_asked_for() -> Iterator[str]:
+    for stub in FACES:
+        named = imported(stub.with_suffix(".py")) - {"os", "lazy_loader"}
+        yield from (f"{relative(stub.with_suffix('.py'))} imports {name}" for name in named)
 
 
-def test_scenes_do_not_import_the_app() -> None:
+def what_a_package_has_on_its_face_is_imported_from_there_by_other_packages() -> Iterator[str]:
+    faces = {name: face for stub in FACES if stub.parent.name != "nerfnav" for name, face in on_the_face(stub).items()}
+    for path in SOURCES:
+        for node in nodes_of(path):
+            if isinstance(node, ast.ImportFrom):
+                for alias in node.names:
+                    face = faces.get((node.module or "", alias.name))
+                    if face is not None and not within(module_of(path), (face,)) and not alias.asname:
+                        yield f"{relative(path)}: {alias.name} is on the face of {face}"
+
+
+def scenes_do_not_import_the_app() -> Iterator[str]:
     for path in SOURCES:
         if path.is_relative_to(ROOT / "scenes"):
-            assert not [module for module in imported(path) if module.split(".")[0] == "app"], relative(path)
+            yield from (f"{relative(path)} imports {name}" for name in imported(path) if within(name, ("app",)))
 
 
-def test_no_module_imports_itself_through_others() -> None:
+def no_module_imports_itself_through_others() -> Iterator[str]:
     graph = {module_of(path): {name for name in imported(path) if is_module(name)} for path in SOURCES}
     done: set[str] = set()
 
-    def visit(module: str, trail: tuple[str, ...]) -> None:
-        assert module not in trail, f"import cycle: {' -> '.join((*trail, module))}"
-        if module not in done:
+    def visit(module: str, trail: tuple[str, ...]) -> Iterator[str]:
+        if module in trail:
+            yield f"import cycle: {' -> '.join((*trail, module))}"
+        elif module not in done:
             for other in sorted(graph.get(module, ())):
-                visit(other, (*trail, module))
+                yield from visit(other, (*trail, module))
             done.add(module)
 
     for module in graph:
-        visit(module, ())
+        yield from visit(module, ())
 
 
-@pytest.mark.parametrize("path", LIBRARY, ids=relative)
-def test_the_library_has_no_viewer_no_threads_no_arguments_and_no_prints(path: Path) -> None:
-    roots = {module.split(".")[0] for module in imported(path)}
+def the_library_has_no_viewer_no_threads_no_arguments_and_no_prints() -> Iterator[str]:
     banned = {"viser", "threading", "argparse", "tyro", "tqdm", "rich", "concurrent", "multiprocessing"}
-    assert not roots & banned, f"{relative(path)} imports {roots & banned}"
-    for node in nodes_of(path):
-        assert not (isinstance(node, ast.Name) and node.id == "print"), f"{relative(path)} prints"
-        assert not (isinstance(node, ast.Attribute) and node.attr == "argv"), f"{relative(path)} reads argv"
+    for path in LIBRARY:
+        roots = {module.split(".")[0] for module in imported(path)}
+        yield from (f"{relative(path)} imports {name}" for name in roots & banned)
+        for node in nodes_of(path):
+            if isinstance(node, ast.Name) and node.id == "print":
+                yield f"{relative(path)} prints"
+            if isinstance(node, ast.Attribute) and node.attr == "argv":
+                yield f"{relative(path)} reads argv"
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=relative)
-def test_files_stay_small(path: Path) -> None:
-    assert len(path.read_text().splitlines()) <= 270, f"{relative(path)} is too long: split it"
+def files_stay_small() -> Iterator[str]:
+    for path in SOURCES:
+        if len(path.read_text().splitlines()) > 270:
+            yield f"{relative(path)} is too long: split it"
 
 
-APP = [path for path in SOURCES if path.is_relative_to(ROOT / "app") and path.name != "__init__.py"]
+def a_room_of_the_app_imports_only_what_its_row_allows() -> Iterator[str]:
+    for path in APP:
+        room = module_of(path).split(".")[1]
+        if room not in ROOMS:
+            yield f"app/{room} has no row: place it in ROOMS"
+        allowed = tuple(f"app.{name}" for name in (room, *ROOMS.get(room, ())))
+        for module in imported(path):
+            if within(module, ("app",)) and not within(module, allowed):
+                yield f"{relative(path)} imports {module}, which app/{room} may not"
 
 
-def within(module: str, places: tuple[str, ...]) -> bool:
-    """Whether a module is one of these, or in one of these packages."""
-    return any(module == place or module.startswith(f"{place}.") for place in places)
-
-
-@pytest.mark.parametrize("path", APP, ids=relative)
-def test_a_room_of_the_app_imports_only_what_its_row_allows(path: Path) -> None:
-    room = module_of(path).split(".")[1]
-    assert room in ROOMS, f"app/{room} has no row: place it in ROOMS"
-    allowed = tuple(f"app.{name}" for name in (room, *ROOMS[room]))
-    for module in imported(path):
-        if within(module, ("app",)):
-            assert within(module, allowed), f"{relative(path)} imports {module}, which app/{room} may not"
-
-
-def test_the_rooms_stand_on_floors() -> None:
+def the_rooms_stand_on_floors() -> Iterator[str]:
     floors = list(ROOMS)
     for room, others in ROOMS.items():
         for other in others:
-            assert floors.index(other.split(".")[0]) > floors.index(room), f"{room} is below {other}"
+            if not floors.index(other.split(".")[0]) > floors.index(room):
+                yield f"{room} is below {other}"
 
 
-@pytest.mark.parametrize("path", APP, ids=relative)
-def test_viser_threads_and_torchs_settings_are_named_where_they_belong(path: Path) -> None:
-    module = module_of(path)
-    for name, places in ONLY_IN.items():
-        named = [other for other in imported(path) if within(other, (name,)) and other != "viser.transforms"]
-        assert not named or within(module, places), f"{relative(path)} imports {named}"
-    if not within(module, SETTING_THREADS):
-        assert "set_num_threads" not in path.read_text(), f"{relative(path)} sets torch's threads"
+def viser_threads_and_torchs_settings_are_named_where_they_belong() -> Iterator[str]:
+    for path in APP:
+        module = module_of(path)
+        for name, places in ONLY_IN.items():
+            named = [other for other in imported(path) if within(other, (name,)) and other != "viser.transforms"]
+            if named and not within(module, places):
+                yield f"{relative(path)} imports {named}"
+        if not within(module, SETTING_THREADS) and "set_num_threads" in path.read_text():
+            yield f"{relative(path)} sets torch's threads"
 
 
-@pytest.mark.parametrize("path", [p for p in SOURCES if p.name == "__init__.py" and "app" in p.parts], ids=relative)
-def test_packages_of_the_app_are_empty_so_that_the_page_is_shown_before_torch_is_imported(path: Path) -> None:
-    assert not imported(path)
+def packages_of_the_app_are_empty_so_that_the_page_is_shown_before_torch_is_imported() -> Iterator[str]:
+    for path in SOURCES:
+        if path.name == "__init__.py" and path.is_relative_to(ROOT / "app") and imported(path):
+            yield f"{relative(path)} imports {imported(path)}"
+
+
+RULES: tuple[Callable[[], Iterator[str]], ...] = (
+    the_library_imports_only_from_lower_levels,
+    planning_and_estimation_never_see_the_ground_truth,
+    a_face_imports_nothing_of_its_package_before_it_is_asked_for,
+    what_a_package_has_on_its_face_is_imported_from_there_by_other_packages,
+    scenes_do_not_import_the_app,
+    no_module_imports_itself_through_others,
+    the_library_has_no_viewer_no_threads_no_arguments_and_no_prints,
+    files_stay_small,
+    a_room_of_the_app_imports_only_what_its_row_allows,
+    the_rooms_stand_on_floors,
+    viser_threads_and_torchs_settings_are_named_where_they_belong,
+    packages_of_the_app_are_empty_so_that_the_page_is_shown_before_torch_is_imported,
+)
+"""Each yields a sentence for whatever breaks it, in all files."""
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+def test_nothing_breaks_the_rule(rule: Callable[[], Iterator[str]]) -> None:
+    assert not list(rule())

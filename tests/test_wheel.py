@@ -22,7 +22,7 @@ import viser
 import zstandard
 from websockets.sync.client import connect
 
-from tests.waiting import free_port
+from tests.waiting import PATIENCE_S, free_port
 from tests.wheel_environment import ROOT, build, install
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -124,7 +124,7 @@ def test_a_quick_bench(installed: Installed) -> None:
 
 def test_the_page_has_its_name_its_logo_and_its_icons(installed: Installed) -> None:
     with served(installed) as url:
-        with urllib.request.urlopen(url, timeout=60) as answer:
+        with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
             page = answer.read()
         assert b"<title>nerfnav</title>" in page
         assert data_url("favicon.svg") in page
@@ -148,7 +148,7 @@ def served(installed: Installed) -> Iterator[str]:
         finally:
             server.terminate()  # not SIGINT, which whoever runs in the background ignores
             try:
-                server.wait(60)
+                server.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
                 server.kill()
                 raise

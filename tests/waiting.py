@@ -1,14 +1,18 @@
 """How tests wait: for what they need, and long enough for a machine that is busy with other things."""
 
+import os
 import random
 import socket
 import time
 from collections.abc import Callable
 from typing import Any
 
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 """How long anything may take that takes a moment on an idle machine [s]."""
-_PORTS = range(20_000, 32_000)  # below those that connections of this machine are given
+_WORKERS = 16
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]) % _WORKERS
+_PORTS = range(20_000, 32_000)[_WORKER::_WORKERS]  # below those that connections of this machine are given
+"""This process's own: between being found free and being listened at, no other test can take a port."""
 
 
 def until(condition: Callable[[], Any], complaint: str, timeout_s: float = PATIENCE_S) -> None:

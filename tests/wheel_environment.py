@@ -25,7 +25,7 @@ def build(folder: Path) -> tuple[Path, Path]:
         else:
             shutil.copy2(ROOT / part, source / part)
     command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder / "dist"), str(source)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout + done.stderr
     (wheel,), (sdist,) = (folder / "dist").glob("*.whl"), (folder / "dist").glob("*.tar.gz")
     return wheel, sdist
@@ -37,12 +37,12 @@ def install(wheel: Path, folder: Path) -> Path:
     What the wheel declares, without extras, and what that declares in turn is linked from the environment of the
     tests, and nothing else. pip then installs the wheel without an index: it fails where anything is missing.
     """
-    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True, timeout=120)
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True, timeout=900)
     (site,) = folder.glob("lib/python*/site-packages")
     for name in closure(_requirements(wheel)):
         _link(name, site)
     pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "--no-index", str(wheel)]
-    done = subprocess.run(pip, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(pip, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr
     return folder / "bin"
 

@@ -8,7 +8,7 @@ from tyro.conf import Positional
 from app.cli.progress import follow
 from app.cli.terminal import show
 from app.jobs.bake import bake_file
-from app.places.opening import field_file
+from app.places.place import field_file
 from nerfnav.field import load_field
 
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.cli.planner_arguments import planner_of
 from app.cli.progress import follow
-from app.cli.route_arguments import Route
+from app.cli.route_arguments import Route, planner_of
 from app.cli.terminal import note, show
 from app.jobs.fly import run as run_job
 from app.jobs.fly_request import FlyRequest

@@ -8,7 +8,7 @@ from tyro.conf import Positional
 from app.cli.field_picture import write_picture
 from app.cli.info_geometry import freedom_of, geometry_of, grain, truth_of
 from app.cli.terminal import show
-from app.places.opening import field_file
+from app.places.place import field_file
 from nerfnav.experiments import in_words
 from nerfnav.field import load_field
 

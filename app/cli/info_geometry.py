@@ -6,7 +6,7 @@ from typing import Any
 import torch
 
 import scenes
-from app.places.opening import ground_truth
+from app.places.place import ground_truth
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments import Freedom, GeometryReport, freedom_alone, freedom_on_mesh, measure_geometry
 from nerfnav.field import NeuralField, StoredField

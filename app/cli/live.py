@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from app.cli.terminal import note
 from app.live.server import LiveServer
-from app.places.opening import open_place
+from app.places.place import open_place
 from app.security.address import check_address
 from app.security.token import check_token
 from nerfnav.geometry import read_camera

@@ -9,7 +9,7 @@ from app.cli.progress import follow
 from app.cli.terminal import show
 from app.jobs.map import MapRequest
 from app.jobs.map import run as run_job
-from app.places.opening import field_file
+from app.places.place import field_file
 from nerfnav.field import load_field
 
 

@@ -21,6 +21,14 @@ def numbers(words: list[str], what: str) -> tuple[float, ...]:
     return read
 
 
+def counted(what: str, count: int, words: list[str]) -> tuple[float, ...]:
+    """So many numbers. Raises ValueError, which names `what` they are, for more or less of them."""
+    read = numbers(words, what)
+    if len(read) != count:
+        raise ValueError(f"{what} takes {count} numbers, not {len(read)}")
+    return read
+
+
 def in_words(metavar: str, read: Callable[[list[str]], tuple[float, ...]]) -> PrimitiveConstructorSpec[Any]:
     """How tyro makes an argument, None where it is not given, of words that help calls `metavar`."""
     return PrimitiveConstructorSpec(

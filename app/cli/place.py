@@ -7,10 +7,10 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from app.cli.number_arguments import in_words
+from app.cli.number_arguments import counted, in_words
 from app.cli.progress import follow
 from app.cli.terminal import show
-from app.cli.train import Corners, Up, counted, vector
+from app.cli.train import Corners, Up, vector
 from app.jobs.place_field import PlaceRequest
 from app.jobs.place_field import run as run_job
 from nerfnav.importers.correction import Correction

@@ -1,18 +1,20 @@
-"""Progress bar on stderr while a job works."""
+"""Progress bar on stderr while a job works, and what Ctrl-C does to it."""
 
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
 
-from app.cli.event_words import tell
-from app.cli.interrupts import stop_on_interrupt
+from app.cli.terminal import note
 from app.jobs.events import JobEvents, JobResult, Progress
-from app.system.threads import TORCH_THREADS
+from app.system import TORCH_THREADS
+from nerfnav.field import TrainStep
+from nerfnav.navigation import NavigationStep
+from nerfnav.planner import PlanStep
 
 
 def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
@@ -22,7 +24,7 @@ def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
     """
     torch.set_num_threads(TORCH_THREADS)
     answer: bool | None = None
-    with _bar() as (bars, task), stop_on_interrupt(can_stop_early) as stop:
+    with _bar() as (bars, task), _stop_on_interrupt(can_stop_early) as stop:
         while True:
             try:
                 event = job.send(answer)
@@ -30,13 +32,13 @@ def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
                 return end.value
             if isinstance(event, Progress):
                 bars.update(task, description=event.label, completed=event.fraction)
-            elif told := tell(event):
+            elif told := _told_of(event):
                 bars.update(task, told=told)
             answer = stop.asked or None
 
 
 @contextmanager
-def _bar() -> Iterator[tuple[Bars, Any]]:
+def _bar() -> Iterator[tuple[Bars, TaskID]]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -47,3 +49,42 @@ def _bar() -> Iterator[tuple[Bars, Any]]:
     console = Console(stderr=True)
     with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
         yield bars, bars.add_task("starting", total=1.0, told="")
+
+
+def _told_of(event: object) -> str:
+    """What a progress bar says of an event besides its fraction; empty for most events."""
+    match event:
+        case PlanStep():
+            return f"iteration {event.iteration + 1}, J = {event.cost.total:.4g}"
+        case TrainStep():
+            speed = f"{event.rays_per_s / 1e3:.0f} k rays/s"
+            return f"PSNR {event.psnr_db:.1f} dB, {speed}, {event.seconds_left:.0f} s left"
+        case NavigationStep():
+            error = (event.truth.position - event.belief.mean.position).norm().item()
+            return f"step {event.index}, {event.time:.1f} s, believed position off by {100 * error:.1f} cm"
+    return ""
+
+
+class _Stop:
+    asked = False
+    """Whether Ctrl-C was pressed."""
+
+
+@contextmanager
+def _stop_on_interrupt(enabled: bool) -> Iterator[_Stop]:
+    """Turn the first Ctrl-C inside the block into `asked`; the second one interrupts as usual."""
+    stop = _Stop()
+    if not enabled:
+        yield stop
+        return
+
+    def ask(*_signal_and_frame: object) -> None:
+        stop.asked = True
+        signal.signal(signal.SIGINT, before)
+        note("stopping, and keeping what was done so far (Ctrl-C again gives it up)")
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)

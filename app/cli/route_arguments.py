@@ -1,20 +1,33 @@
-"""Arguments that several subcommands share."""
+"""Arguments of a route, for the subcommands that plan: the place, start and goal, the planner."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from itertools import pairwise
+from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
-from app.cli.end_arguments import EndNumbers, end_of
-from app.cli.planner_arguments import PLANNER
-from app.jobs.plan_request import PlanRequest
-from app.jobs.validation import require_not_negative
-from app.places.ends import Ends
-from app.places.opening import open_place
-from app.places.place import Place
-from nerfnav.errors import InvalidInputError
+from app.cli.number_arguments import in_words, numbers
+from app.jobs.plan import PlanRequest
+from app.places.ends import End, Ends
+from app.places.place import Place, open_place
+from nerfnav.errors import InvalidInputError, require_not_negative
 from nerfnav.field import Unknown
-from nerfnav.planner import PlannerConfig
+from nerfnav.planner import PlannerConfig, PlannerEntry, planners
+
+PLANNER = "fast"
+"""Which planner is used where none is named."""
+
+
+def _end_numbers(words: list[str]) -> tuple[float, ...]:
+    read = numbers(words, "an end")
+    if len(read) not in (3, 4):
+        raise ValueError(f"an end is X Y Z or X Y Z YAW, not {len(read)} numbers")
+    return read
+
+
+EndNumbers = Annotated[tuple[float, ...] | None, in_words("X Y Z [YAW]", _end_numbers)]
+"""Where a flight starts or ends, as words of a command line [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +100,7 @@ class Route:
         """Start and goal. Raises InvalidInputError where they cannot be told from what was said."""
         tasks = place.tasks
         if self.start is not None and self.goal is not None and self.task is None:
-            return Ends(end_of(self.start), end_of(self.goal))
+            return Ends(_end_of(self.start), _end_of(self.goal))
         if self.start is not None or self.goal is not None:
             raise InvalidInputError("give either --task, or both --start and --goal")
         if not tasks:
@@ -96,3 +109,16 @@ class Route:
         if not 0 <= number < len(tasks):
             raise InvalidInputError(f"{place.name} has tasks 0 to {len(tasks) - 1}, not {number}")
         return Ends.of_task(tasks[number])
+
+
+def _end_of(read: tuple[float, ...]) -> End:
+    return End((read[0], read[1], read[2]), read[3] if len(read) == 4 else 0.0)
+
+
+def planner_of(words: Sequence[str]) -> PlannerEntry:
+    """The planner that the words of a command line ask for. Raises UnknownNameError, which lists the known ones."""
+    planner = PLANNER
+    for word, following in pairwise([*words, ""]):
+        if word == "--planner" or word.startswith("--planner="):
+            planner = word.partition("=")[2] or following
+    return planners.load(planner)

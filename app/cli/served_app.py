@@ -3,7 +3,7 @@
 import sys
 
 from app.page.layers.field_surface import FieldSurfaceLayer
-from app.system.fast_imports import importing
+from app.system import importing
 
 _SWITCH_S = 0.001
 """How long the worker may keep the interpreter when the page wants it; a click needs it several times."""

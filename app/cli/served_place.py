@@ -27,7 +27,7 @@ def _bundled(scene: str) -> Path:
 def check(place: str) -> None:
     """Raise NerfnavError where there is no such scene or file, or it is nothing that can be opened."""
     import scenes
-    from app.places.opening import field_file
+    from app.places.place import field_file
     from nerfnav.field import load_field
     from nerfnav.importers import source_kind
 

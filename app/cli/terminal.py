@@ -32,6 +32,9 @@ def _flat(summary: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]
     for name, value in summary.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name} ")
+        elif isinstance(value, list) and value and all(isinstance(entry, dict) for entry in value):
+            for number, entry in enumerate(value, 1):
+                yield from _flat(entry, f"{prefix}{name} {number} ")
         else:
             yield prefix + name, value
 

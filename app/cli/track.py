@@ -1,16 +1,22 @@
 """nerfnav track: where a camera was while it took pictures."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
+from app.cli.number_arguments import counted, in_words
 from app.cli.progress import follow
 from app.cli.terminal import show
+from app.jobs.given_imu import GivenImu
 from app.jobs.given_picture import GivenCamera
 from app.jobs.track import TrackRequest
 from app.jobs.track import run as run_job
 from nerfnav.tracking.sources.open_source import SourceOptions
+
+Mount = Annotated[tuple[float, ...] | None, in_words("X Y Z QX QY QZ QW", partial(counted, "imu-mount", 7))]
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,12 @@ class Arguments:
     """Pictures in a second, for sources that tell no times."""
     topic: str | None = None
     """Name of the pictures that are meant, where a recording has several: a topic, or cam1 of an EuRoC folder."""
+    imu: bool = False
+    """Let the source's inertial measurements (sensor_msgs/Imu, imu0) lead from picture to picture, in a field in
+    metres whose z axis is up: quick turns are followed at few pictures in a second."""
+    imu_mount: Mount = None
+    """How the camera is mounted on the unit, where the source does not say: x y z [m] qx qy qz qw of T_imu_camera, the
+    camera x right, y down, z ahead. Means --imu."""
     pictures: bool = True
     """Write overlay.mp4 and track.mcap, too (the latter needs the extra [ros])."""
     json: bool = False
@@ -47,6 +59,7 @@ def run(arguments: Arguments) -> None:
         arguments.out,
         GivenCamera(arguments.camera, fov_deg=arguments.fov),
         SourceOptions(arguments.fps, arguments.topic),
+        GivenImu(arguments.imu_mount) if arguments.imu or arguments.imu_mount is not None else None,
         arguments.pictures,
     )
     result = follow(run_job(request))

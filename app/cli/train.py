@@ -7,21 +7,14 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from app.cli.number_arguments import in_words, numbers
+from app.cli.number_arguments import counted, in_words
 from app.cli.progress import follow
 from app.cli.terminal import show
 from app.jobs.train import run as run_job
+from app.jobs.training_data.quality import QualityName
 from app.jobs.training_data.request import NeuralOptions, Photographs, TrainRequest
 from nerfnav.importers import MeshOptions, Placement
 from nerfnav.importers.placement import AXES
-
-
-def counted(what: str, count: int, words: list[str]) -> tuple[float, ...]:
-    """So many numbers. Raises ValueError, which names `what` they are, for more or less of them."""
-    read = numbers(words, what)
-    if len(read) != count:
-        raise ValueError(f"{what} takes {count} numbers, not {len(read)}")
-    return read
 
 
 def _up(words: list[str]) -> tuple[float, ...]:
@@ -82,10 +75,15 @@ class Arguments:
     """A bundled scene's name, a mesh file, or a capture: its folder, its transforms.json, or a .zip of it."""
     out: Path
     """File for the field."""
+    quality: QualityName = "good"
+    """draft: coarser and briefer, to fly in soon; good: as the place's size and its pictures ask for; best: as fine as
+    its pictures' pixels, and four times as long."""
     budget: float | None = None
     """Time to train [s], in place of a number of iterations; the result then depends on the machine."""
     iterations: int | None = None
     """Training steps; by default as many as the source asks for."""
+    save_every: float | None = None
+    """Time between two fields of what is learned so far [s]: each replaces FILE, so that one can plan in it already."""
     seed: int = 0
     """Seed of the camera's poses and of the training."""
     voxel: float | None = None
@@ -112,6 +110,8 @@ def run(arguments: Arguments) -> None:
     request = TrainRequest(
         arguments.source,
         arguments.out,
+        quality=arguments.quality,
+        save_every=arguments.save_every,
         seed=arguments.seed,
         iterations=arguments.iterations,
         budget=arguments.budget,

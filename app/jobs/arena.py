@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from app.places.opening import open_place
+from app.places.place import open_place
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments import Arena
 from nerfnav.field import VoxelField

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from app.jobs.stored_numbers import numbers_of
-from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_file
+from nerfnav.errors import require_positive
 from nerfnav.field import BakeConfig, BakeStep, Field, StoredField, VoxelField, save_field
 from nerfnav.field.bake import bake
 

@@ -11,8 +11,8 @@ from app.jobs.bench_files import save_bench
 from app.jobs.bench_measures import MEASURES, QUICK, Finder, module_named
 from app.jobs.bench_training import SECONDS, measure_training
 from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_folder
+from nerfnav.errors import require_positive
 from nerfnav.extras import from_extra
 from nerfnav.importers.captures.formats import read_views
 
@@ -58,6 +58,9 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     if (busy := find("busy")) is not None:
         yield Progress("measuring beside busy processes", 0.9)
         summary["busy"] = busy.measure(arena, **(QUICK["busy"] if request.quick else {}))
+    if (cold := find("cold")) is not None:
+        yield Progress("measuring first plans of new processes", 0.92)
+        summary["cold"] = cold.measure(request.place, **(QUICK["cold"] if request.quick else {}))
     if request.capture is not None:
         summary["training"] = yield from measure_training(request.capture, request.seconds)
     summary |= {

@@ -14,6 +14,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "render": {"pictures": 1, "size": 60},
     "train_step": {"rays": 256, "rounds": 1},
     "busy": {"tasks": 1, "rounds": 1},
+    "cold": {"rounds": 1},
     "scaling": {"repeats": 10, "tasks": 2},
 }
 """What a quick bench asks of each measure, in place of its own defaults."""

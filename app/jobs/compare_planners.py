@@ -4,13 +4,12 @@ from collections.abc import Generator
 
 from app.jobs import plan
 from app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, PlannerCompared, PlannerResult, Progress
-from app.jobs.plan_request import PlanRequest
 from app.places.place import Place
 from nerfnav.errors import NerfnavError
 from nerfnav.planner import PlanStep
 
 
-def run(routes: list[PlanRequest], place: Place) -> JobEvents:
+def run(routes: list[plan.PlanRequest], place: Place) -> JobEvents:
     """Yield what each planner has found, in the order of `routes`; a planner that refuses says why."""
     for number, route in enumerate(routes):
         yield Progress(f"planning with {route.planner}", number / len(routes))
@@ -19,7 +18,7 @@ def run(routes: list[PlanRequest], place: Place) -> JobEvents:
 
 
 def _result(
-    route: PlanRequest, place: Place, number: int, count: int
+    route: plan.PlanRequest, place: Place, number: int, count: int
 ) -> Generator[JobEvent, bool | None, PlannerResult]:
     last, planning = None, JobRun(plan.run(route, place))
     try:

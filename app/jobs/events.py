@@ -10,10 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from jaxtyping import UInt8
+from torch import Tensor
+
 from app.places.place import Place
 from nerfnav.field import TrainStep
 from nerfnav.navigation import LoopEvent
 from nerfnav.robots import Motion
+from nerfnav.tracking import Tracked
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,9 @@ class SurfaceShaped:
     """The field can be seen."""
 
     glb: bytes
-    """Binary glTF, unlit, world axes."""
+    """Binary glTF, unlit, world axes; empty where nothing is dense enough to be seen."""
+    rough: bool = False
+    """Whether it has colours at its corners, and no texture yet."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,19 @@ class PlannerCompared:
     result: PlannerResult
 
 
-JobEvent = LoopEvent | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade
+@dataclass(frozen=True)
+class FrameTracked:
+    """A picture of a camera that is followed was looked at."""
+
+    tracked: Tracked
+    """Where the camera was."""
+    seen: UInt8[Tensor, "height width 3"] | None = field(default=None, repr=False)
+    """The picture, as it was compared; None where nobody wants to see it."""
+    shown: UInt8[Tensor, "height width 3"] | None = field(default=None, repr=False)
+    """What the field shows from there; None likewise, and where nobody knows where that is."""
+
+
+JobEvent = LoopEvent | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | FrameTracked
 
 JobReport = JobEvent | JobFinished | JobFailed
 """What is told of a job that runs: what it yields, then how it ended."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from app.jobs.events import FileMade, JobEvents, JobResult, Progress
 from app.jobs.recorded import planned_in, read_run
 from app.jobs.surface import surface_of
-from app.places.opening import open_place
+from app.places.place import open_place
 from app.storage.output_files import prepare_file, write_bytes
 from app.storage.run_metadata import RunMetadata
 from app.storage.run_store import RunStore

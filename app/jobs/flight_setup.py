@@ -43,6 +43,7 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
         estimator.make(place.field, world.estimated(robot), seen_with, mount=robot.mount, config=config.filter),
         searcher_of(place, seen_with, config.filter.color_noise),
         guard,
+        place.field,
     )
     camera, contact = camera_function(place), contact_function(place)
     simulator = world.simulated(Simulator(
@@ -68,7 +69,9 @@ def timed(request: FlyRequest, place: Place) -> FlyRequest:
     seen_as = planning_place(place, route.unknown)
     occupancy = occupancy_of(seen_as, route.settings.occupancy, route.ends.start.position[2])
     seen_as = replace(seen_as, robot=WORLDS[request.world].planned(place.robot))
-    timing = timing_for(route, seen_as, occupancy, keep_dt=True)  # the loop looks around at each step
+    settings = route.again or planners.load(route.planner).again(route.settings)  # with the risk that flights count
+    asked = replace(route, config=settings)
+    timing = timing_for(asked, seen_as, occupancy, keep_dt=True)  # the loop looks around at each step
     return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
 
 

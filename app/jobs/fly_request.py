@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.jobs.plan_request import PlanRequest
+from app.jobs.plan import PlanRequest
 from nerfnav.navigation import NavigateConfig, Orders, WorldName
 from nerfnav.robots import Motion
 

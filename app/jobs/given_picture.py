@@ -5,26 +5,29 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera, read_camera
+from nerfnav.importers.stored_picture import focal_35mm, read_picture
 
 _DIAGONAL_35MM = 43.27
 """Of 35 mm film [mm]."""
 
 
-def read_image(path: Path) -> UInt8[Tensor, "height width 3"]:
-    """A picture file as RGB. Raises InvalidInputError where it is none."""
+def read_image(path: Path, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
+    """A picture file as RGB; `aspect` is the width over the height of its camera, where that is known.
+
+    Raises InvalidInputError where it is none.
+    """
     if not path.is_file():
         raise InvalidInputError(f"there is no picture {path}")
-    pixels = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if pixels is None:
-        raise InvalidInputError(f"{path} cannot be read as a picture: give a PNG or JPEG file")
-    return torch.from_numpy(pixels[..., ::-1].copy())
+    try:
+        return torch.from_numpy(read_picture(path.read_bytes(), aspect).pixels[..., :3].copy())
+    except (OSError, InvalidInputError) as error:
+        raise InvalidInputError(f"{path} cannot be read as a picture: give a PNG or JPEG file") from error
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,13 @@ class GivenCamera:
     """fx, fy, cx, cy [pixels]."""
     fov_deg: float | None = None
     """Horizontal field of view [degrees]."""
+
+    def aspect(self, remembered: tuple[float, ...]) -> float | None:
+        """Width over height of the camera's pictures, where it is known: `remembered` is what the field says of it."""
+        if self.calibration is not None:
+            return read_camera(self.calibration).aspect
+        known = remembered and self.intrinsics is None and self.fov_deg is None
+        return Camera.of_numbers(remembered).aspect if known else None
 
 
 def camera_of(
@@ -63,18 +73,8 @@ def camera_of(
     if remembered:
         with suppress(InvalidInputError):
             return Camera.of_numbers(remembered).for_picture(width, height), "the camera of the field's photographs"
-    focal_mm = None if path is None else focal_35mm(path)
+    focal_mm = None if path is None else focal_35mm(path.read_bytes())
     if focal_mm is not None:
         focal = focal_mm * math.hypot(width, height) / _DIAGONAL_35MM
         return Camera(width, height, focal, focal, width / 2, height / 2), f"guessed: {focal_mm:g} mm by EXIF"
     return Camera.from_fov(width, height, 90), "guessed: 90 degrees"
-
-
-def focal_35mm(path: Path) -> float | None:
-    """Focal length [mm] as on 35 mm film that a picture's EXIF tells; None where it tells none."""
-    from PIL import ExifTags, Image  # slow to import, and few pictures come without a camera
-
-    with suppress(OSError, ValueError, SyntaxError), Image.open(path) as picture:
-        told = picture.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
-        return float(told) if told else None
-    return None

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.jobs.validation import require_positive
+from nerfnav.errors import require_positive
 from nerfnav.importers import (
     Placement,
 )

@@ -9,10 +9,14 @@ from torch import Tensor
 from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.given_picture import GivenCamera, camera_of, read_image
 from app.jobs.localize_summary import summary_of
-from app.places.opening import field_file
-from nerfnav.estimator import ColorNoise, Searcher
+from app.places.place import field_file
+from nerfnav.estimator import ColorNoise, RelocaliseConfig, Searcher
 from nerfnav.estimator.verdict import check_image
-from nerfnav.field import load_field
+from nerfnav.field import StoredField, load_field
+from nerfnav.geometry import Camera
+
+_AROUND = 0.5
+"""Share of the work that is done once the field was looked at from everywhere."""
 
 
 @dataclass(frozen=True)
@@ -29,24 +33,32 @@ class LocalizeRequest:
 
 def run(request: LocalizeRequest) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was. Raises NerfnavError for bad requests."""
-    image = read_image(request.image)
     place = load_field(field_file(request.place))
+    image = read_image(request.image, request.camera.aspect(place.info.camera))
     camera, told = camera_of(image, request.camera, place.info.camera, request.image)
-    found = yield from search(Searcher(place, camera, ColorNoise().measured(place.info.noise_std)), image)
+    found = yield from search(searcher_in(place, camera), image)
     return replace(found, summary={**found.summary, "camera": told})
+
+
+def searcher_in(field: StoredField, camera: Camera) -> Searcher:
+    """What finds a camera in a field, by all that the field remembers."""
+    return Searcher(
+        field, camera, ColorNoise().measured(field.info.noise_std), RelocaliseConfig().for_field(field.info)
+    )
 
 
 def search(searcher: Searcher, image: Tensor) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was."""
     check_image(image, searcher.camera)
-    yield Progress("looking around in the field", 0.0)
     begun = time.perf_counter()
-    searcher.looks  # noqa: B018 - made here, so that it is timed on its own
+    yield Progress("looking around in the field", 0.0)
+    for share in searcher.prepare():  # here, so that it is timed on its own
+        yield Progress("looking around in the field", _AROUND * share)
     looks_s = time.perf_counter() - begun
     begun, step = time.perf_counter(), None
     for step in searcher.relocalise(image):
         yield step
-        yield Progress("comparing", step.fraction)
+        yield Progress("comparing", _AROUND + (1 - _AROUND) * step.fraction)
     assert step is not None, "a search yields at least one step"
     seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
     return JobResult(summary_of(step) | seconds)

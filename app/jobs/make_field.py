@@ -6,6 +6,7 @@ from app.jobs import import_field, train
 from app.jobs.events import JobEvents
 from app.jobs.import_request import ImportRequest
 from app.jobs.train import TrainRequest
+from app.places.learning import BUDGETS_S, USUAL, QualityName
 from nerfnav.errors import NerfnavError
 from nerfnav.field import load_field
 from nerfnav.importers import field_name
@@ -13,15 +14,12 @@ from nerfnav.importers.field_names import own_folder
 from nerfnav.importers.meshes.folders import meshes_in_archive
 from nerfnav.importers.suffixes import ARCHIVES
 
-BUDGET_S = 60.0
-"""Time that is spent on learning a field [s]: enough to fly in, short enough to wait for."""
 
-
-def run(source: Path, out: Path) -> JobEvents:
+def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:
     """Yield what training or importing yields, and leave the field in `out`; NeRFs are baked, to be quick."""
     if import_field.imports(source):
         return import_field.run(ImportRequest(source, out))
-    return train.run(TrainRequest(str(source), out, budget=BUDGET_S))
+    return train.run(TrainRequest(str(source), out, quality=quality, budget=BUDGETS_S[quality]))
 
 
 def made_before(source: Path) -> Path | None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.jobs.events import FileMade, JobEvents, JobResult, Progress
-from app.jobs.validation import require_positive
 from app.storage.output_files import prepare_file, write_bytes
+from nerfnav.errors import require_positive
 from nerfnav.export import map_files
 from nerfnav.export.occupancy_map import check_ending
 from nerfnav.field import StateGrid, StoredField, VoxelState, voxel_states

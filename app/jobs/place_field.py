@@ -1,31 +1,24 @@
 """Place: put a field right by hand, its scale, its floor and its box, without training again."""
 
-from collections.abc import Generator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import torch
 
-import scenes
-from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.placed_field import cut_in_words, info_of, moved_field, placed_splats, truth_of, voxels_of
 from app.jobs.trained_field import stored
-from app.places.opening import field_file, ground_truth
+from app.places.place import field_file
 from app.storage.output_files import OutputError, prepare_file
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator.pose_error import rescaled
 from nerfnav.experiments import freedom_alone, in_words
-from nerfnav.field import FieldInfo, VoxelField, load_field
+from nerfnav.field import VoxelField, load_field
 from nerfnav.field.codec import StoredField
-from nerfnav.field.cropping import cropped, overlap
-from nerfnav.field.moving import MoveStep, moved
 from nerfnav.field.surface_points import surface_points
-from nerfnav.geometry.similarity import Similarity
-from nerfnav.importers import Splats, VoxelizeConfig, load_splats, save_splats, splats_beside, voxelize
-from nerfnav.importers.correction import Corrected, Correction, corrected
-from nerfnav.importers.placement import still_guessed
+from nerfnav.importers import Splats, load_splats, save_splats, splats_beside
+from nerfnav.importers.correction import Correction, corrected
 from nerfnav.world import Scene
-from nerfnav.world.moving import moved_scene
 
 _ALONG = 160
 """Points along the longest edge at which surfaces are looked for."""
@@ -72,79 +65,13 @@ def run(request: PlaceRequest) -> JobEvents:
     points = surface_points(field, float(field.box.size.max()) / _ALONG, correction.up or _UP)
     change = corrected(correction, field.box, points, torch.Generator().manual_seed(0))
     beside = splats_beside(path)
-    splats = _placed(load_splats(beside), change) if beside.is_file() else None
-    changed = (yield from _moved(field, change)) if splats is None else _voxels_of(splats, field, change)
-    truth, told = _truth_of(field, path, change, changed)
-    told = (*change.told, *_cut(change, changed), *told)
-    changed = replace(changed, info=_info(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
+    splats = placed_splats(load_splats(beside), change) if beside.is_file() else None
+    changed = (yield from moved_field(field, change)) if splats is None else voxels_of(splats, field, change)
+    truth, told = truth_of(field, path, change, changed)
+    told = (*change.told, *cut_in_words(change, changed), *told)
+    changed = replace(changed, info=info_of(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
     yield Progress("storing the field", 0.95)
     return _stored(_Made(changed, splats, truth, told), out)
-
-
-def _moved(field: StoredField, change: Corrected) -> Generator[JobEvent, bool | None, StoredField]:
-    step: MoveStep | None = None
-    for step in moved(field, change.similarity):
-        yield Progress(step.label, 0.1 + 0.8 * step.fraction)
-    assert step is not None and step.field is not None, "moving ends with its field"
-    return step.field if change.box is None else cropped(step.field, change.box)
-
-
-def _placed(splats: Splats, change: Corrected) -> Splats:
-    """Splats where they belong: nothing of them is lost."""
-    similarity = change.similarity
-    placed = splats.placed(similarity.rotation.numpy(), similarity.scale)
-    return replace(placed, centers=(placed.centers + similarity.translation.numpy()).astype("float32"))
-
-
-def _voxels_of(splats: Splats, field: StoredField, change: Corrected) -> VoxelField:
-    """Voxels of splats, as fine as before."""
-    box = change.similarity.box(field.box)
-    if change.box is not None:
-        box = overlap(change.box, box)
-    voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, VoxelField) else field.step)
-    return voxelize(splats, VoxelizeConfig(voxel=voxel, box=box), field.info.source)
-
-
-def _truth_of(
-    field: StoredField, path: Path, change: Corrected, changed: StoredField
-) -> tuple[Scene | None, tuple[str, ...]]:
-    """The ground truth where it belongs, and what to say of it."""
-    truth = ground_truth(field, path)
-    if truth is None:
-        return None, ()
-    if field.info.source in scenes.names():
-        return None, (f"the ground truth and the tasks of {field.info.source} stay behind: plans are not judged there",)
-    return moved_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
-
-
-def _cut(change: Corrected, changed: StoredField) -> tuple[str, ...]:
-    """What became of the box."""
-    return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
-
-
-def _info(
-    changed: StoredField, before: FieldInfo, correction: Correction, similarity: Similarity
-) -> FieldInfo:
-    """What is known of the field now: figures about its surfaces hold as upper bounds, those of free space no more."""
-    known = ["box"]  # as what was guessed of it is in the coordinates of before
-    if correction.up is not None or correction.floor is not None or correction.find_floor:
-        known.append("up")
-    if correction.factor is not None:
-        known.append("scale")
-    # such a name would find ground truth that is not there
-    bundled = before.source in scenes.names()
-    return replace(
-        changed.info,
-        source=f"{before.source} (placed)" if bundled else before.source,
-        truth="",
-        truth_sha256="",
-        free_taken_for_free=None,
-        surface_taken_for_free=before.surface_taken_for_free,
-        unproven_share=freedom_alone(changed, 0.0).unproven_share,
-        guesses=still_guessed(before.guesses, known),
-        placed=similarity.after(Similarity.of_numbers(before.placed)).numbers if before.placed else (),
-        pose_floor=rescaled(before.pose_floor, similarity.scale),
-    )
 
 
 def _stored(made: _Made, out: Path) -> JobResult:

@@ -4,7 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from app.places.derived import planning_place
-from app.places.opening import open_place
+from app.places.place import open_place
 from app.storage.run_metadata import RunMetadata
 from app.storage.step_codec import FILE
 from app.storage.stored_steps import read_steps

@@ -9,13 +9,16 @@ from pathlib import Path
 
 import scenes
 from app.jobs.events import JobEvent
+from app.places.learning import USUAL, QualityName
 from app.places.place import Place
 from nerfnav.field import NeuralField
 from nerfnav.importers import source_kind
 
 
-def field_of(what: str) -> Generator[JobEvent, bool | None, str]:
+def field_of(what: str, quality: QualityName = USUAL) -> Generator[JobEvent, bool | None, str]:
     """Name or path of the field that is meant by `what`, after making it of a source that is none.
+
+    `quality` is that of what is learned; what was made before is taken as it is.
 
     Raises NerfnavError where no field can be made.
     """
@@ -26,7 +29,7 @@ def field_of(what: str) -> Generator[JobEvent, bool | None, str]:
     made = make_field.made_before(Path(what))
     if made is None:
         made = make_field.field_path(Path(what))
-        yield from make_field.run(Path(what), made)
+        yield from make_field.run(Path(what), made, quality)
     return str(made)
 
 

@@ -1,9 +1,16 @@
 """Isosurface of a place's field, as viewers show it."""
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from app.places.place import Place
-from app.places.surface_glb import kept_surface, unlit_glb, without_specks
+from app.places.surface_glb import colored_glb, kept_surface, unlit_glb, without_specks
 from nerfnav.field import field_mesh
 from nerfnav.field.grid_field import GridField
+from nerfnav.field.texture import textured
+
+if TYPE_CHECKING:
+    import trimesh
 
 _CELLS = 140
 """Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
@@ -16,20 +23,42 @@ _SPECK = 400
 
 
 def surface_of(place: Place) -> bytes:
-    """What stands for the field in viewers, as unlit binary glTF; shaped once on this machine for each field.
+    """What stands for the field in viewers, as unlit binary glTF with a texture; shaped once on this machine for each.
 
     Empty where the field has nothing dense, such as one that was hardly trained.
     """
 
     def shape() -> bytes:
-        box = place.field.box
-        spacing = float(box.size.max()) / _CELLS
-        mesh = without_specks(field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
-        return unlit_glb(mesh, (box.lower.tolist(), box.upper.tolist())) if len(mesh.faces) else b""
+        mesh = _mesh(place)
+        return unlit_glb(textured(place.field, mesh, _voxel(place)), _box(place)) if len(mesh.faces) else b""
 
-    if place.file is None or not isinstance(place.field, GridField):
-        return shape()
-    return kept_surface(place.file, shape) or b""
+    file = _file(place)
+    return shape() if file is None else kept_surface(file, shape) or b""
+
+
+def first_surface_of(place: Place) -> tuple[bytes, bool]:
+    """What can be shown of the field at once, and whether that is only rough: its colours, without a texture."""
+    file = _file(place)
+    if file is not None and (kept := kept_surface(file)) is not None:
+        return kept, False
+    mesh = _mesh(place)
+    return (colored_glb(mesh, _box(place)), True) if len(mesh.faces) else (b"", False)
+
+
+def _mesh(place: Place) -> "trimesh.Trimesh":
+    spacing = float(place.field.box.size.max()) / _CELLS
+    return without_specks(field_mesh(place.field, spacing, min(_LEVEL, _DEPTH / _voxel(place))), _SPECK)
+
+
+def _box(place: Place) -> tuple[list[float], list[float]]:
+    """Its lower and its upper corner [m]."""
+    box = place.field.box
+    return box.lower.tolist(), box.upper.tolist()
+
+
+def _file(place: Place) -> Path | None:
+    """The file that the surface is kept for; None for other fields than grids, whose surface is shaped each time."""
+    return place.file if isinstance(place.field, GridField) else None
 
 
 def _voxel(place: Place) -> float:

@@ -1,29 +1,26 @@
 """Track: where a camera was while it took pictures."""
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from itertools import chain, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
-from torch import Tensor
 
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.given_picture import GivenCamera, camera_of
-from app.places.opening import field_file
+from app.jobs.events import FrameTracked, JobEvents, JobResult, Progress
+from app.jobs.follow_camera import CameraRun, Following
+from app.jobs.given_imu import GivenImu, learned_of
+from app.jobs.given_picture import GivenCamera
+from app.places.place import field_file
 from app.storage.output_files import prepare_folder, write_text
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.overlay import OverlayVideo
 from nerfnav.export.ros.track import TrackRecorder
-from nerfnav.export.track import csv_of_track, tum_of_track
-from nerfnav.field import Field, FieldInfo, load_field, render_image
-from nerfnav.geometry import Camera
-from nerfnav.geometry.similarity import Similarity
-from nerfnav.tracking import Frame, FrameSource, Tracked, Tracker, TrackerConfig, TrackStatus
-from nerfnav.tracking.sources.open_source import SourceOptions, open_source
+from nerfnav.export.track import texts_of_track
+from nerfnav.field import FieldInfo, StoredField, load_field
+from nerfnav.tracking import Tracked, TrackStatus
+from nerfnav.tracking.sources.open_source import SourceOptions
 
 _OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
 _FPS = 15.0
@@ -44,6 +41,8 @@ class TrackRequest:
     """What is known of the camera beside what the source says."""
     options: SourceOptions = field(default_factory=SourceOptions)
     """What the source leaves open."""
+    imu: GivenImu | None = None
+    """The inertial measurement unit that leads from picture to picture; None: a hand's motion does."""
     pictures: bool = True
     """Whether the overlay and the recording are written, which hold pictures."""
 
@@ -53,33 +52,42 @@ def run(request: TrackRequest) -> JobEvents:
 
     Raises NerfnavError for what cannot be tracked; what was tracked before a source broke off is written all the same.
     """
-    place, source = load_field(field_file(request.place)), open_source(request.source, request.options)
-    first, frames = _begun(source, request.source)
-    camera, told = _camera(source, first, request.camera, place.info)
+    place = load_field(field_file(request.place))
+    following = Following.begun(place, CameraRun(request.source, request.camera, request.options, request.imu))
     out = prepare_folder(request.out)
-    tracker = Tracker(place, camera, config=TrackerConfig().for_field(place.info))
     track: list[Tracked] = []
     broken: InvalidInputError | None = None
     with ExitStack() as stack:
         viewers = [stack.enter_context(viewer) for viewer in _viewers(request, out)]
         try:
-            for frame in frames:
-                tracked = tracker.observe(frame)
-                track.append(tracked)
-                if viewers:
-                    picture = tracker.fitted(frame.picture)
-                    shown = _shown(place, tracker.compared, tracked)
+            for event in following.events(bool(viewers)):
+                if isinstance(event, FrameTracked):
+                    track.append(event.tracked)
                     for viewer in viewers:
-                        viewer.add(tracked, picture, shown)
-                yield Progress(tracked.status.name.lower().replace("_", " "), _share(source, len(track)))
+                        assert event.seen is not None, "pictures were asked for"
+                        viewer.add(event.tracked, event.seen, event.shown)
+                else:
+                    yield event
         except InvalidInputError as error:
             broken = error
-    files = _written(track, place.info, out)
+    files = [write_text(out / name, text) for name, text in texts_of_track(track, place.info.placed).items()]
     if broken is not None:
         kept = f"; what was tracked until then is in {out}" if track else ""
         raise InvalidInputError(f"{broken}{kept}")
     pictures = (out / _OVERLAY, out / _RECORDING) if request.pictures else ()
-    return JobResult({**summary_of(track), "camera": told, "frame": _frame_in_words(place.info)}, (*files, *pictures))
+    told = {"camera": following.told, "frame": _frame_in_words(place.info), **learned_of(following.tracker.motion)}
+    return JobResult({**summary_of(track), **told}, (*files, *pictures))
+
+
+def watch(place: StoredField, asked: CameraRun) -> JobEvents:
+    """Yield every frame as it is tracked in an open place; return the numbers of `track --json`. Writes nothing."""
+    yield Progress("looking around in the field", 0.0)
+    following, track = Following.begun(place, asked), []
+    for event in following.events():
+        if isinstance(event, FrameTracked):
+            track.append(event.tracked)
+        yield event
+    return JobResult({**summary_of(track), "camera": following.told})
 
 
 def summary_of(track: list[Tracked]) -> dict[str, Any]:
@@ -102,22 +110,6 @@ def _found_at_once(track: list[Tracked]) -> int:
     return sum(before.status.knows and now.status is TrackStatus.FOUND_AGAIN for before, now in pairwise(track))
 
 
-def _begun(source: FrameSource, path: Path) -> tuple[Frame, Iterator[Frame]]:
-    """The first frame, and all of them. Raises InvalidInputError where there is none."""
-    frames = source.frames()
-    first = next(frames, None)
-    if first is None:
-        raise InvalidInputError(f"{path} has no pictures")
-    return first, chain([first], frames)
-
-
-def _camera(source: FrameSource, first: Frame, given: GivenCamera, info: FieldInfo) -> tuple[Camera, str]:
-    if source.camera is not None and given == GivenCamera():
-        height, width, _ = first.picture.shape
-        return source.camera.for_picture(width, height), "what the source says"
-    return camera_of(first.picture, given, info.camera)
-
-
 def _viewers(request: TrackRequest, out: Path) -> list[OverlayVideo | TrackRecorder]:
     if not request.pictures:
         return []
@@ -126,25 +118,7 @@ def _viewers(request: TrackRequest, out: Path) -> list[OverlayVideo | TrackRecor
     return [overlay, TrackRecorder(out / _RECORDING, about)]
 
 
-def _shown(place: Field, camera: Camera, tracked: Tracked) -> UInt8[Tensor, "height width 3"] | None:
-    if tracked.pose is None:
-        return None
-    return render_image(place, camera, tracked.pose).image
-
-
-def _written(track: list[Tracked], info: FieldInfo, out: Path) -> tuple[Path, ...]:
-    frame = Similarity.of_numbers(info.placed).inverted() if info.placed else Similarity.identity()
-    return (
-        write_text(out / "trajectory.tum", tum_of_track(track, frame)),
-        write_text(out / "poses.csv", csv_of_track(track, frame)),
-    )
-
-
 def _frame_in_words(info: FieldInfo) -> str:
     if info.placed:
         return "poses are in the capture's own coordinates"
     return "poses are in the field's coordinates: it does not remember how it lies in its capture"
-
-
-def _share(source: FrameSource, done: int) -> float:
-    return 0.0 if not source.count else min(1.0, done / source.count)

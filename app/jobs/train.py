@@ -1,18 +1,21 @@
 """Train: gather photographs of a source, learn a field from them, store it."""
 
+from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 
 import torch
 
-from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from app.jobs.train_config import config_for, require_room
 from app.jobs.train_neural import learn_networks
 from app.jobs.train_voxels import learn_voxels
 from app.jobs.trained_field import floor_of, freedom_of, numbers_of, stored
-from app.jobs.training_data.gather import StoppedError, TrainRequest, gather
+from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
 from app.storage.output_files import prepare_file
+from nerfnav.estimator.capture_views import remembered
 from nerfnav.experiments import freedom_noted
+from nerfnav.field import NeuralField, TrainStep, VoxelField
 
 __all__ = ["StoppedError", "TrainRequest", "run"]
 
@@ -28,22 +31,12 @@ def run(request: TrainRequest) -> JobEvents:
     # the training's randomness is its own: it does not depend on how the photographs came about
     generator = torch.Generator().manual_seed(request.seed)
     if request.neural is None:
-        config = config_for(request, material)
+        config = replace(config_for(request, material), field_every=request.save_every)
         require_room(material.box, config.voxel)
-        trained = yield from learn_voxels(material, config, generator)
+        trained = yield from _keeping(learn_voxels(material, config, generator), request, material, out)
     else:
         trained = yield from learn_networks(material, request, request.neural, generator)
-    # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
-    name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
-    told = replace(
-        trained.info,
-        source=name,
-        seed=request.seed,
-        guesses=material.guesses,
-        camera=material.camera,
-        placed=material.placed,
-    )
-    trained = replace(trained, info=told)
+    trained = _noted(trained, request, material)
     yield Progress("judging", 1.0)
     trained = replace(trained, info=replace(trained.info, pose_floor=floor_of(trained, material)))
     freedom = freedom_of(trained, material)
@@ -51,3 +44,34 @@ def run(request: TrainRequest) -> JobEvents:
     file_bytes, files = stored(trained, material.truth, out)
     summary = {**numbers_of(trained, freedom, file_bytes), "source": material.report}
     return JobResult(summary, files)
+
+
+def _noted(field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData) -> VoxelField | NeuralField:
+    """A field that knows what it was made of."""
+    # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
+    name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
+    told = replace(
+        field.info,
+        source=name,
+        seed=request.seed,
+        guesses=material.guesses,
+        camera=material.camera,
+        placed=material.placed,
+        views=() if material.truth is not None else remembered(material.learned.poses),
+    )
+    return replace(field, info=told)
+
+
+def _keeping(
+    learning: Generator[JobEvent, bool | None, VoxelField], request: TrainRequest, material: TrainingData, out: Path
+) -> Generator[JobEvent, bool | None, VoxelField]:
+    """The same training; what it has learned so far is stored in `out`, whole, whenever it tells."""
+    stop: bool | None = None
+    while True:
+        try:
+            event = learning.send(stop)
+        except StopIteration as end:
+            return end.value
+        if isinstance(event, TrainStep) and event.so_far is not None:
+            stored(_noted(event.so_far, request, material), material.truth, out)
+        stop = yield event

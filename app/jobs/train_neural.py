@@ -6,6 +6,7 @@ import torch
 
 from app.jobs.events import JobEvent, Progress
 from app.jobs.training_data.gather import TrainingData
+from app.jobs.training_data.quality import QUALITIES
 from app.jobs.training_data.request import NeuralOptions, TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, train_neural
@@ -30,8 +31,9 @@ def learn_networks(
         )
     skips = (_LAYERS_BEFORE_SKIP,) if options.layers > _LAYERS_BEFORE_SKIP + 1 else ()
     network = MlpConfig(options.layers, options.layer_width, skips, view_widths=(max(1, options.layer_width // 2),))
+    asked = round(QUALITIES[request.quality].steps * NeuralTrainConfig.iterations)
     config = NeuralTrainConfig(
-        network, request.iterations or NeuralTrainConfig.iterations, request.budget, rays=options.rays
+        network, request.iterations or asked, request.budget, rays=options.rays
     )
     blank = blank_field(material.box, material.background, network, generator, options.device)
     steps = train_neural(material.learned, material.held_out, blank, config, generator)

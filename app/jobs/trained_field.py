@@ -28,8 +28,8 @@ def freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Fre
 
 
 def floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
-    """How well photographs tell poses there (see estimator/pose_error.py); nothing where the pictures were rendered."""
-    if material.truth is not None or not isinstance(trained, VoxelField):
+    """How well photographs tell poses there (see estimator/pose_error.py)."""
+    if not isinstance(trained, VoxelField):
         return ()
     noise = ColorNoise().measured(trained.info.noise_std)
     return pose_floor(trained, material.held_out, noise, torch.Generator().manual_seed(0))

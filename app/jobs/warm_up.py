@@ -5,7 +5,6 @@ from contextlib import suppress
 
 from app.jobs import plan
 from app.jobs.events import Progress
-from app.jobs.plan_request import PlanRequest
 from app.jobs.warm_filter import first_update
 from app.places.ends import opening_ends
 from app.places.place import Place
@@ -24,7 +23,7 @@ def warm_up(place: Place) -> Iterator[Progress]:
         yield doing
     ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None
-    request = PlanRequest(ends)
+    request = plan.PlanRequest(ends)
     with suppress(NerfnavError):  # ends that nobody chose may be occupied
         for _ in plan.run(request, place):
             yield doing

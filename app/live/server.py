@@ -19,10 +19,9 @@ from websockets.http11 import Request, Response
 
 from app.live.newest import Newest
 from app.security.access import AccessPolicy
-from app.system.threads import TORCH_THREADS
+from app.system import TORCH_THREADS
 from nerfnav.errors import NerfnavError
-from nerfnav.live import Answer, Navigator
-from nerfnav.live.messages import MOST_BYTES, Error, FromServer, Picture, Told, Welcome, encoded, picture_in
+from nerfnav.live import Answer, Navigator, messages
 from nerfnav.live.pictures import pixels_of
 
 _TAKEN = "another vehicle is connected: one is let in at a time"
@@ -33,7 +32,7 @@ _TRY_AGAIN_LATER = 1013
 class _Came:
     """A picture that has come."""
 
-    picture: Picture
+    picture: messages.Picture
     text: bool
     """Whether it came as text."""
     at: float = field(default_factory=time.perf_counter)
@@ -43,7 +42,7 @@ class _Came:
 class LiveServer:
     """Lets one vehicle talk to a navigator."""
 
-    def __init__(self, navigator: Navigator, welcome: Welcome, host: str, token: str) -> None:
+    def __init__(self, navigator: Navigator, welcome: messages.Welcome, host: str, token: str) -> None:
         """Nobody is connected; `host` is what it will listen at."""
         self._navigator, self._welcome = navigator, welcome
         self._access = AccessPolicy(host, token, bytes)
@@ -56,8 +55,9 @@ class LiveServer:
         try:
             await asyncio.get_running_loop().run_in_executor(self._computing, self._prepare, preparing)
             async with serve(
-                self._vehicle, self._host, port, process_request=self._refusal, max_size=MOST_BYTES, compression=None
-            ) as server:
+                self._vehicle, self._host, port,
+                process_request=self._refusal, max_size=messages.MOST_BYTES, compression=None,
+            ) as server:  # fmt: skip
                 ready()
                 await server.serve_forever()
         finally:
@@ -108,9 +108,9 @@ class LiveServer:
             try:
                 answer = await loop.run_in_executor(self._computing, self._look, came)
             except NerfnavError as error:
-                await _say(connection, Error(str(error)), came.text)
+                await _say(connection, messages.Error(str(error)), came.text)
             else:
-                await _say(connection, Told(replace(answer, dropped=dropped)), came.text)
+                await _say(connection, messages.Told(replace(answer, dropped=dropped)), came.text)
 
     def _look(self, came: _Came) -> Answer:
         """Runs in the thread that computes."""
@@ -126,11 +126,11 @@ async def _reading(connection: ServerConnection, newest: Newest[_Came]) -> None:
     """Take what comes, until the vehicle leaves."""
     async for message in connection:
         try:
-            newest.put(_Came(picture_in(message), isinstance(message, str)))
+            newest.put(_Came(messages.picture_in(message), isinstance(message, str)))
         except NerfnavError as error:
-            await _say(connection, Error(str(error)), isinstance(message, str))
+            await _say(connection, messages.Error(str(error)), isinstance(message, str))
 
 
-async def _say(connection: ServerConnection, message: FromServer, text: bool) -> None:
+async def _say(connection: ServerConnection, message: messages.FromServer, text: bool) -> None:
     with suppress(ConnectionClosed):
-        await connection.send(encoded(message, text))
+        await connection.send(messages.encoded(message, text))

@@ -62,12 +62,13 @@ def readable(color: Rgb) -> str:
 
 
 def branded(page: bytes) -> bytes:
-    """viser's page under the app's name and with its icon, its own style, help and script (page.css, .html, .js)."""
+    """viser's page under the app's name and with its icon, its own style, help and scripts (page.*, software_gl.js)."""
     page = page.replace(b"<title>Viser</title>", b"<title>nerfnav</title>", 1)
     icon = b'<link rel="icon" href="' + _data_url("favicon.svg").encode() + b'" />'
     page = re.sub(rb'<link\s+rel="icon"[^>]*?/?>', lambda _: icon, page, count=1)
     style, body, script = (_beside(f"page.{ending}") for ending in ("css", "html", "js"))
-    own = b"<style>" + style + b"</style>" + body + b"<script>" + script + b"</script>"
+    scripts = b"".join(b"<script>" + each + b"</script>" for each in (_beside("software_gl.js"), script))
+    own = b"<style>" + style + b"</style>" + body + scripts
     before, end, after = page.rpartition(b"</body>")
     return before + own + end + after
 

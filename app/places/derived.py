@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from app.places.place import Place
-from nerfnav.estimator import ColorNoise, Searcher
+from nerfnav.estimator import ColorNoise, RelocaliseConfig, Searcher
 from nerfnav.field import Unknown, planning_field, unproven_in_words
 from nerfnav.geometry import Camera
 from nerfnav.planner import OccupancyConfig, OccupancyMap
@@ -37,4 +37,4 @@ def unproven_of(place: Place) -> str:
 @lru_cache(maxsize=1)
 def searcher_of(place: Place, camera: Camera, noise: ColorNoise) -> Searcher:
     """What finds a robot anywhere in the place; made once, for it looks all around from everywhere first."""
-    return Searcher(place.field, camera, noise)
+    return Searcher(place.field, camera, noise, RelocaliseConfig().for_field(place.field.info))

@@ -10,18 +10,18 @@ One folder for each, named by a digest of what was brought, so that the same upl
 """
 
 import hashlib
-import json
 import os
 import re
 import shutil
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from platformdirs import user_data_path
 
+from app.places.kept_place import ABOUT, PICTURE, KeptPlace, read_place, write_place
 from app.places.robot_library import RobotLibrary
 from app.places.uploads import UploadError, check_upload
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
@@ -29,49 +29,12 @@ from nerfnav.files import replacing
 
 VARIABLE = "NERFNAV_PLACES"
 """Environment variable with the folder of the library."""
-_ABOUT, _PICTURE = "place.json", "picture.jpg"
-_KNOWN = ("name", "source", "date", "field")
 _DIGITS = 16
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
 
 
 class PlaceNameError(NerfnavError):
     """A name that no place can have."""
-
-
-@dataclass(frozen=True)
-class KeptPlace:
-    """A place of the library."""
-
-    key: str
-    """Name of its folder."""
-    name: str
-    """What users call it."""
-    source: str
-    """Name of the file that was brought."""
-    date: str
-    """When it was opened first, UTC."""
-    field: str
-    """Name of the file of its field, in its folder."""
-    folder: Path
-    """Where it is."""
-    size_bytes: int = 0
-    """Of everything in its folder."""
-
-    @property
-    def what(self) -> str:
-        """What is opened."""
-        return str(self.folder / self.source)
-
-    @property
-    def field_file(self) -> Path:
-        """Where its field is."""
-        return self.folder / self.field
-
-    @property
-    def picture_file(self) -> Path:
-        """Where its picture is; nothing may be there."""
-        return self.folder / _PICTURE
 
 
 class PlaceLibrary:
@@ -92,7 +55,7 @@ class PlaceLibrary:
         """
         safe = check_upload(name, content)
         folder = self.folder / hashlib.sha256(content).hexdigest()[:_DIGITS]
-        known = _read(folder)
+        known = read_place(folder)
         if known is not None and Path(known.what).is_file():
             return Path(known.what)
         path = folder / safe
@@ -112,7 +75,7 @@ class PlaceLibrary:
     def place_of(self, path: str | Path) -> KeptPlace | None:
         """The place that a file belongs to."""
         folder = Path(path).parent
-        return _read(folder) if self.holds(path) else None
+        return read_place(folder) if self.holds(path) else None
 
     def holds(self, path: str | Path) -> bool:
         """Whether a file was brought to the library."""
@@ -123,14 +86,14 @@ class PlaceLibrary:
         folder = source.parent
         if not self.holds(source):
             return None
-        known = _read(folder)
+        known = read_place(folder)
         if known is None:
             name = self._free_name(re.sub(r"[^A-Za-z0-9 ._-]", "_", source.stem).strip(" ._-") or "place")
             now = datetime.now(UTC).isoformat(timespec="seconds")
             known = KeptPlace(folder.name, name, source.name, now, field.name, folder)
-        with suppress(OSError), replacing(folder / _PICTURE) as stream:  # without one, it is listed all the same
+        with suppress(OSError), replacing(folder / PICTURE) as stream:  # without one, it is listed all the same
             stream.write(picture)
-        _write(replace(known, field=field.name))
+        write_place(replace(known, field=field.name))
         return known
 
     def rename(self, key: str, to: str) -> None:
@@ -143,7 +106,7 @@ class PlaceLibrary:
             )
         if any(other.name == to and other.key != key for other in self._all()):
             raise PlaceNameError(f"there is already a place called {to!r}: choose another name")
-        _write(replace(place, name=to))
+        write_place(replace(place, name=to))
 
     def delete(self, key: str) -> None:
         """Delete a place for good. Raises NerfnavError where there is none, or it cannot be deleted."""
@@ -155,13 +118,13 @@ class PlaceLibrary:
     def close(self) -> None:
         """Forget what was brought in vain: it never opened."""
         for folder in self._brought:
-            if not (folder / _ABOUT).is_file():
+            if not (folder / ABOUT).is_file():
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _all(self) -> Iterator[KeptPlace]:
         with suppress(OSError):
             for folder in self.folder.iterdir():
-                place = _read(folder)
+                place = read_place(folder)
                 if place is not None:
                     yield place
 
@@ -175,26 +138,3 @@ class PlaceLibrary:
         taken = {place.name for place in self._all()}
         names = (name[:50] if count == 1 else f"{name[:50]} {count}" for count in range(1, 10_000))
         return next(free for free in names if free not in taken)
-
-
-def _read(folder: Path) -> KeptPlace | None:
-    """What is known of a place; None where nothing is, or its field is gone."""
-    try:
-        about = json.loads((folder / _ABOUT).read_text())
-        name, source, date, field = (str(about[key]) for key in _KNOWN)
-        place = KeptPlace(folder.name, name, source, date, field, folder)
-        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    inside = all(Path(name).name == name for name in (place.source, place.field))
-    return replace(place, size_bytes=size) if inside and place.field_file.is_file() else None
-
-
-def _write(place: KeptPlace) -> None:
-    """Raises InvalidInputError where the disk does not take it."""
-    about = {key: value for key, value in asdict(place).items() if key in _KNOWN}
-    try:
-        with replacing(place.folder / _ABOUT) as stream:
-            stream.write(json.dumps(about).encode())
-    except OSError as error:
-        raise InvalidInputError(f"what is known of {place.name} cannot be written: {error.strerror}") from error

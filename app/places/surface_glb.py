@@ -6,26 +6,33 @@ Imports nothing slow: a surface that was kept is shown while all else is being i
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
 
 import nerfnav
 from nerfnav import cached
-from nerfnav.geometry import to_linear
+from nerfnav.geometry import before_tone_mapping, to_linear, to_srgb
 from nerfnav.glb import packed, parts
 
 if TYPE_CHECKING:
     import trimesh  # slow to import, and surfaces are seldom made
 
+    from nerfnav.field.texture import TexturedMesh
+
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF
+_LINEAR, _CLAMP = 9729, 33071  # smaller pictures (mipmaps) would mix what only lies side by side in the atlas
+_JPEG_QUALITY = 95
+BRIGHTEST = 2.0
+"""Light of the brightest texel: after viser's tone mapping, nearly white."""
 _KIND = "surfaces"  # in the cache
 _CUTS = 100  # heights at which a surface can be cut
 _CODE = Path(__file__).parent, Path(nerfnav.__file__).parent / "field"  # which surfaces depend on
 
 Corner = list[float]
+Box = tuple[Corner, Corner] | None
 
 
 def kept_surface(field: Path, shape: Callable[[], bytes] | None = None) -> bytes | None:
@@ -52,29 +59,66 @@ def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimes
     return kept
 
 
-def unlit_glb(mesh: "trimesh.Trimesh", box: tuple[Corner, Corner] | None = None) -> bytes:
-    """A mesh with vertex colours as binary glTF that viewers show as it is, without light (KHR_materials_unlit).
+def unlit_glb(mesh: "TexturedMesh", box: Box = None) -> bytes:
+    """A mesh with its picture as binary glTF that viser shows as it is, without light (KHR_materials_unlit).
 
-    `box`, lower and upper corner [m] of the place that it is of, goes along for `box_of`.
+    viser maps tones, which would make stones chalky: the picture holds what comes out as its colours, in units of
+    `BRIGHTEST`. `box`, lower and upper corner [m] of the place that it is of, goes along for `box_of`.
     """
-    vertices = np.ascontiguousarray(mesh.vertices, dtype="<f4")
-    faces, below = _by_height(vertices, np.asarray(mesh.faces))
-    # colours of glTF are linear; 16 bits, or dark ones show bands
-    colors = np.full((len(vertices), 4), 65535, dtype="<u2")
-    colors[:, :3] = np.round(65535 * to_linear(_vertex_colors(mesh) / 255.0))
-    parts = [vertices.tobytes(), colors.tobytes(), faces.tobytes()]
+    from nerfnav.geometry import picture_file  # imports torch: see above
+
+    picture = np.round(255 * to_srgb(_light(mesh.picture))).astype(np.uint8)
+    uv = np.round(65535 * mesh.uv).astype("<u2")
+    painted = {
+        "materials": [_material(baseColorTexture={"index": 0})],
+        "textures": [{"source": 0, "sampler": 0}],
+        "images": [{"bufferView": 3, "mimeType": "image/jpeg"}],
+        "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}],
+    }
+    return _glb(mesh.vertices, mesh.faces, ("TEXCOORD_0", uv), painted, box, picture_file(picture, _JPEG_QUALITY))
+
+
+def colored_glb(mesh: "trimesh.Trimesh", box: Box = None) -> bytes:
+    """The same of a mesh with the colours of its vertices: not as sharp, but made in a moment."""
+    colors = np.full((len(mesh.vertices), 4), 65535, "<u2")  # 16 bits, or dark ones show bands
+    colors[:, :3] = np.round(65535 * _light(_vertex_colors(mesh)))
+    return _glb(mesh.vertices, mesh.faces, ("COLOR_0", colors), {"materials": [_material()]}, box)
+
+
+def _light(colors: np.ndarray) -> np.ndarray:
+    """What viser shows as sRGB bytes (..., 3), linear, in units of `BRIGHTEST`."""
+    return (before_tone_mapping(to_linear(colors / 255.0)) / BRIGHTEST).clip(0, 1)
+
+
+def _material(**more: Any) -> dict[str, Any]:
+    factor = {"baseColorFactor": [BRIGHTEST] * 3 + [1]}
+    return {"pbrMetallicRoughness": factor | more, "extensions": {"KHR_materials_unlit": {}}}
+
+
+def _glb(
+    corners: np.ndarray, triangles: np.ndarray, dress: tuple[str, np.ndarray], painted: dict[str, Any], box: Box,
+    picture: bytes = b"",
+) -> bytes:  # fmt: skip
+    """Binary glTF; `dress` is what each corner has, its name in glTF and shares of 65535; `painted` goes along."""
+    name, values = dress
+    vertices = np.ascontiguousarray(corners, dtype="<f4")
+    faces, below = _by_height(vertices, np.asarray(triangles))
+    parts = [vertices.tobytes(), values.tobytes(), faces.tobytes(), *([picture] if picture else [])]
     offsets = np.cumsum([0, *map(len, parts)]).tolist()
-    views = [
-        {"buffer": 0, "byteOffset": offset, "byteLength": len(part), "target": target}
-        for offset, part, target in zip(offsets, parts, (_VERTICES, _VERTICES, _INDICES), strict=False)
+    views: list[dict[str, int]] = [
+        {"buffer": 0, "byteOffset": offset, "byteLength": len(part)}
+        for offset, part in zip(offsets, parts, strict=False)
     ]
+    for view, target in zip(views, (_VERTICES, _VERTICES, _INDICES), strict=False):
+        view["target"] = target  # a picture has none
     low, high = vertices.min(0).tolist(), vertices.max(0).tolist()
+    kind = f"VEC{values.shape[1]}"
     accessors = [
         {"bufferView": 0, "componentType": _FLOAT, "count": len(vertices), "type": "VEC3", "min": low, "max": high},
-        {"bufferView": 1, "componentType": _UINT16, "normalized": True, "count": len(vertices), "type": "VEC4"},
+        {"bufferView": 1, "componentType": _UINT16, "normalized": True, "count": len(vertices), "type": kind},
         {"bufferView": 2, "componentType": _UINT32, "count": faces.size, "type": "SCALAR"},
     ]
-    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "extras": {"below": below}}
+    primitive = {"attributes": {"POSITION": 0, name: 1}, "indices": 2, "material": 0, "extras": {"below": below}}
     return packed(
         {
             "asset": {"version": "2.0"},
@@ -83,16 +127,16 @@ def unlit_glb(mesh: "trimesh.Trimesh", box: tuple[Corner, Corner] | None = None)
             "scenes": [{"nodes": [0], "extras": {"box": box}}],
             "nodes": [{"mesh": 0}],
             "meshes": [{"primitives": [primitive]}],
-            "materials": [{"extensions": {"KHR_materials_unlit": {}}}],
             "buffers": [{"byteLength": offsets[-1]}],
             "bufferViews": views,
             "accessors": accessors,
+            **painted,
         },
         b"".join(parts),
     )
 
 
-def box_of(glb: bytes) -> tuple[Corner, Corner] | None:
+def box_of(glb: bytes) -> Box:
     """Lower and upper corner [m] of the place whose surface this is, where it was told."""
     box = parts(glb)[0]["scenes"][0]["extras"]["box"]
     return None if box is None else (box[0], box[1])
@@ -106,9 +150,8 @@ def dressed(glb: bytes, opacity: float, clip: float) -> bytes:
     # the faces stand in the order of their heights: what is cut off are the last ones
     indices["count"] = max(3, 3 * primitive["extras"]["below"][round(_CUTS * clip)])
     if opacity < 1:
-        document["materials"][0] |= {
-            "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, opacity]}
-        }  # fmt: skip
+        document["materials"][0]["alphaMode"] = "BLEND"
+        document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][3] = opacity
     return packed(document, binary)
 
 
@@ -127,5 +170,5 @@ def _vertex_colors(mesh: "trimesh.Trimesh") -> np.ndarray:
     """sRGB bytes (n, 3)."""
     from trimesh.visual.color import ColorVisuals
 
-    assert isinstance(mesh.visual, ColorVisuals), "only vertex colours are shown as they are"
+    assert isinstance(mesh.visual, ColorVisuals), "surfaces of fields have colours at their vertices"
     return np.asarray(mesh.visual.vertex_colors)[:, :3]

@@ -2,45 +2,49 @@
 
 from typing import Any
 
-from app.queries.clearance import ClearanceQuery
-from app.queries.click_landing import ClickLandingQuery
-from app.queries.density_slice import DensitySliceQuery
-from app.queries.end_fit import EndFitQuery
-from app.queries.experiments import ExperimentsQuery
-from app.queries.field_view import FieldViewQuery
-from app.queries.first_ends import FirstEndsQuery
-from app.queries.following_plan import FollowingPlanQuery
-from app.queries.more_time import MoreTimeQuery
-from app.queries.place_list import PlaceListQuery
+from app.queries import (
+    clearance,
+    click_landing,
+    density_slice,
+    end_fit,
+    experiments,
+    field_view,
+    first_ends,
+    following_plan,
+    more_time,
+    place_list,
+    robot_view,
+    run_list,
+    space,
+    stored_run,
+    surface_point,
+    surface_texture,
+)
 from app.queries.query import Query
-from app.queries.robot_view import RobotViewQuery
-from app.queries.run_list import RunListQuery
-from app.queries.space import SpaceQuery
-from app.queries.stored_run import StoredRunQuery
-from app.queries.surface_point import SurfacePointQuery
 from app.state.session import Session
 from nerfnav.errors import UnknownNameError
 
 _KINDS: list[type[Query[Any]]] = [
-    StoredRunQuery,
-    RunListQuery,
-    PlaceListQuery,
-    ClickLandingQuery,
-    SurfacePointQuery,
-    FirstEndsQuery,
-    FollowingPlanQuery,
-    EndFitQuery,
-    MoreTimeQuery,
-    DensitySliceQuery,
-    SpaceQuery,
-    FieldViewQuery,
-    RobotViewQuery,
-    ClearanceQuery,
-    ExperimentsQuery,
+    first_ends.FirstEndsQuery,  # before it is answered, nothing can be begun
+    stored_run.StoredRunQuery,
+    run_list.RunListQuery,
+    place_list.PlaceListQuery,
+    click_landing.ClickLandingQuery,
+    surface_point.SurfacePointQuery,
+    following_plan.FollowingPlanQuery,
+    end_fit.EndFitQuery,
+    more_time.MoreTimeQuery,
+    density_slice.DensitySliceQuery,
+    space.SpaceQuery,
+    field_view.FieldViewQuery,
+    robot_view.RobotViewQuery,
+    clearance.ClearanceQuery,
+    experiments.ExperimentsQuery,
+    surface_texture.SurfaceTextureQuery,
 ]
 
 
-_WHILE_HELD = (FollowingPlanQuery, EndFitQuery)
+_WHILE_HELD = (following_plan.FollowingPlanQuery, end_fit.EndFitQuery)
 """What is asked while a hand moves an end: the rest waits until it rests, for nothing must come in between."""
 
 

@@ -9,7 +9,7 @@ from app.queries.query import Query, Resources
 from app.state.session import Session
 from nerfnav.field import Unknown
 from nerfnav.geometry import so3
-from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose
+from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose, unfit_words
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class EndFitQuery(Query[EndFit]):
         occupancy = occupancy_of(place, OccupancyConfig(), self.end.position[2])
         if fits(place.field, body, state, occupancy.scales.threshold):
             return EndFit(None)
-        nearest = nearest_free_pose(place.field, body, state, occupancy)
+        nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), unfit_words(place.field, body, state)
         if nearest is None:
-            return EndFit(f"the {name} is in occupied space, far from any free point.")
+            return EndFit(f"the {name} {wrong}, far from any free point.")
         x, y, z = nearest.position.tolist()
-        problem = f"the {name} is in occupied space; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
+        problem = f"the {name} {wrong}; the nearest free point is ({x:.2f}, {y:.2f}, {z:.2f})."
         return EndFit(problem, End((x, y, z), so3.yaw_of(nearest.rotation).item()))
 
     def apply(self, session: Session, result: EndFit) -> Session:

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, replace
 from app.places.ends import Ends
 from app.queries.query import Query, Resources
 from app.queries.wanted_plan import WantedPlan, drafted, plan_request, planned
-from app.state.choice import Choice
-from app.state.plan_settings import PlanSettings
 from app.state.records import PlanRecord
 from app.state.session import Session
+from app.state.settings import Choice, PlanSettings
 from nerfnav.planner import planners
 from nerfnav.robots import Motion
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 from app.queries.query import Query, Resources
 from app.queries.wanted_plan import drafted, plan_request
-from app.state.plan_settings import LONGEST_S
 from app.state.records import PlanRecord
 from app.state.session import Session
+from app.state.settings import LONGEST_S
 from nerfnav.planner import GOOD, PlanOutcome
 
 _GROWTH, _TRIALS = 1.3, 7

@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from app.places.library import KeptPlace, PlaceLibrary
+from app.places.kept_place import KeptPlace
+from app.places.library import PlaceLibrary
 from app.queries.query import Query, Resources
 from app.state.session import Session
 

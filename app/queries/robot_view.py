@@ -29,6 +29,8 @@ class RobotViewQuery(Query[RobotView]):
     @classmethod
     def pending(cls, session: Session) -> Iterator["RobotViewQuery"]:
         """From the belief of the time step that is shown; without a flight, from start and goal."""
+        if session.track is not None:
+            return  # which brings its own pictures
         flight, ends = session.shown_flight, session.ends
         if flight is not None and flight.steps:
             key = ("flight", session.jobs_begun, session.runs.asked, len(flight.steps))

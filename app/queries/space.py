@@ -61,7 +61,7 @@ class SpaceQuery(Query[SpaceVoxels]):
 
 def _occupied(place: Place, height: float) -> SpaceVoxels:
     occupancy = occupancy_of(planning_place(place, Unknown.OCCUPIED), OccupancyConfig(), height)
-    indices = torch.from_numpy(np.argwhere(_shell(occupancy.by_heading.any(0).numpy())))
+    indices = torch.from_numpy(np.argwhere(_shell(occupancy.dense.any(0).numpy())))
     return SpaceVoxels(occupancy.centers(indices).numpy(), occupancy.spacing.mean().item())
 
 

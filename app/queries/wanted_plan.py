@@ -5,11 +5,10 @@ from typing import Any
 
 from app.jobs import plan
 from app.jobs.events import JobRun
-from app.jobs.plan_request import PlanRequest
 from app.places.derived import occupancy_of, planning_place
 from app.places.ends import Ends
 from app.places.place import Place
-from app.state.plan_settings import PlanSettings
+from app.state.settings import PlanSettings
 from nerfnav.errors import NerfnavError
 from nerfnav.planner import FollowingPlanner, PlannerConfig, PlanStep, Route, last_step, planners
 from nerfnav.robots import Motion
@@ -27,16 +26,16 @@ class WantedPlan:
     """Why there is no plan."""
 
 
-def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> PlanRequest:
+def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> plan.PlanRequest:
     """What there is to plan between some ends with what a person has set; `own` where nobody changed the weights."""
-    request = PlanRequest(
+    request = plan.PlanRequest(
         ends, planner=planner, config=settings.config(planner, own), shortest=settings.shortest,
         max_collision=settings.max_collision, unknown=settings.unknown,
     )  # fmt: skip
     return request.lasting(settings.duration_s)
 
 
-def planned(request: PlanRequest, place: Place) -> WantedPlan:
+def planned(request: plan.PlanRequest, place: Place) -> WantedPlan:
     """Plan as the job does, verdict included."""
     planning = JobRun(plan.run(request, place))
     try:
@@ -46,7 +45,7 @@ def planned(request: PlanRequest, place: Place) -> WantedPlan:
     return WantedPlan(steps, planning.result.summary)
 
 
-def drafted(request: PlanRequest, place: Place, last: Motion | None = None) -> WantedPlan:
+def drafted(request: plan.PlanRequest, place: Place, last: Motion | None = None) -> WantedPlan:
     """Plan as quickly as can be with the `last` plan as warm start, and without the verdict of the mesh.
 
     Where a duration is to be found, the draft is as fast as the last plan: how long it must take is found at the end.

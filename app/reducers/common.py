@@ -8,9 +8,10 @@ from typing import TypeVar
 from app.places.ends import End, Ends, Which, opening_ends
 from app.places.place import Place
 from app.places.sources import without_paths
-from app.state.plan_settings import PlanSettings
+from app.state.notice import Notice
 from app.state.records import FlightRecord
-from app.state.session import Notice, Session
+from app.state.session import Session
+from app.state.settings import PlanSettings
 from nerfnav.robots import Robot
 
 Value = TypeVar("Value")

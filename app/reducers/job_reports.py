@@ -5,14 +5,13 @@ from dataclasses import replace
 from app.jobs import events as e
 from app.places.place import Place
 from app.places.sources import without_folder
+from app.reducers import history, jobs, placing
 from app.reducers.common import noticed, settled
-from app.reducers.history import restored
-from app.reducers.jobs import begun, given_up
-from app.reducers.placing import placed
 from app.state.downloads import Download
 from app.state.job import Job, JobKind
 from app.state.records import PlanRecord, SearchRecord
 from app.state.session import Session
+from app.state.view_settings import Backdrop
 from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
 from nerfnav.field import TrainStep
@@ -27,12 +26,10 @@ def reported(session: Session, event: e.JobReport) -> Session:
     assert job is not None, "only what the wanted job tells comes here"
     match event:
         case e.PlaceOpened(place):
-            there = settled(session, place)
-            if session.left_off is not None:
-                there = restored(replace(there, left_off=None), session.left_off)
-            return _doubted(there, place)
-        case e.SurfaceShaped(glb):
-            return replace(session, surface=glb)
+            return _opened(session, place)
+        case e.SurfaceShaped(glb, rough):
+            seen = replace(session, surface=glb, surface_is_rough=rough)
+            return _planning_if_asked(seen, job) if glb else _unseen(session)
         case e.PlannerCompared(result):
             return replace(session, comparison=(*session.comparison, result))
         case e.FileMade(name, content):
@@ -51,13 +48,30 @@ def reported(session: Session, event: e.JobReport) -> Session:
             if flight is not None and session.in_flight:
                 flight = flight.with_iteration(event)
             return replace(session, flight=flight, search=SearchRecord(event, len(shown.steps) if shown else 0))
+        case e.FrameTracked():
+            return session if session.track is None else replace(session, track=session.track.with_frame(event))
         case e.JobFinished(_, result):
             return _finished(replace(session, job=None), job, result)
         case e.JobFailed(_, message):
             told = without_folder(message, session.what)
-            return noticed(given_up(session), f"Could not {job.kind.value}", told, bad=True)
+            return noticed(jobs.given_up(session), f"Could not {job.kind.value}", told, bad=True)
         case _:
             return session  # what else jobs say is not shown
+
+
+def _opened(session: Session, place: Place) -> Session:
+    """The session in another place; in the one that it began with, as it was left off."""
+    there, left = settled(session, place), session.left_off
+    if left is not None:
+        there = history.restored(replace(there, left_off=None, view=left.view, viewed=left.view), left.moment)
+    return _doubted(there, place)
+
+
+def _unseen(session: Session) -> Session:
+    """The session that shows the field itself, with a notice that the place has no surface."""
+    seen = replace(session, view_settings=replace(session.view_settings, backdrop=Backdrop.RENDER))
+    remedy = "train it for longer, or from more pictures; its fog is shown as it is"
+    return noticed(seen, "Nothing solid", f"This field has no surface: {remedy}.", bad=True)
 
 
 def _doubted(session: Session, place: Place) -> Session:
@@ -92,11 +106,18 @@ def _grounded(session: Session, plan: PlanRecord) -> Session:
     session = replace(session, job=None, plan=plan, flight=None)
     if not plan.settings.shortest:
         return replace(session, doubt=plan if plan.leads else None)
-    planning = begun(session, JobKind.PLAN)
+    planning = jobs.begun(session, JobKind.PLAN)
     return planning if planning.job is None else replace(planning, job=replace(planning.job, then_fly=True))
 
 
+def _planning_if_asked(session: Session, job: Job) -> Session:
+    """The session that plans where that was asked for while the place was being opened."""
+    return jobs.begun(session, JobKind.PLAN) if job.then_plan else session
+
+
 def _finished(session: Session, job: Job, result: e.JobResult) -> Session:
+    if job.kind is JobKind.OPEN:
+        return _planning_if_asked(session, job)
     if job.kind is JobKind.EXPERIMENT and result.files:
         return replace(session, experiments=session.experiments.ended(result.files[0].parent.name))
     if job.kind is JobKind.PLAN and session.plan is not None:
@@ -104,13 +125,15 @@ def _finished(session: Session, job: Job, result: e.JobResult) -> Session:
         plan = replace(session.plan, summary=result.summary, replayed=0.0 if quick else None)
         session = replace(session, plan=plan)
         if job.then_fly and session.fresh_plan is not None:
-            return begun(session, JobKind.FLY)
+            return jobs.begun(session, JobKind.FLY)
         return replace(session, doubt=plan) if job.then_fly and plan.is_unsafe and plan.leads else session
     if job.kind is JobKind.PLACE:
-        return placed(session, result)
+        return placing.placed(session, result)
     if job.kind is JobKind.FIND:
         found = result.summary["outcome"] == RelocaliseOutcome.FOUND.name.lower()
         return noticed(session, "Found" if found else "Not found", sentence(result.summary["advice"]), bad=not found)
+    if job.kind is JobKind.TRACK and session.track is not None:
+        return replace(session, track=replace(session.track, summary=result.summary))
     if job.kind is JobKind.FLY and session.flight is not None:
         return replace(session, flight=replace(session.flight, summary=result.summary))
     return session

@@ -6,16 +6,14 @@ from app.places.ends import opening_ends
 from app.places.place import Place
 from app.reducers.common import first_settings, noticed
 from app.state import actions as m
-from app.state.choice import Choice
-from app.state.download_actions import DownloadAction, TakeMap, TakeTrajectory
-from app.state.downloads import Wish
+from app.state.downloads import DownloadAction, TakeMap, TakeTrajectory, Wish
 from app.state.experiments import StartExperiment
-from app.state.flight_settings import FlightSettings
 from app.state.job import Job, JobKind
 from app.state.plan_actions import AllowTime, PlanAction, RestoreWeights, StayDown
-from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord
 from app.state.session import Session
+from app.state.settings import Choice, FlightSettings, PlanSettings
+from app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
 from app.state.view_settings import ViewSettings
 from nerfnav.planner import CostWeights
 
@@ -29,6 +27,7 @@ JobCommand = (
     | m.Cancel
     | m.Reset
     | StartExperiment
+    | TrackAction
 )
 
 
@@ -38,7 +37,7 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
         case m.StartComparison():
             return begun(session, JobKind.COMPARE)
         case m.StartPlan():
-            return begun(session, JobKind.PLAN)
+            return _planned(session)
         case m.StartFlight(anyway):
             return _flown(session, anyway)
         case StayDown():
@@ -53,6 +52,10 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return begun(asked, JobKind.EXPERIMENT)
         case m.FindRobot():
             return _sought(session)
+        case StartTrack():
+            return _tracked(session, command)
+        case ForgetTrack():
+            return session if session.growing else replace(session, track=None)
         case TakeMap(wish):
             return begun(session, JobKind.MAP, wish)
         case TakeTrajectory(wish):
@@ -79,12 +82,20 @@ def begun(
     fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=False)
     if kind is JobKind.COMPARE:
         return replace(fresh, comparison=())
-    if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE):
+    if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE, JobKind.TRACK):
         return fresh
-    fresh = replace(fresh, flight=None, doubt=None, held=False, comparison=(), search=None)
+    fresh = replace(fresh, flight=None, track=None, doubt=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(fresh, plan=PlanRecord(session.ends, session.choice.planner, session.plan_settings))
     return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends))
+
+
+def _planned(session: Session) -> Session:
+    """The session that plans, or that will once the place can be seen: what shapes its surface is not to be stopped."""
+    job = session.job
+    if job is not None and job.kind is JobKind.OPEN and not session.may_begin:
+        return replace(session, job=replace(job, then_plan=True))
+    return begun(session, JobKind.PLAN)
 
 
 def _flown(session: Session, anyway: bool) -> Session:
@@ -95,12 +106,19 @@ def _flown(session: Session, anyway: bool) -> Session:
     return begun(session, JobKind.FLY, anyway=unsafe) if anyway else replace(session, doubt=unsafe)
 
 
+def _tracked(session: Session, command: StartTrack) -> Session:
+    """The session that follows a camera, in place of a flight."""
+    if not session.may_begin:
+        return begun(session, JobKind.TRACK)  # which says why not
+    session = begun(replace(session, flight=None, search=None, track=TrackRecord(command.name)), JobKind.TRACK)
+    return session if session.job is None else replace(session, job=replace(session.job, track=command))
+
+
 def _reset(session: Session, place: Place) -> Session:
     """The session as it was once the place was open, the robot and the task that were chosen since excepted."""
     ends = session.first_ends or opening_ends(place, None) or session.ends
-    stopped = replace(cancelled(session), plan=None, flight=None, doubt=None, comparison=(), search=None)
     return replace(
-        stopped, task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False, aiming=None,
+        emptied(session), task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False, aiming=None,
         clicked=None, choice=Choice(session.choice.robot), flight_settings=FlightSettings(),
         plan_settings=first_settings(PlanSettings(), place, ends, session.home),
         view_settings=ViewSettings().where(splats=place.splats is not None),
@@ -112,6 +130,11 @@ def _sought(session: Session) -> Session:
     if session.last_picture is None:
         return noticed(session, "No picture", "The robot has not looked around yet: let it fly first.", bad=True)
     return begun(session, JobKind.FIND)
+
+
+def emptied(session: Session) -> Session:
+    """The session without its job and what jobs have made."""
+    return replace(cancelled(session), plan=None, flight=None, track=None, doubt=None, comparison=(), search=None)
 
 
 def cancelled(session: Session) -> Session:

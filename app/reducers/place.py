@@ -6,12 +6,13 @@ from app.places.ends import Ends
 from app.places.place import Place
 from app.places.sources import title_of
 from app.reducers.common import moved, noticed, settled, typed
-from app.reducers.jobs import cancelled
+from app.reducers.jobs import emptied
 from app.state import actions as m
-from app.state.choice import Choice
 from app.state.job import Job, JobKind
 from app.state.placing import Ray
 from app.state.session import Click, Session, Vector
+from app.state.settings import Choice
+from app.state.tab_actions import Left, Looked, TabAction, Viewed
 from app.text import sentence
 from nerfnav.errors import NerfnavError
 
@@ -20,12 +21,12 @@ PlaceCommand = (
     | m.TypeEnd
     | m.ChooseTask
     | m.OpenPlace
+    | m.ChooseQuality
     | m.ListPlaces
     | m.Choose
     | m.Aim
     | m.Point
-    | m.Looked
-    | m.Left
+    | TabAction
 )
 
 
@@ -40,6 +41,8 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
             return _chosen_task(session, place, name)
         case m.OpenPlace(what):
             return opening(session, what)
+        case m.ChooseQuality(quality):
+            return replace(session, quality=quality)
         case m.ListPlaces():
             return replace(session, places_asked=session.places_asked + 1)
         case m.Choose(choice):
@@ -48,9 +51,11 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
             return replace(session, aiming=which, placing=replace(session.placing, pointing=None))
         case m.Point(origin, direction):
             return _pointed(session, origin, direction)
-        case m.Looked(client, eye):
+        case Looked(client, eye):
             return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
-        case m.Left(client):
+        case Viewed(view):
+            return replace(session, viewed=view)
+        case Left(client):
             return session.without_tab(client)
 
 
@@ -59,7 +64,7 @@ def opening(session: Session, what: str) -> Session:
     session = replace(session, before=None) if session.place is not None else session
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
     opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
-    kept = {"experiments": session.experiments, "places_asked": session.places_asked}
+    kept = {name: getattr(session, name) for name in ("experiments", "places_asked", "quality")}
     opening = replace(opening, runs=session.runs.elsewhere(), **kept)
     # a place that was never open is nothing to go back to
     return replace(opening, before=session if session.place is not None else session.before)
@@ -75,8 +80,7 @@ def chosen(session: Session, place: Place, choice: Choice) -> Session:
     if choice.robot == session.choice.robot:
         return changed
     # plans and flights are those of another body
-    forgotten = replace(cancelled(changed), plan=None, flight=None, doubt=None, comparison=(), search=None)
-    return settled(forgotten, place)
+    return settled(emptied(changed), place)
 
 
 def _chosen_task(session: Session, place: Place, name: str) -> Session:

@@ -2,14 +2,9 @@
 
 from dataclasses import replace
 
+from app.reducers import flight, history, jobs, place, placing, runs
 from app.reducers.common import noticed
-from app.reducers.flight import Steering, steered
-from app.reducers.history import remembered, travelled
 from app.reducers.job_reports import reported
-from app.reducers.jobs import JobCommand, cancelled, job_commanded
-from app.reducers.place import PlaceCommand, opening, place_commanded
-from app.reducers.placing import placing_commanded
-from app.reducers.runs import changed, commanded, rolled, source_elsewhere
 from app.reducers.settings import adjusted
 from app.state import actions as m
 from app.state.experiments import ListExperiments, ShowResult
@@ -22,7 +17,7 @@ from app.state.session import Session
 
 def reduce(session: Session, message: m.Action) -> Session:
     """The session after `message`, which can be undone where it is a move or a setting."""
-    return remembered(session, _reduced(session, message), message)
+    return history.remembered(session, _reduced(session, message), message)
 
 
 def _reduced(session: Session, message: m.Action) -> Session:
@@ -30,13 +25,13 @@ def _reduced(session: Session, message: m.Action) -> Session:
         case m.QueryAnswered(query, result):
             return query.apply(session, result)
         case m.RunChanged():
-            return changed(session, message)
+            return runs.changed(session, message)
         case m.Reported(job, event):
             # a cancelled job may still report: it is no longer the one that is wanted
             wanted = session.job is not None and session.job.id == job
             return reported(session, event) if wanted else session
         case m.Tick(seconds):
-            return rolled(_passed(session, seconds), seconds)
+            return runs.rolled(_passed(session, seconds), seconds)
         case m.Tell(title, body, bad):
             return noticed(session, title, body, bad)
         case _:
@@ -54,22 +49,22 @@ def _passed(session: Session, seconds: float) -> Session:
 
 def _command(session: Session, command: m.Command) -> Session:
     """The session after what a person has asked for."""
-    place = session.place
-    if place is None:  # nothing can be asked before the place is open, but to give it up
+    opened = session.place
+    if opened is None:  # nothing can be asked before the place is open, but to give it up
         if isinstance(command, m.OpenPlace):
-            return opening(session, command.what)
-        return cancelled(session) if isinstance(command, m.Cancel) and session.before is not None else session
+            return place.opening(session, command.what)
+        return jobs.cancelled(session) if isinstance(command, m.Cancel) and session.before is not None else session
     if isinstance(command, RunAction):
-        elsewhere = source_elsewhere(session, command.name) if isinstance(command, OpenRun) else None
-        return commanded(session if elsewhere is None else opening(session, elsewhere), command)
+        elsewhere = runs.source_elsewhere(session, command.name) if isinstance(command, OpenRun) else None
+        return runs.commanded(session if elsewhere is None else place.opening(session, elsewhere), command)
     if isinstance(command, PlacingAction):
-        return placing_commanded(session, command)
-    if isinstance(command, PlaceCommand):
-        return place_commanded(session, place, command)
-    if isinstance(command, Steering) and (session.in_flight or not isinstance(command, m.FindRobot)):
-        return steered(session, command)
-    if isinstance(command, JobCommand):
-        return job_commanded(session, command)
+        return placing.placing_commanded(session, command)
+    if isinstance(command, place.PlaceCommand):
+        return place.place_commanded(session, opened, command)
+    if isinstance(command, flight.Steering) and (session.in_flight or not isinstance(command, m.FindRobot)):
+        return flight.steered(session, command)
+    if isinstance(command, jobs.JobCommand):
+        return jobs.job_commanded(session, command)
     match command:
         case m.Adjust(settings, name, value):
             return adjusted(session, settings, name, value)
@@ -78,7 +73,7 @@ def _command(session: Session, command: m.Command) -> Session:
         case ForgetEdits():
             return replace(session, robot_draft=None)
         case Undo() | Redo():
-            return travelled(session, command)
+            return history.travelled(session, command)
         case ShowResult() | ListExperiments():
             return replace(session, experiments=session.experiments.commanded(command))
     raise TypeError(f"the session knows no message of type {type(command).__name__}")

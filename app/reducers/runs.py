@@ -24,7 +24,7 @@ def source_elsewhere(session: Session, name: str) -> str | None:
 
 def commanded(session: Session, command: RunAction) -> Session:
     """The session after what a person has asked for."""
-    runs, flight = session.runs, session.flight
+    runs, flight = session.runs, session.timed
     match command:
         case ListRuns():
             return replace(session, runs=replace(runs, listed=None))
@@ -40,7 +40,7 @@ def commanded(session: Session, command: RunAction) -> Session:
             return replace(session, runs=runs.changing(name, to))
         case DeleteRun(name):
             return replace(session, runs=runs.changing(name, None))
-    if flight is None or not flight.steps or session.in_flight:
+    if flight is None or not flight.steps or session.growing:
         return session
     match command:
         case Scrub(at):
@@ -66,7 +66,7 @@ def rolled(session: Session, seconds: float) -> Session:
     timeline = session.runs.timeline
     if not timeline.playing:
         return session
-    if timeline.flight is not session.flight:
+    if timeline.flight is not session.timed:
         timeline = replace(timeline, playing=False)
     return replace(session, runs=replace(session.runs, timeline=timeline.rolled(seconds)))
 
@@ -74,7 +74,7 @@ def rolled(session: Session, seconds: float) -> Session:
 def opened(session: Session, stored: StoredFlight) -> Session:
     """The session with a stored flight as its flight, of the robot that flew it, between its ends."""
     place, about = session.place, stored.entry.metadata
-    if place is None or session.in_flight:
+    if place is None or session.growing:
         return session
     if about.robot != session.choice.robot:
         try:
@@ -85,7 +85,7 @@ def opened(session: Session, stored: StoredFlight) -> Session:
     timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # all of it is seen at once
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,
-        seeking=False, problems={}, offers={}, outside={}, plan=None, flight=stored.record, search=None,
+        seeking=False, problems={}, offers={}, outside={}, plan=None, flight=stored.record, track=None, search=None,
         results={}, runs=replace(session.runs, opened=stored, timeline=timeline),
     )  # fmt: skip
 

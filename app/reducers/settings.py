@@ -5,8 +5,8 @@ from typing import Any
 
 from app.reducers.common import noticed
 from app.state.actions import Settings
-from app.state.plan_settings import PlanSettings
 from app.state.session import Session
+from app.state.settings import PlanSettings
 from app.text import sentence
 from nerfnav.errors import InvalidInputError
 

@@ -6,8 +6,8 @@ from typing import Any, Protocol
 
 from app.jobs.events import JobReport
 from app.places.ends import End, Which
-from app.state.choice import Choice
-from app.state.download_actions import DownloadAction
+from app.places.learning import QualityName
+from app.state.downloads import DownloadAction
 from app.state.experiments import ExperimentAction
 from app.state.history import Redo, Undo
 from app.state.placing import PlacingAction
@@ -16,7 +16,9 @@ from app.state.robot_draft import EditRobot, ForgetEdits
 from app.state.run_actions import RunAction
 from app.state.runs import RunChange
 from app.state.session import Session, Vector
-from app.state.view_settings import Eye
+from app.state.settings import Choice
+from app.state.tab_actions import TabAction
+from app.state.tracks import TrackAction
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,13 @@ class OpenPlace:
 
     what: str
     """Name of a bundled scene, or path of a field file."""
+
+
+@dataclass(frozen=True)
+class ChooseQuality:
+    """Learn places that come without a field so well from now on."""
+
+    quality: QualityName
 
 
 @dataclass(frozen=True)
@@ -98,22 +107,6 @@ class Adjust:
     name: str
     """Name of the record's field."""
     value: Any
-
-
-@dataclass(frozen=True)
-class Looked:
-    """The camera of a tab has moved."""
-
-    client: int
-    """Which tab."""
-    eye: Eye
-
-
-@dataclass(frozen=True)
-class Left:
-    """A tab was closed."""
-
-    client: int
 
 
 @dataclass(frozen=True)
@@ -188,13 +181,13 @@ Command = (
     | TypeEnd
     | ChooseTask
     | OpenPlace
+    | ChooseQuality
     | ListPlaces
     | Choose
     | Aim
     | Point
     | Adjust
-    | Looked
-    | Left
+    | TabAction
     | StartComparison
     | Gust
     | CarryAway
@@ -214,6 +207,7 @@ Command = (
     | Redo
     | RunAction
     | PlacingAction
+    | TrackAction
     | ExperimentAction
     | Tell
 )

@@ -1,4 +1,4 @@
-"""Files that tabs of the page ask for, and get."""
+"""Files that tabs of the page ask for, and get; and the actions of a person who asks."""
 
 from dataclasses import dataclass, field
 
@@ -39,3 +39,20 @@ class Download:
     """The tab that asked."""
     name: str
     content: bytes = field(repr=False)
+
+
+@dataclass(frozen=True)
+class TakeMap:
+    """Make a map of the place and send it to the tab that asks."""
+
+    wish: MapWish
+
+
+@dataclass(frozen=True)
+class TakeTrajectory:
+    """Make the file for a vehicle, once it is judged, and send it to the tab that asks."""
+
+    wish: TrajectoryWish
+
+
+DownloadAction = TakeMap | TakeTrajectory

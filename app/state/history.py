@@ -4,9 +4,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 from app.places.ends import Ends
-from app.state.choice import Choice
-from app.state.flight_settings import FlightSettings
-from app.state.plan_settings import PlanSettings
+from app.state.settings import Choice, FlightSettings, PlanSettings
 from app.state.view_settings import ViewSettings
 
 MOST = 100

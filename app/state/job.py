@@ -6,6 +6,7 @@ from enum import Enum
 from app.places.ends import Ends
 from app.state.downloads import Wish
 from app.state.records import PlanRecord
+from app.state.tracks import StartTrack
 
 
 class JobKind(Enum):
@@ -20,6 +21,7 @@ class JobKind(Enum):
     MAP = "make the map"
     EXPORT = "export"
     PLACE = "put the place right"
+    TRACK = "track the camera"
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Job:
     """For a flight: a finished plan between these ends, to begin with."""
     anyway: bool = False
     """For a flight: whether it is wanted though its plan is not safe."""
+    then_plan: bool = False
+    """For a place that is being opened: whether the way is to be planned as soon as that can be."""
     then_fly: bool = False
     """For a plan: whether it is to be flown, if it is good."""
     label: str = ""
@@ -58,3 +62,5 @@ class Job:
     """How many times it was asked to look for the robot everywhere."""
     wish: Wish | None = None
     """The file that is to be made."""
+    track: StartTrack | None = None
+    """What is to be tracked."""

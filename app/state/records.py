@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from app.places.ends import Ends
-from app.state.plan_settings import PlanSettings
+from app.state.settings import PlanSettings
 from nerfnav.estimator import FilterStep, RelocaliseStep
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
 from nerfnav.planner import GOOD, PlanCost, PlanOutcome, PlanStep
@@ -167,6 +167,20 @@ class FlightRecord:
     def outcome(self) -> EpisodeOutcome | None:
         """None while it flies, or when it was stopped."""
         return self.steps[-1].outcome if self.steps else None
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Of the steps [s]."""
+        return tuple(index * self.tick for index in range(len(self.steps)))
+
+    @property
+    def tick(self) -> float:
+        """Length of a step [s]."""
+        return self.steps[0].plan.dt
+
+    def cut(self, at: int) -> "FlightRecord":
+        """Up to time step `at`."""
+        return replace(self, steps=self.steps[: at + 1], plan=self.steps[at].plan, guess=None, doing="")
 
     def with_step(self, step: NavigationStep) -> "FlightRecord":
         """With one more time step."""

@@ -18,7 +18,7 @@ class EditRobot:
     chosen: RobotFile
     """The robot without any changes."""
     part: str
-    """`limits` or `camera`; empty: what is changed stands at the top."""
+    """`limits`, `camera` or `inertia`; empty: what is changed stands at the top."""
     name: str
     value: Any
     """In the file's own unit."""
@@ -31,6 +31,10 @@ class EditRobot:
         if self.part == "camera":
             assert told.camera is not None, "only numbers that there are are changed"
             return msgspec.structs.replace(told, camera=msgspec.structs.replace(told.camera, **{self.name: self.value}))
+        if self.part == "inertia":
+            assert told.inertia is not None, "only numbers that there are are changed"
+            about = [self.value if axis == self.name else old for axis, old in zip("xyz", told.inertia, strict=True)]
+            return msgspec.structs.replace(told, inertia=tuple(about))
         return msgspec.structs.replace(told, **{self.name: self.value})
 
 
@@ -44,7 +48,7 @@ class RobotNumber:
     """One number of a robot's file."""
 
     part: str
-    """Where it stands: `limits` or `camera`; empty: at the top."""
+    """Where it stands: `limits`, `camera` or `inertia`, of which it is one axis; empty: at the top."""
     name: str
     label: str
     """What people read, with the unit."""
@@ -60,6 +64,8 @@ class RobotNumber:
         elif self.part == "camera":
             # the size of a calibrated camera is in its own file
             value = None if told.camera is None or told.camera.file is not None else getattr(told.camera, self.name)
+        elif self.part == "inertia":
+            value = None if told.inertia is None else told.inertia["xyz".index(self.name)]
         else:
             value = getattr(told, self.name) if told.kind in WITH_MASS else None
         return None if value is None else round(self.scale * value, 6)
@@ -71,6 +77,7 @@ class RobotNumber:
 
 NUMBERS = (
     RobotNumber("", "mass", "Mass [kg]", step=0.001),
+    *(RobotNumber("inertia", axis, f"Inertia about {axis} [g m²]", 1e3, step=0.0001) for axis in "xyz"),
     RobotNumber("limits", "thrust", "Most thrust [N]"),
     RobotNumber("limits", "tilt", "Most tilt [°]", _DEGREES, step=0.1),
     RobotNumber("limits", "speed", "Most speed [m/s]"),

@@ -1,9 +1,16 @@
 """The session's part that concerns stored runs, and the time at which the shown one is looked at."""
 
+from bisect import bisect_right
 from dataclasses import dataclass, field, replace
+from typing import TypeVar, cast
 
 from app.state.records import FlightRecord
+from app.state.tracks import TrackRecord
 from app.storage.run_metadata import StoredRun
+
+Timed = FlightRecord | TrackRecord
+"""What a timeline goes along: at most one of them is on the page."""
+AnyTimed = TypeVar("AnyTimed", bound=FlightRecord | TrackRecord)
 
 
 @dataclass(frozen=True)
@@ -43,12 +50,12 @@ class RunChange:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Which time step of a flight is shown."""
+    """Which time step of a flight, or frame of a track, is shown."""
 
-    flight: FlightRecord | None = None
-    """The flight that it belongs to; for any other it says nothing."""
-    part: FlightRecord | None = None
-    """The flight up to the time that is shown."""
+    flight: Timed | None = None
+    """The flight or track that it belongs to; for any other it says nothing."""
+    part: Timed | None = None
+    """The same up to the time that is shown."""
     elapsed_s: float = 0.0
     """Where it is while it runs [s]."""
     playing: bool = False
@@ -58,12 +65,12 @@ class Timeline:
         """The time step that is shown."""
         return len(self.part.steps) - 1 if self.part is not None else 0
 
-    def moved(self, flight: FlightRecord, at: float) -> "Timeline":
+    def moved(self, flight: Timed, at: float) -> "Timeline":
         """At the time step nearest to `at`, held."""
         step = min(max(round(at), 0), len(flight.steps) - 1)
-        return Timeline(flight, _cut(flight, step), step * flight.steps[0].plan.dt)
+        return Timeline(flight, flight.cut(step), flight.times[step])
 
-    def started(self, flight: FlightRecord) -> "Timeline":
+    def started(self, flight: Timed) -> "Timeline":
         """Running; from the start where it was at the end, or showed another flight."""
         here = self if self.flight is flight and self.at < len(flight.steps) - 1 else self.moved(flight, 0)
         return replace(here, playing=True)
@@ -72,14 +79,10 @@ class Timeline:
         """After some time."""
         if not self.playing or self.flight is None:
             return self
-        steps, elapsed = self.flight.steps, self.elapsed_s + seconds
-        at = min(int(elapsed / steps[0].plan.dt + 1e-6), len(steps) - 1)
-        part = self.part if at == self.at else _cut(self.flight, at)
-        return replace(self, elapsed_s=elapsed, part=part, playing=at < len(steps) - 1)
-
-
-def _cut(flight: FlightRecord, at: int) -> FlightRecord:
-    return replace(flight, steps=flight.steps[: at + 1], plan=flight.steps[at].plan, guess=None, doing="")
+        times, elapsed = self.flight.times, self.elapsed_s + seconds
+        at = bisect_right(times, elapsed + 1e-6) - 1
+        part = self.part if at == self.at else self.flight.cut(at)
+        return replace(self, elapsed_s=elapsed, part=part, playing=at < len(times) - 1)
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,8 @@ class Runs:
         """The run of that name, if there is one."""
         return next((entry for entry in self.entries if entry.name == name), None)
 
-    def shown(self, flight: FlightRecord | None) -> FlightRecord | None:
-        """As much of a flight as the timeline shows."""
-        return self.timeline.part if flight is not None and self.timeline.flight is flight else flight
+    def shown(self, record: AnyTimed | None) -> AnyTimed | None:
+        """As much of a flight or track as the timeline shows."""
+        if record is None or self.timeline.flight is not record:
+            return record
+        return cast("AnyTimed | None", self.timeline.part)

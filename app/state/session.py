@@ -1,8 +1,7 @@
 """The app's whole state as one frozen value.
 
-The session says what is wanted of the worker (`job`, and `app.queries`) and all that the page shows.
-No other place holds state: a reloaded page and a second tab show the same, and the logic is tested without a browser.
-`app.reducers.root` moves it from one action to the next.
+It says what is wanted of the worker (`job`, and `app.queries`) and all that the page shows. No other place holds state:
+a reloaded page and a second tab show the same. `app.reducers.root` moves it from one action to the next.
 """
 
 from collections.abc import Hashable, Mapping
@@ -13,18 +12,20 @@ from torch import Tensor
 
 from app.jobs.events import PlannerResult
 from app.places.ends import End, Ends, Which, opening_ends
+from app.places.learning import USUAL, QualityName
 from app.places.place import Place
 from app.places.vantage import View
-from app.state.choice import Choice
 from app.state.downloads import Download
 from app.state.experiments import ExperimentState
-from app.state.flight_settings import FlightSettings
 from app.state.history import History, Moment
 from app.state.job import Job, JobKind
+from app.state.left_off import LeftOff
+from app.state.notice import Notice
 from app.state.placing import Placing
-from app.state.plan_settings import PlanSettings
 from app.state.records import FlightRecord, PlanRecord, SearchRecord
-from app.state.runs import Runs
+from app.state.runs import Runs, Timed
+from app.state.settings import Choice, FlightSettings, PlanSettings
+from app.state.tracks import TrackRecord
 from app.state.view_settings import Eye, ViewSettings
 from nerfnav.robots import RobotFile
 
@@ -41,20 +42,6 @@ class Click:
     """Where the ray of the click begins [m]."""
     direction: Vector
     """Where it goes, of any length."""
-
-
-@dataclass(frozen=True)
-class Notice:
-    """Something that the user should know now."""
-
-    id: int
-    """Rises by one from notice to notice."""
-    title: str
-    body: str
-    bad: bool = False
-    """Whether something failed."""
-    cause: Hashable = None
-    """What a person had asked for by then, `Session.asked`: once that is something else, it is old news."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +62,12 @@ class Session:
     """None while it is being opened."""
     places_asked: int = 0
     """Rises when the library of places may have changed."""
+    quality: QualityName = USUAL
+    """How well places are learned that come without a field."""
     surface: bytes | None = None
     """The field's surface as binary glTF; None while it is being shaped."""
+    surface_is_rough: bool = False
+    """Whether a texture is still to be made for it."""
     task: str | None = None
     """The task whose ends these are; None when they were moved by hand."""
     home: str | None = None
@@ -123,6 +114,8 @@ class Session:
     """What the planners of the last comparison have found, as far as it has come."""
     flight: FlightRecord | None = None
     """The last flight."""
+    track: TrackRecord | None = None
+    """A camera that is followed, or was, in place of a flight: there is at most one of both."""
     search: SearchRecord | None = None
     """What the last search for the robot has found, as far as it has come."""
     runs: Runs = field(default_factory=Runs)
@@ -133,14 +126,16 @@ class Session:
     """The file that was made last."""
     notices: tuple[Notice, ...] = ()
     """The last few, newest last."""
-    left_off: Moment | None = None
-    """What was asked for here when a server last had this place open, until it is open again."""
+    viewed: View | None = None
+    """From where somebody has looked last; None where nobody has turned the camera."""
+    left_off: LeftOff | None = None
+    """How a server last left this place, until it is open again."""
     before: "Session | None" = None
     """Where to go back to if the place cannot be opened; None for the first place."""
 
     @classmethod
     def opening(
-        cls, what: str, choice: Choice | None = None, surface: bytes | None = None, left_off: Moment | None = None
+        cls, what: str, choice: Choice | None = None, surface: bytes | None = None, left_off: LeftOff | None = None
     ) -> "Session":
         """The session at the start: `what` is to be opened; `surface` and `left_off` may be known from earlier."""
         job = Job(0, JobKind.OPEN, label="Opening the field")
@@ -233,12 +228,25 @@ class Session:
         return self.runs.shown(self.flight)
 
     @property
+    def shown_track(self) -> TrackRecord | None:
+        """The track, as much of it as the timeline shows."""
+        return self.runs.shown(self.track)
+
+    @property
+    def timed(self) -> Timed | None:
+        """What the timeline goes along."""
+        return self.track if self.flight is None else self.flight
+
+    @property
+    def growing(self) -> bool:
+        """Whether that is still under way: then its last moment is shown."""
+        return self.in_flight or (self.job is not None and self.job.kind is JobKind.TRACK)
+
+    @property
     def last_picture(self) -> Tensor | None:
-        """What the robot's camera saw last in the flight, as much of it as the timeline shows; None without a picture.
-        """
-        flight = self.shown_flight
-        seen = (step.image for step in reversed(flight.steps) if step.image is not None) if flight is not None else ()
-        return next(iter(seen), None)
+        """What the robot's camera saw last, as far as the timeline shows its flight; None without a picture."""
+        steps = () if self.shown_flight is None else self.shown_flight.steps
+        return next((step.image for step in reversed(steps) if step.image is not None), None)
 
     @property
     def may_find(self) -> bool:

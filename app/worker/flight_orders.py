@@ -6,9 +6,9 @@ import torch
 
 from app.places.ends import Ends, Which
 from app.places.place import Place
-from app.state.flight_settings import GUST
 from app.state.job import Job
 from app.state.session import Session
+from app.state.settings import GUST
 from app.worker.carrying import elsewhere
 from nerfnav.navigation import Orders
 

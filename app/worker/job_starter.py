@@ -9,6 +9,7 @@ from app.jobs import map as map_job
 from app.jobs.events import JobEvents
 from app.jobs.fly_request import FlyRequest
 from app.places.derived import planning_place
+from app.places.learning import QualityName
 from app.places.place import Place
 from app.queries.wanted_plan import plan_request
 from app.state.downloads import MapWish, TrajectoryWish
@@ -27,8 +28,8 @@ from nerfnav.planner import PlannerConfig, planners
 class JobStarter:
     """Begins the jobs of a session, and lets a flight know what the session wants of it."""
 
-    open: Callable[[str], JobEvents] = open_place.run
-    """The job that opens a place."""
+    open: Callable[[str, QualityName], JobEvents] = open_place.run
+    """The job that opens a place, and learns its field in some quality where there is none."""
     plans: Mapping[str, PlannerConfig] = field(default_factory=dict)
     """Name of a planner to how its first plan is made; planners that are not named have settings of their own."""
     navigate: NavigateConfig = field(default_factory=NavigateConfig)
@@ -41,7 +42,7 @@ class JobStarter:
     def begin(self, session: Session, job: Job) -> JobEvents:
         """The events of a job."""
         if job.kind is JobKind.OPEN:
-            return self.open(session.what)
+            return self.open(session.what, session.quality)
         place, settings = session.place, session.plan_settings
         assert place is not None, "nothing but opening is asked for before the place is open"
         if job.kind is JobKind.COMPARE:
@@ -53,6 +54,8 @@ class JobStarter:
             picture = session.last_picture
             assert picture is not None, "nothing is looked for without a picture"
             return find_robot.find(place, picture)
+        if job.kind is JobKind.TRACK:
+            return _followed(place, job)
         if job.kind is JobKind.PLACE:
             return self._placed.begin(session, job)
         if job.kind is JobKind.MAP:
@@ -92,6 +95,20 @@ class JobStarter:
             task=session.task,
             out=None if self.runs is None else self.runs.new(session.place.name),
         )
+
+
+def _followed(place: Place, job: Job) -> JobEvents:
+    """The track of a camera through the place."""
+    # slow to import, and seldom needed
+    from app.jobs import track
+    from app.jobs.follow_camera import CameraRun
+    from app.jobs.given_picture import GivenCamera
+    from nerfnav.tracking.sources.open_source import SourceOptions
+
+    asked = job.track
+    assert asked is not None, "a track is begun by who says of what"
+    camera, options = GivenCamera(fov_deg=asked.fov_deg), SourceOptions(asked.fps)
+    return track.watch(place.field, CameraRun(asked.source, camera, options))
 
 
 def _export(session: Session, job: Job, place: Place) -> JobEvents:

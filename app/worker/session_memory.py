@@ -6,13 +6,13 @@ from pathlib import Path
 
 import msgspec
 
-from app.state.history import Moment
+from app.state.left_off import LeftOff
 from app.state.session import Session
 from nerfnav.files import replacing
 
 
 class SessionMemory:
-    """The last moment of one place. Used by the UI loop's thread alone."""
+    """How one place was left. Used by the UI loop's thread alone."""
 
     def __init__(self, folder: Path, what: str) -> None:
         """`folder` holds a file for each place, `what` is what is opened."""
@@ -22,10 +22,10 @@ class SessionMemory:
         self._file = folder / f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.json"
         self._kept = self.last()
 
-    def last(self) -> Moment | None:
-        """What was asked for last time; None where nobody knows, or an older version wrote it."""
+    def last(self) -> LeftOff | None:
+        """How it was left last time; None where nobody knows, or an older version wrote it."""
         try:
-            return msgspec.json.decode(self._file.read_bytes(), type=Moment)
+            return msgspec.json.decode(self._file.read_bytes(), type=LeftOff)
         except (OSError, msgspec.MsgspecError):
             return None
 
@@ -34,7 +34,7 @@ class SessionMemory:
         settled = session.place is not None and not session.held and not session.seeking
         if session.what != self._what or not settled:
             return
-        now = session.moment
+        now = LeftOff(session.moment, session.viewed)
         if now == self._kept:
             return
         self._kept = now

@@ -14,8 +14,7 @@ import torch
 from app.state.actions import QueryAnswered, Reported, RunChanged, Tell
 from app.state.runs import RunChange
 from app.state.session import Session
-from app.system.memory import give_back
-from app.system.threads import TORCH_THREADS
+from app.system import TORCH_THREADS, give_back
 from app.worker.open_queries import OpenQueries
 from app.worker.running_job import RunningJob
 from app.worker.work import Work

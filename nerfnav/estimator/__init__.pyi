@@ -1,4 +1,6 @@
 from . import estimators as estimators
+from .align import AlignConfig as AlignConfig
+from .aligned import AlignedFilter as AlignedFilter
 from .belief import Belief as Belief
 from .descent import DescentConfig as DescentConfig
 from .estimator import Estimator as Estimator
@@ -14,9 +16,10 @@ from .photometric import Observation as Observation
 from .pixels import PixelConfig as PixelConfig
 from .pose_error import comparable as comparable
 from .pose_error import pose_floor as pose_floor
+from .pose_error import resized as resized
 from .relocalise import RelocaliseConfig as RelocaliseConfig
 from .relocalise import RelocaliseOutcome as RelocaliseOutcome
 from .relocalise import RelocaliseStep as RelocaliseStep
-from .relocalise import Searcher as Searcher
+from .searcher import Searcher as Searcher
 from .steps import FilterOutcome as FilterOutcome
 from .steps import FilterStep as FilterStep

@@ -56,11 +56,14 @@ def posterior_covariance(
 
 
 def information_of(
-    change: Float[Tensor, "12"], predicted: Float[Tensor, "12 12"], seen: Float[Tensor, "6 6"]
+    turn: Float[Tensor, "3"], predicted: Float[Tensor, "12 12"], seen: Float[Tensor, "6 6"]
 ) -> Float[Tensor, "12 12"]:
-    """Inverse covariance in the tangent of the mean, from that in the prediction's and that of the pose."""
+    """Inverse covariance in the tangent of the mean, from that in the prediction's and that of the pose.
+
+    `turn` is the mean's attitude in the tangent of the prediction's.
+    """
     derivative = torch.eye(TANGENT)
-    derivative[ATTITUDE, ATTITUDE] = torch.linalg.inv(so3.right_jacobian(change[ATTITUDE]))
+    derivative[ATTITUDE, ATTITUDE] = torch.linalg.inv(so3.right_jacobian(turn))
     information = derivative.T @ predicted @ derivative
     place = torch.eye(TANGENT)[POSE]
     return information + place.T @ seen @ place

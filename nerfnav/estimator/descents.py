@@ -11,9 +11,10 @@ from torch import Tensor
 
 from nerfnav.compiled import threads
 from nerfnav.estimator.kernels.descent import descend
+from nerfnav.estimator.kernels.glance import glance
 from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, minimise
 from nerfnav.estimator.photometric import THREADS, Observation
-from nerfnav.field.jacobian import Gridded, SightGrid
+from nerfnav.field.jacobian import SightGrid, sight_grid_of
 from nerfnav.geometry import Pose
 
 
@@ -25,7 +26,7 @@ def improve(
     The compiled descent ends each pose's where that has settled; it then stands still in later stages. All is done on
     the filter's threads and without gradients; what others do between the stages is not.
     """
-    grid = seen.field.sight_grid if isinstance(seen.field, Gridded) else None
+    grid = sight_grid_of(seen.field)
     if grid is None:
         stages = minimise(seen, start, prior, config)
         stages = stages if every else _last_of(stages)
@@ -45,12 +46,13 @@ def _last_of(stages: Iterator[Iterate]) -> Iterator[Iterate]:
 
 def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
     """What the field shows from body poses (n,) less what the picture shows."""
-    grid = seen.field.sight_grid if isinstance(seen.field, Gridded) else None
+    grid = sight_grid_of(seen.field)
     with torch.no_grad(), threads(THREADS):
         if grid is None:
             return seen.shown(poses) - seen.colors
-        looked = _compiled(grid, seen, Guess.at(poses), _NOTHING_KNOWN, NewtonConfig(iterations=0))
-        return next(looked).residual
+        shown = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
+        glance(grid, seen.sight, _array(poses.rotation), _array(poses.position), shown)
+        return torch.from_numpy(shown) - seen.colors
 
 
 def _compiled(
@@ -58,7 +60,8 @@ def _compiled(
 ) -> Iterator[Iterate]:
     mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
     known = (
-        _array(prior.information), _array(mean.rotation), _array(mean.position), prior.mean is not None, prior.kappa
+        _array(prior.information), _array(mean.rotation), _array(mean.position), prior.mean is not None, prior.kappa,
+        prior.slack,
     )  # fmt: skip
     count, stages = len(start.exposure), config.iterations + 1
     trace = _trace(stages, count, len(seen.pixels))
@@ -66,26 +69,25 @@ def _compiled(
         part[0] = begin.numpy()
     held, moved, settings = np.empty((stages, count), np.int64), np.empty((stages, count)), _settings(config)
     stages = descend(grid, seen.sight, known, settings, trace, held, moved)
-    index = np.arange(count)
-    for step in range(0 if every else stages - 1, stages):
-        shown = (np.asarray(part[held[step], index], np.float32) for part in trace)
-        rotation, position, exposure, *parts = map(torch.from_numpy, shown)
-        guess = Guess(Pose(rotation, position), exposure)
-        yield Iterate(guess, **dict(zip(_PARTS, parts, strict=True)), moved=torch.from_numpy(moved[step]).float())
+    told = slice(0 if every else stages - 1, stages)
+    holding = held[told], np.arange(count)
+    parts = (*(part[holding] for part in trace), moved[told])
+    shown = [torch.from_numpy(np.asarray(part, np.float32)) for part in parts]
+    for rotation, position, exposure, *parts in zip(*shown, strict=True):
+        yield Iterate(Guess(Pose(rotation, position), exposure), **dict(zip(_PARTS, parts, strict=True)))
 
 
 def _settings(config: NewtonConfig) -> tuple[int, float, float, float]:
     return config.iterations, config.damping, config.robust, config.settled
 
 
-_NOTHING_KNOWN = Prior(torch.eye(UNKNOWNS), None)
-_PARTS = ("cost", "process", "residual", "change", "seen", "known", "slope")
+_PARTS = ("cost", "process", "residual", "change", "seen", "known", "slope", "moved")
 """In the order in which the kernel has them."""
-assert {"guess", "moved", *_PARTS} == {field.name for field in fields(Iterate)}
+assert {"guess", *_PARTS} == {field.name for field in fields(Iterate)}
 
 
 def _trace(stages: int, poses: int, pixels: int) -> tuple[np.ndarray, ...]:
-    """Room for the stages of so many poses: rotation, position, exposure, and `_PARTS`."""
+    """Room for the stages of so many poses: rotation, position, exposure, and `_PARTS` but for the last."""
     square, plain = (UNKNOWNS, UNKNOWNS), ()
     shapes = ((3, 3), (3,), (2,), plain, plain, (pixels, 3), (UNKNOWNS,), square, square, (UNKNOWNS,))
     kinds = [np.float32 if shape == (pixels, 3) else np.float64 for shape in shapes]

@@ -58,8 +58,8 @@ class FastFilter:
     ) -> Iterator[FilterStep]:
         """The belief after an action of `dt` [s] and the picture (uint8, height x width x 3) taken then, if any.
 
-        Yields a step for every iteration; the last one carries the posterior and the outcome. Raises
-        InvalidInputError where the picture is not one of this camera.
+        Yields a step for each coarse stage and for every iteration of the last; the very last step carries the
+        posterior and the outcome. Raises InvalidInputError where the picture is not one of this camera.
         """
         if image is not None:
             check_image(image, self.camera)

@@ -74,7 +74,7 @@ class Update:
     def _search(self, best: _End, iteration: int) -> Generator[FilterStep, None, tuple[_End, int]]:
         """Improve random states of the prediction; returns the best now, and how many iterations there have been."""
         search = self.config.pyramid.search
-        *early, rival, last = search.stages()
+        *early, rival, last = search.stages(self.config.pyramid.pixels)
         guess = self._searched_guess()
         for stage in early:
             found = yield from self._descended(stage, guess, iteration)
@@ -146,7 +146,8 @@ class Update:
     def _prior(self, pixels: int, halvings: int = 0) -> Prior:
         config, noise = self.config, self.config.color_noise
         kappa = config.pyramid.mistrust**-halvings / (self._alike(pixels) * noise.std**2)
-        return Prior(self._information, self.prediction.mean.pose, kappa)
+        slack = config.pyramid.misplaced * self.view.grain / noise.std
+        return Prior(self._information, self.prediction.mean.pose, kappa, slack)
 
     @cached_property
     def _information(self) -> Float[Tensor, "8 8"]:
@@ -159,7 +160,7 @@ class Update:
         return precision(self.prediction.covariance[POSE][:, POSE])
 
     def _alike(self, pixels: int) -> float:  # k: how many of this many pixels err alike
-        return 1 + pixels / (self.config.color_noise.per_patch * self._patches)
+        return self.config.color_noise.alike_of(pixels, self._patches)
 
     @cached_property
     def _patches(self) -> float:
@@ -189,11 +190,11 @@ class Update:
     def _record(
         self, iteration: int, here: Iterate, best: int, looked: tuple[Tensor, PixelSource | None]
     ) -> FilterStep:
-        residual, (pixels, source) = here.residual[best], looked
+        residual, pose, (pixels, source) = here.residual[best], here.guess.pose, looked
         size = difference(residual)
         return FilterStep(
             iteration,
-            self._state(here.guess.pose[best], here.change[best, _POSE]),
+            self._state(Pose(pose.rotation[best], pose.position[best]), here.change[best, _POSE]),
             float(here.cost[best] - here.process[best]),
             float(here.process[best]),
             pixels,
@@ -224,15 +225,14 @@ class Update:
         known = picture_information(here)
         if not step.process <= config.innovation_gate or self._disagrees(step) or not known.isfinite().all():
             return replace(step, posterior=self.prediction, outcome=FilterOutcome.DIVERGED)
-        scale = self._doubt_of(step, seen)
+        scale, change = self._doubt_of(step, seen), here.change[0, _POSE]
         known = known / scale
-        step, prediction = self._adapted(step, known)
-        cost = PoseCost.of(seen.exposed(here.guess.exposure[0]), prediction, config.color_noise)
+        step, prediction = self._adapted(step, change, known)
         if config.exact_covariance:
             noise = replace(config.color_noise, alike=scale * self._alike(len(seen.pixels)))
-            curved = replace(cost, noise=noise).hessian(step.mean)
+            curved = PoseCost.of(seen.exposed(here.guess.exposure[0]), prediction, noise).hessian(step.mean)
         else:
-            curved = 2 * information_of(prediction.mean.local(step.mean), cost.information, known)
+            curved = 2 * information_of(change[3:], precision(prediction.covariance), known)
         covariance, curvature = posterior_covariance(curved, prediction.covariance)
         floor = replace(config.floor, position_m=max(config.floor.position_m, config.grain * self.view.grain))
         covariance = covariance + floor.covariance()
@@ -244,12 +244,13 @@ class Update:
 
     def _doubt_of(self, step: FilterStep, seen: Observation) -> float:
         """How many times less a picture tells than held-out views promise, by its own differences and its patches."""
-        noise = self.config.color_noise
         if not self.config.adaptive:
             return 1.0
-        return max(1.0, self._squares(step, seen) / noise.std**2) * max(1.0, noise.few_patches / self._patches)
+        return self.config.color_noise.doubt(self._squares(step, seen), self._patches)
 
-    def _adapted(self, step: FilterStep, known: Float[Tensor, "6 6"]) -> tuple[FilterStep, Belief]:
+    def _adapted(
+        self, step: FilterStep, change: Float[Tensor, "6"], known: Float[Tensor, "6 6"]
+    ) -> tuple[FilterStep, Belief]:
         """The end of a descent and the prediction, as they are with the process noise that the picture shows.
 
         The pose stays, for the prediction hardly moves it; its velocities follow.
@@ -257,7 +258,6 @@ class Update:
         config, before = self.config, self.prediction
         if self.noise is None or not self.trusted or not config.adaptive:
             return step, before
-        change = before.mean.local(step.mean)[POSE]
         size = noise_scale(change, self._known, known, config.noise_trust)
         adapted = replace(self, prediction=with_noise_scaled(before, self.noise.covariance(), size))
         return replace(step, mean=adapted._state(step.mean.pose, change)), adapted.prediction

@@ -1,6 +1,7 @@
 """What a field looks like from everywhere, and from where it looks like a picture."""
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import torch
@@ -13,6 +14,7 @@ from nerfnav.estimator.pyramid import View
 from nerfnav.estimator.verdict import check_image
 from nerfnav.field import Field, levels_of
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, reduced, so3
+from nerfnav.steps import returned
 
 _LARGEST = 256
 """Larger pictures are halved until they have no more pixels along their longer edge than twice this."""
@@ -23,8 +25,8 @@ _ITSELF = Pose(torch.eye(3), torch.zeros(3))
 class LooksConfig:
     """From where a field is looked at."""
 
-    spacing: float = 0.12
-    """Distance of the places that are looked from [m]; wider where there would be too many."""
+    spacing: float = 0.046
+    """Distance of the places that are looked from [longest edges of the box]; wider where there would be too many."""
     most_places: int = 4000
     """Places at most."""
     pitches: tuple[float, ...] = (-0.4, -0.2, 0.0, 0.2, 0.4)
@@ -50,19 +52,40 @@ class Looks:
 
     @classmethod
     def of(
-        cls, field: Field, camera: Camera, places: Float[Tensor, "n 3"], config: LooksConfig | None = None
+        cls,
+        field: Field,
+        camera: Camera,
+        places: Float[Tensor, "n 3"],
+        config: LooksConfig | None = None,
+        tilts: Float[Tensor, "t 3 3"] | None = None,
     ) -> "Looks":
-        """Look from all `places` [m] that are at least `spacing` apart, all around.
+        """Look from all `places` [m] that are at least `spacing` apart, all around; with `tilts` from all places, held
+        like that.
 
         Raises InvalidInputError where there is no place to look from.
         """
+        return returned(cls.looking(field, camera, places, config, tilts))
+
+    @classmethod
+    def looking(
+        cls,
+        field: Field,
+        camera: Camera,
+        places: Float[Tensor, "n 3"],
+        config: LooksConfig | None = None,
+        tilts: Float[Tensor, "t 3 3"] | None = None,
+    ) -> Generator[float, None, "Looks"]:
+        """`of`, step by step; yields the share that is done."""
         config = LooksConfig() if config is None else config
         if len(places) == 0:
             raise InvalidInputError("there is no free place in the field that a robot could be at")
         halvings = max(0, math.floor(math.log2(max(camera.width, camera.height) / _LARGEST)))
         view = View(levels_of(field, config.levels), camera.scaled(0.5**halvings), _ITSELF)
-        panoramas = Panoramas.of(view.levels[-1], thinned(places, config.spacing, config.most_places))
-        return cls(camera, view, panoramas, tilts_of(config.pitches, config.rolls))
+        if tilts is None:
+            places = thinned(places, config.spacing * float(field.box.size.max()), config.most_places)
+            tilts = tilts_of(config.pitches, config.rolls)
+        panoramas = yield from Panoramas.looking(view.levels[-1], places)
+        return cls(camera, view, panoramas, tilts)
 
     def fitted(self, image: UInt8[Tensor, "height width 3"]) -> UInt8[Tensor, "h w 3"]:
         """A picture with the pixels of `view`. Raises InvalidInputError for one that is not the camera's."""

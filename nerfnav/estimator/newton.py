@@ -4,11 +4,14 @@ Unknowns are z = (dp, dtheta, dg, db): position [m] and attitude [rad] of the bo
 the camera makes of colours, gain 1 + g and bias b. With C the field's colours at a pose and I the picture's,
 
     r = (1 + g) C + b - I
-    J(z) = kappa sum_i 2 huber(r_i) + d' Lambda d + g^2 / s_g^2 + b^2 / s_b^2,     d = pose (-) prior mean
+    J(z) = kappa sum_i w_i 2 huber(r_i) + d' Lambda d + g^2 / s_g^2 + b^2 / s_b^2,     d = pose (-) prior mean
 
 (half the square is minimised by each step, with the curvature of Huber's weights, Holland and Welsch 1977):
 
     (kappa J'WJ + Lambda_z + lambda D) step = -(kappa J'W r + Lambda_z d_z)
+
+A surface that stands a little beside its place shows most where colours are steep: the variance of r_i is not s^2 but
+s^2 + |dC_i/dp|^2 m^2, m how far off surfaces are. So w_i ~ 1 / (1 + |dC_i/dp|^2 m^2 / s^2) at the start, of mean 1.
 
 Every pose is judged on its own: a step that makes it worse is not taken, and lambda grows.
 """
@@ -77,6 +80,8 @@ class Prior:
     """Where the body should be; None: nothing is known of it, and its information must be 0."""
     kappa: float = 1.0
     """Weight of one colour's squared difference: 1 / (k s^2), see estimator/photometric.py."""
+    slack: float = 0.0
+    """m / s, how far surfaces are misplaced over the noise of colours [m]."""
 
 
 def joined(pose: Float[Tensor, "6 6"] | None, exposure_std: tuple[float, float]) -> Float[Tensor, "8 8"]:
@@ -134,12 +139,14 @@ class Iterate:
     def likeliest(self, count: int | None) -> Guess:
         """So many of the poses, the cheapest first; None: a third of them."""
         count = count or -(-len(self.cost) // 3)
+        if len(self.cost) == 1:
+            return self.guess
         return self.guess[self.cost.argsort()[:count]]
 
 
 def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
     """Every stage on the way down, the start first; no pose's cost ever rises."""
-    here = evaluate(sight, start, prior, config.robust)
+    here, trust = evaluate(sight, start, prior, config.robust)
     damping = torch.full_like(here.cost, config.damping)
     yield here
     for _ in range(config.iterations):
@@ -150,7 +157,7 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
         if bool((moved < config.settled).all()):
             yield _settled(here, here.guess.retract(step), prior, moved)
             return
-        tried = evaluate(sight, here.guess.retract(step), prior, config.robust)
+        tried, _ = evaluate(sight, here.guess.retract(step), prior, config.robust, trust)
         better = tried.cost < here.cost
         here = _chosen(better, tried, here, moved)
         damping = torch.where(better, 0.2 * damping, 5 * damping).clamp(1e-7, 1e7)
@@ -159,8 +166,10 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
             return
 
 
-def evaluate(sight: Sight, guess: Guess, prior: Prior, robust: float) -> Iterate:
-    """J, its slope and its curvature at poses (n,)."""
+def evaluate(
+    sight: Sight, guess: Guess, prior: Prior, robust: float, trust: Float[Tensor, "n k"] | None = None
+) -> tuple[Iterate, Float[Tensor, "n k"]]:
+    """J, its slope and its curvature at poses (n,), and w of all colours: `trust` where it is given."""
     shown, by_pose = sight.linearised(guess.pose)
     gain, bias = (guess.exposure[:, None, None, index] for index in (0, 1))
     residual = (1 + gain) * shown + bias - sight.colors
@@ -169,18 +178,22 @@ def evaluate(sight: Sight, guess: Guess, prior: Prior, robust: float) -> Iterate
         [(1 + gain)[..., None] * by_pose, shown[..., None], torch.ones_like(shown)[..., None]], -1
     ).flatten(1, 2)
     size = flat.abs()
-    weight = prior.kappa * (robust / size.clamp_min(1e-9)).clamp_max(1)
+    if trust is None:
+        trust = 1 / (1 + (prior.slack * jacobian[..., :3]).square().sum(-1))
+        trust = trust / trust.mean(-1, keepdim=True)
+    weight = prior.kappa * trust * (robust / size.clamp_min(1e-9)).clamp_max(1)
     weighted = jacobian * weight[..., None]
     curvature = weighted.transpose(1, 2) @ jacobian
     slope = (flat[:, None] @ weighted)[:, 0]
-    loss = robust_square(size, robust).sum(-1)
+    loss = (trust * robust_square(size, robust)).sum(-1)
     known, by_known = _known(guess, prior)
     push = known @ prior.information
     process = (push * known).sum(-1)
     turned = by_known.transpose(1, 2) @ prior.information @ by_known
     pulled = (by_known.transpose(1, 2) @ push[..., None])[..., 0]
     cost = prior.kappa * loss + process
-    return Iterate(guess, cost, process, residual, known, curvature, turned, slope + pulled, torch.zeros_like(cost))
+    still = torch.zeros_like(cost)
+    return Iterate(guess, cost, process, residual, known, curvature, turned, slope + pulled, still), trust
 
 
 def _settled(here: Iterate, guess: Guess, prior: Prior, moved: Float[Tensor, " n"]) -> Iterate:

@@ -11,6 +11,7 @@ the least mean square difference over all gains and biases of the camera's colou
 """
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,6 +23,7 @@ from nerfnav.compiled import threads
 from nerfnav.estimator.photometric import THREADS
 from nerfnav.field import FastRenderer, Field, render_rays
 from nerfnav.geometry import Box, node_positions, shape_for, so3
+from nerfnav.steps import returned
 
 _ROWS, _COLUMNS = 24, 64
 """Cells of a panorama: 5.6 degrees each."""
@@ -30,8 +32,8 @@ _HIGHEST = math.radians(67)
 COLUMN = 2 * math.pi / _COLUMNS
 """Azimuth from one column to the next [rad]."""
 _PLACES_AT_ONCE = 64
-_ROOM, _FREE = 0.05, 1.0
-"""Room around a camera [m], and density that still counts as free [1/m]."""
+_ROOM, _FREE = 0.02, 2.6
+"""Room around a camera [longest edges of the box], and density that still counts as free [in one such edge]."""
 _COARSER = 1.15
 """Factor on the distance of places while there are too many."""
 _FLAT = 2e-3
@@ -54,14 +56,20 @@ class Panoramas:
     @classmethod
     def of(cls, field: Field, places: Float[Tensor, "n 3"]) -> "Panoramas":
         """Look all around from every place [m]."""
+        return returned(cls.looking(field, places))
+
+    @classmethod
+    def looking(cls, field: Field, places: Float[Tensor, "n 3"]) -> Generator[float, None, "Panoramas"]:
+        """The same step by step; yields the share of the places that was looked from."""
         directions = _directions().reshape(-1, 3)
         render = field.render_rays if isinstance(field, FastRenderer) else partial(render_rays, field)
-        parts = []
-        with torch.no_grad(), threads(THREADS):
-            for some in places.split(_PLACES_AT_ONCE):
-                origins = some.repeat_interleave(len(directions), 0)
+        parts, batches = [], places.split(_PLACES_AT_ONCE)
+        for some in batches:
+            origins = some.repeat_interleave(len(directions), 0)
+            with torch.no_grad(), threads(THREADS):
                 color = render(origins, directions.repeat(len(some), 1)).color
-                parts.append(color.reshape(len(some), _ROWS, _COLUMNS, 3))
+            parts.append(color.reshape(len(some), _ROWS, _COLUMNS, 3))
+            yield len(parts) / len(batches)
         seen = torch.cat(parts)
         return cls(
             places, _spectrum(seen), _spectrum(seen.sum(-1, keepdim=True)), _spectrum(seen.square().sum(-1, True))
@@ -89,12 +97,14 @@ class Panoramas:
 
 def free_places(field: Field, spacing: float) -> Float[Tensor, "n 3"]:
     """Points in the box that a camera could be at, on a grid [m]: no density there, nor `_ROOM` around."""
-    inner = Box(field.box.lower + _ROOM, field.box.upper - _ROOM)
+    size = float(field.box.size.max())
+    room = _ROOM * size
+    inner = Box(field.box.lower + room, field.box.upper - room)
     points = node_positions(inner, shape_for(inner, spacing)).reshape(-1, 3)
-    around = torch.cat([torch.zeros(1, 3), _ROOM * torch.eye(3), -_ROOM * torch.eye(3)])
+    around = torch.cat([torch.zeros(1, 3), room * torch.eye(3), -room * torch.eye(3)])
     with torch.no_grad():
         density = field.density(points[:, None] + around).amax(-1)
-    return points[density < _FREE]
+    return points[density < _FREE / size]
 
 
 def thinned(places: Float[Tensor, "n 3"], spacing: float, most: int) -> Float[Tensor, "m 3"]:

@@ -8,7 +8,7 @@ that err alike: S = k s^2 I.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 import torch
@@ -24,6 +24,8 @@ THREADS = 1
 """That views of the field are made on, wherever they are compared with pictures: beside any other program, two wait for
 each other longer than they save."""
 _RAYS_AT_ONCE = 1 << 17
+_TABLED = 1 << 18
+"""Pixels of the largest camera whose directions are kept: a table of more would not fit the cache."""
 _DEVIATION_PER_MAD = 1.4826
 """Standard deviation of a Gaussian whose median absolute deviation is 1."""
 
@@ -39,18 +41,26 @@ class ColorNoise:
     is off by half a voxel shifts all pixels along it. Measured on trained Stonehenge: with 256 pixels the pose at the
     minimum is 3 mm and 0.2 degrees off, where independent pixels would promise 0.5 mm and 0.04 degrees; with 50 the
     mean NEES of the pose is 6.1 where 6 is honest."""
-    per_patch: float = 0.5
+    per_patch: float = 1.0
     """To the fast filter, any number of pixels of a patch are worth this many independent ones (see `patches`), so that
     k = 1 + m / (per_patch patches) for m compared pixels."""
     few_patches: float = 30.0
-    """Fewer patches than this are worth less each, in proportion: where little shows, it is what is near, and errors of
-    the field are large in the picture."""
+    """Fewer patches than this are worth less each, by the square of their number: where little shows, it is what is
+    near, errors of the field are large in the picture, and hardly any patch speaks against another's."""
     outlier_deviations: float = 3.0
     """Pixels this many robust deviations above the median difference are dropped (authors' later code: none)."""
 
     def measured(self, std: float | None) -> "ColorNoise":
         """The same with the `std` that was measured for a field (`field.info.noise_std`); None changes nothing."""
         return self if std is None else replace(self, std=std)
+
+    def alike_of(self, pixels: int, patches: float) -> float:
+        """k of this many pixels of a picture of so many patches."""
+        return 1 + pixels / (self.per_patch * patches)
+
+    def doubt(self, squares: float, patches: float) -> float:
+        """How many times less a picture tells than held-out views promise, by the mean square of its differences."""
+        return max(1.0, squares / self.std**2) * max(1.0, self.few_patches / patches) ** 2
 
 
 @dataclass(frozen=True)
@@ -140,7 +150,9 @@ class Observation:
 
     @cached_property
     def _in_camera(self) -> Float[Tensor, "m 3"]:
-        return self.camera.directions(self.pixels)
+        if self.camera.width * self.camera.height > _TABLED:
+            return self.camera.directions(self.pixels)
+        return _directions(self.camera)[self.pixels[:, 1] * self.camera.width + self.pixels[:, 0]]
 
     def residual(self, state: RigidState, samples: RaySamples | None = None) -> Float[Tensor, "m 3"]:
         """r_i: what the field shows less what the picture shows, differentiable twice in the state's pose.
@@ -156,6 +168,12 @@ class Observation:
         color = torch.zeros_like(samples.distances[..., None].expand(-1, -1, 3))
         color = color.index_put(place, self.field.radiance(points, directions[ray]))
         return before_backdrop(self.field, (origins, directions), density, color, samples).color - self.colors
+
+
+@lru_cache(maxsize=8)
+def _directions(camera: Camera) -> Float[Tensor, "hw 3"]:
+    """Of all pixels, row by row: every stage of an update asks for some of them."""
+    return camera.directions(camera.pixels())
 
 
 def patches(image: UInt8[Tensor, "height width 3"], side: int = 10) -> float:

@@ -83,9 +83,8 @@ def feature_mask(image: UInt8[Tensor, "height width 3"], config: PixelConfig) ->
         nfeatures=config.features, edgeThreshold=config.edge_px, fastThreshold=config.fast_threshold
     )
     mask = np.zeros(grey.shape, np.uint8)
-    for keypoint in detector.detect(grey, None):
-        u, v = keypoint.pt
-        mask[min(round(v), grey.shape[0] - 1), min(round(u), grey.shape[1] - 1)] = 1
+    places = np.rint(cv2.KeyPoint.convert(detector.detect(grey, None))).astype(np.int64).reshape(-1, 2)
+    mask[places[:, 1].clip(max=grey.shape[0] - 1), places[:, 0].clip(max=grey.shape[1] - 1)] = 1
     mask = cv2.dilate(mask, np.ones((config.dilation_px, config.dilation_px), np.uint8))
     return torch.from_numpy(mask).bool()
 

@@ -58,8 +58,8 @@ class SearchConfig:
     """Colour differences above this count as this, in the choice of those [1 = full scale]."""
     alike: tuple[float, float] = (0.005, 0.01)
     """Poses nearer than this are one minimum: position [m], attitude [rad]."""
-    pixels: tuple[int, ...] = (48, 96, 1024)
-    """Pixels compared in each stage."""
+    pixels: tuple[int, ...] = (48, 96)
+    """Pixels compared in each stage but the last: this compares those of the descent that it rivals."""
     robust: tuple[float, ...] = (1.0, 0.3, 0.1)
     """Huber's threshold in each stage [1 = full scale]."""
     iterations: tuple[int, ...] = (5, 6, 4)
@@ -67,9 +67,9 @@ class SearchConfig:
     kept: tuple[int, ...] = (2, 1, 1)
     """Poses that are left after each stage."""
 
-    def stages(self) -> list[Stage]:
-        """All at full size."""
-        table = zip(self.robust, self.iterations, self.pixels, self.kept, strict=True)
+    def stages(self, last: int) -> list[Stage]:
+        """All at full size, the last one at so many pixels."""
+        table = zip(self.robust, self.iterations, (*self.pixels, last), self.kept, strict=True)
         return [Stage(0, *row, told=False) for row in table]
 
 
@@ -88,6 +88,9 @@ class PyramidConfig:
     mistrust: float = 3.0
     """Variance of colours grows by this with every halving: coarse fields are poor likenesses, and must not drag a good
     prediction away."""
+    misplaced: float = 0.05
+    """How far a learned field's surfaces stand from their places [share of the distance of its nodes]: colours that are
+    steep there count less (see newton.py)."""
     pixels: int = 1024
     """Pixels compared in the end, at most."""
     coarse_pixels: int = 256
@@ -113,12 +116,12 @@ class PyramidConfig:
         return self.pixels if stage + 1 >= len(self.halvings) else min(self.pixels, self.coarse_pixels)
 
     def stages(self, many: bool) -> list[Stage]:
-        """From coarse to fine; the last but one leaves one pose."""
+        """From coarse to fine; the last but one leaves one pose, and each before the last is told as one step."""
         table = list(zip(self.halvings, self.robust, self.iterations, strict=True))
         last = len(table) - 1
         return [
             Stage(halvings, robust, most * (self.thorough if many else 1), self.pixels_at(index),
-                  1 if index + 1 >= last else None, told=index == last or not many)
+                  1 if index + 1 >= last else None, told=index == last)
             for index, (halvings, robust, most) in enumerate(table)
         ]  # fmt: skip
 
@@ -142,7 +145,8 @@ class View:
 
     def at(self, halvings: int) -> tuple[Field, Camera, Pose]:
         """Field, camera and mount for pictures that were reduced by 2^halvings."""
-        return self.levels[min(halvings, len(self.levels) - 1)], self.camera.scaled(0.5**halvings), self.mount
+        camera = self.camera.scaled(0.5**halvings) if halvings else self.camera
+        return self.levels[min(halvings, len(self.levels) - 1)], camera, self.mount
 
 
 def small_observation(
@@ -150,8 +154,8 @@ def small_observation(
 ) -> Observation:
     """A picture reduced to the view's camera, at `count` pixels drawn evenly, or at all of them (None)."""
     camera = view[1]
-    colors, pixels = reduced(image, camera), camera.pixels()
-    if count is not None and count < len(pixels):
-        drawn = torch.randperm(len(pixels), generator=seed)[:count]
-        colors, pixels = colors[drawn], pixels[drawn]
-    return Observation(*view, pixels, colors)
+    colors, every = reduced(image, camera), camera.width * camera.height
+    if count is None or count >= every:
+        return Observation(*view, camera.pixels(), colors)
+    drawn = torch.randperm(every, generator=seed)[:count]
+    return Observation(*view, torch.stack([drawn % camera.width, drawn // camera.width], -1), colors[drawn])

@@ -3,14 +3,13 @@
 Panoramas from everywhere are rendered once for a field (see estimator/panorama.py). A picture is compared with all of
 these at every heading and some tilts, the likeliest poses are improved on small pictures (see estimator/newton.py), the
 best few of them on larger ones, and so on; what is left is weighed by its cost J, for a pose is as likely as
-exp(-J / 2).
+exp(-J / 2). What is looked at may be places everywhere or a few likely ones: see estimator/searcher.py.
 """
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from enum import Enum
-from functools import cached_property
 
 import torch
 from jaxtyping import Float, Int
@@ -27,15 +26,24 @@ from nerfnav.estimator.newton import (
     picture_information,
     robust_square,
 )
-from nerfnav.estimator.panorama import free_places
 from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.pyramid import small_observation
-from nerfnav.field import Field
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, so3
+from nerfnav.field import FieldInfo
+from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
 from nerfnav.structs import TensorStruct
 
 _NOTHING = 1e-4
 """Information that stands for none [1/m^2, 1/rad^2]: a standard deviation of 100."""
+_USUAL = 2.6
+"""Longest edge of a place [m]: Stonehenge's."""
+_NOISY = 0.037
+"""Standard deviation of colours at which `vague` was chosen: Stonehenge's."""
+_LEAST_KEPT = 3
+_FEWER, _FINER = 6, 2
+"""So many times fewer poses are improved among those that are near to the capture's; at so many times fewer pixels
+first, and more in the end."""
+_SURE = 1.25
+"""`gate` of those: what fits worse may fit better elsewhere."""
 _INDEPENDENT = 20.0
 """How many independent pixels a picture of a trained field is worth: its errors are alike over whole areas."""
 
@@ -55,24 +63,52 @@ class RelocaliseConfig:
     robust: tuple[float, ...] = (0.3, 0.2, 0.15, 0.15)
     """Colour difference beyond which a pixel pulls less and less in each stage (Huber) [1 = full scale]."""
     settled: float = 1e-3
-    """A stage ends when no pose number of any pose is moved further than this by a step [m, rad]."""
+    """A stage ends when no pose number of any pose is moved further than this by a step [m, rad]; sooner by as much as
+    a place is smaller than `_USUAL`."""
     attempts: int = 3
     """Times that the next likeliest `kept[0]` poses are improved while no place looks like the picture."""
     pixels: int = 1024
     """Pixels that each stage compares at most."""
+    last_pixels: int | None = None
+    """The same of the last stage; None: as many."""
     exposure_std: tuple[float, float] = (0.1, 0.05)
     """How far gain and bias of the picture's colours may be from those of the field."""
-    alike: tuple[float, float] = (0.1, 0.2)
-    """Poses nearer than this are one: position [m], attitude [rad]."""
+    alike: tuple[float, float] = (0.04, 0.2)
+    """Poses nearer than this are one: position [longest edges of the box], attitude [rad]."""
     gate: float = 1.5
     """LOST where the likeliest pose differs from the picture by more than this many standard deviations."""
     certain: float = 0.9
     """FOUND where the likeliest pose has at least this weight, else AMBIGUOUS."""
-    vague: tuple[float, float] = (0.012, 0.015)
+    vague: tuple[float, float] = (0.006, 0.015)
     """AMBIGUOUS also where the picture leaves the likeliest pose a larger standard deviation than this in some
-    direction: position [m], attitude [rad]. What little shows in a picture of the sky looks alike from many places,
-    more than are compared. Of 32 pictures of Stonehenge, none that was found rightly left more than 0.007 and 0.010;
-    one of the sky that was found 0.8 m away from where it was taken left 0.008 and 0.019."""
+    direction: position [longest edges of the box], attitude [rad]; more where colours are noisier than `_NOISY`, up to
+    half of `alike`. What little shows in a picture of the sky looks alike from many places, more than are compared,
+    which is no matter of how noisy colours are. Of 32 pictures of Stonehenge (2.6 m), none that was found rightly left
+    more than 0.007 m and 0.010; one of the sky that was found 0.8 m away from where it was taken left 0.008 m and
+    0.019."""
+    views: tuple[float, ...] = ()
+    """How the photographs were taken that taught the field (`FieldInfo.views`), where that is known."""
+
+    def for_field(self, info: FieldInfo) -> "RelocaliseConfig":
+        """The same with what a field remembers of its capture."""
+        return replace(self, views=info.views)
+
+    def in_place(self, size: float) -> "RelocaliseConfig":
+        """The same with lengths in metres, for a place whose longest edge is `size` [m]."""
+        alike, vague = ((size * share, angle) for share, angle in (self.alike, self.vague))
+        return replace(self, alike=alike, vague=vague, settled=min(1.0, size / _USUAL) * self.settled)
+
+    def near(self) -> "RelocaliseConfig":
+        """The same for poses near to the capture's, which are few."""
+        kept = tuple(min(most, max(_LEAST_KEPT, most // _FEWER)) for most in self.kept)
+        return replace(
+            self,
+            kept=kept,
+            attempts=1,
+            pixels=self.pixels // _FINER,
+            last_pixels=self.pixels * _FINER,
+            gate=min(self.gate, _SURE),
+        )
 
 
 class RelocaliseOutcome(Enum):
@@ -104,29 +140,6 @@ class RelocaliseStep:
         return self.poses.compose(Pose(inverse, -inverse @ mount.position))
 
 
-@dataclass(frozen=True)
-class Searcher:
-    """Finds a camera anywhere in a field (a `Relocaliser`, see navigation/recovery.py)."""
-
-    field: Field
-    """The map."""
-    camera: Camera
-    """What takes the pictures."""
-    noise: ColorNoise
-    """How far right colours may be off."""
-    config: RelocaliseConfig = dataclass_field(default_factory=RelocaliseConfig)
-    """How the search goes."""
-
-    @cached_property
-    def looks(self) -> Looks:
-        """The field from everywhere, made when it is first asked for: this takes seconds."""
-        return Looks.of(self.field, self.camera, free_places(self.field, self.config.looks.spacing), self.config.looks)
-
-    def relocalise(self, image: Tensor) -> Iterator[RelocaliseStep]:
-        """Find the pose of the camera that took a picture; see the function of this name."""
-        return relocalise(image, self.looks, self.noise, self.config)
-
-
 @torch.no_grad()
 def relocalise(
     image: Tensor, looks: Looks, noise: ColorNoise, config: RelocaliseConfig | None = None
@@ -137,6 +150,7 @@ def relocalise(
     their weights. Raises InvalidInputError for a picture of another size.
     """
     config = RelocaliseConfig() if config is None else config
+    config = config.in_place(float(looks.view.levels[0].box.size.max()))
     image = looks.fitted(image)
     poses, misfit = looks.likeliest(image, config.attempts * config.kept[0])
     first = _Ranking(poses, misfit / (noise.std**2 / _INDEPENDENT), misfit.clamp_min(0).sqrt())
@@ -185,10 +199,12 @@ class _Search:
         for stage, (halvings, kept, iterations, robust) in enumerate(stages):
             ranking = ranking[ranking.cost.argsort()[:kept]]
             yield ranking.step(done + stage / (len(config.halvings) * config.attempts))
-            seen = small_observation(self.image, self.looks.view.at(halvings), config.pixels, generator)
+            last_one = stage + 1 == len(config.halvings)
+            pixels = config.last_pixels if last_one and config.last_pixels is not None else config.pixels
+            seen = small_observation(self.image, self.looks.view.at(halvings), pixels, generator)
             kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * self.noise.std**2)
             settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
-            *_, last = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings)
+            *_, last = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings, every=False)
             differences = robust_square(last.residual.abs(), robust).mean((1, 2)).sqrt()
             ranking = _Ranking(last.guess.pose, last.cost, differences)
             ranking = ranking[distinct(last.guess.pose, last.cost, config.alike)]
@@ -224,5 +240,7 @@ def _outcome(
     """`left` is the spread of the likeliest pose."""
     if not step.differences[0] <= config.gate * noise.std:
         return RelocaliseOutcome.LOST
-    tells = bool((left <= torch.tensor(config.vague)).all())
+    noisier = max(1.0, noise.std / _NOISY)
+    vague = torch.minimum(noisier * torch.tensor(config.vague), 0.5 * torch.tensor(config.alike))
+    tells = bool((left <= vague).all())
     return RelocaliseOutcome.FOUND if tells and step.weights[0] >= config.certain else RelocaliseOutcome.AMBIGUOUS

@@ -33,7 +33,7 @@ def wilson(count: int, total: int) -> tuple[float, float]:
     share, spread = count / total, _QUANTILE_95**2 / total
     middle = (share + 0.5 * spread) / (1 + spread)
     half = math.sqrt(spread * (share * (1 - share) + 0.25 * spread)) / (1 + spread)
-    return max(0.0, middle - half), min(1.0, middle + half)
+    return min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))  # rounding is not to part them
 
 
 def summary_of(flights: Sequence[Row]) -> Row:

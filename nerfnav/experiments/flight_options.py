@@ -1,10 +1,9 @@
 """Options of the experiment on whole flights."""
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.errors import require_not_negative
 from nerfnav.navigation import WorldName
 
 EndsChoice = Literal["tasks", "random", "both"]
@@ -26,5 +25,4 @@ class FlightOptions:
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a risk that is no weight."""
-        if self.risk is not None and not 0 <= self.risk < math.inf:
-            raise InvalidInputError(f"risk must be a number, at least 0, not {self.risk:g}")
+        require_not_negative(risk=self.risk)

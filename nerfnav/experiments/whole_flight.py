@@ -79,7 +79,8 @@ def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
     if trial.task is not None:
         return problem
-    length = way_length(problem, _map(arena, problem), FastPlanConfig().search)
+    weights = planners.load("fast").in_flight(FastPlanConfig(), trial.risk).weights
+    length = way_length(problem, _map(arena, problem), FastPlanConfig(weights=weights).ways)
     return replace(problem, steps=timing_of(robot, length, problem.dt, problem.dt).steps)
 
 
@@ -101,7 +102,7 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     else:
         make, camera = estimators.load("fast").make, robot.camera
         estimator = make(arena.field, world.estimated(robot), camera, mount=robot.mount, config=config.filter)
-        pilot = Pilot(planner, estimator, _searcher(arena, camera, config.filter.color_noise), guard)
+        pilot = Pilot(planner, estimator, _searcher(arena, camera, config.filter.color_noise), guard, arena.field)
         pilot = with_late_pictures(pilot, simulator, config.filter)
     mission = Mission(problem.goal, problem.steps, problem.dt)
     return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))

@@ -7,10 +7,11 @@ import base64
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry import to_srgb
+from nerfnav.geometry import to_linear, to_srgb, tone_mapped
 from nerfnav.glb import parts
 
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
@@ -31,16 +32,26 @@ class Surface:
 
     @classmethod
     def of_glb(cls, glb: bytes) -> "Surface":
-        """The first mesh of a binary glTF with vertex colours. Raises InvalidInputError for anything else."""
+        """The first mesh of a binary glTF with a picture of light before tone mapping (see nerfnav/geometry/tone.py).
+
+        Raises InvalidInputError for anything else.
+        """
         try:
             document, binary = parts(glb)
             primitive = document["meshes"][0]["primitives"][0]
             names = primitive["attributes"]
-            arrays = [_array(document, binary, n) for n in (names["POSITION"], names["COLOR_0"], primitive["indices"])]
+            points, uv, indices = (
+                _array(document, binary, n) for n in (names["POSITION"], names["TEXCOORD_0"], primitive["indices"])
+            )
+            picture = _picture(document, binary)
+            material = document["materials"][primitive["material"]]
+            brightest = np.array(material["pbrMetallicRoughness"]["baseColorFactor"][:3])
         except (ValueError, KeyError, IndexError) as error:
-            raise InvalidInputError(f"this is no binary glTF of a coloured mesh: {error}") from error
-        points, colors, indices = arrays
-        return cls(points, colors[:, :3] / 65535.0, indices.reshape(-1, 3))
+            raise InvalidInputError(f"this is no binary glTF of a mesh with a picture: {error}") from error
+        column, row = (uv / 65535.0 * picture.shape[1::-1]).astype(np.int64).T
+        inside = np.minimum(row, picture.shape[0] - 1), np.minimum(column, picture.shape[1] - 1)
+        light = brightest * to_linear(picture[inside] / 255.0)
+        return cls(points, tone_mapped(light), indices.reshape(-1, 3))
 
     def thinned(self, most: int = _MOST_VERTICES) -> "Surface":
         """The same with at most `most` vertices, each the mean of those in its cell."""
@@ -82,7 +93,18 @@ class Surface:
 def _array(document: dict[str, Any], binary: bytes, number: int) -> np.ndarray:
     accessor = document["accessors"][number]
     kind = {_FLOAT: "<f4", _UINT16: "<u2", _UINT32: "<u4"}[accessor["componentType"]]
-    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+    width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[accessor["type"]]
     start = document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
     flat = np.frombuffer(binary, kind, accessor["count"] * width, start)
     return flat.reshape(-1, width).astype(np.int64 if kind == "<u4" else np.float64)
+
+
+def _picture(document: dict[str, Any], binary: bytes) -> np.ndarray:
+    """The first picture, sRGB bytes (h, w, 3)."""
+    view = document["bufferViews"][document["images"][0]["bufferView"]]
+    start = view.get("byteOffset", 0)
+    content = np.frombuffer(binary[start : start + view["byteLength"]], np.uint8)
+    picture = cv2.imdecode(content, cv2.IMREAD_COLOR)
+    if picture is None:
+        raise ValueError("its picture cannot be read")
+    return picture[..., ::-1]

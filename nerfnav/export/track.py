@@ -34,6 +34,15 @@ def placed(tracked: Tracked, frame: Similarity) -> tuple[Pose, Float[Tensor, "6 
     return Pose(moved.rotation @ OPENCV.double(), moved.position), change @ covariance @ change.T
 
 
+def texts_of_track(track: Sequence[Tracked], placed: tuple[float, ...]) -> dict[str, str]:
+    """Name and text of each file that tells a track, in the capture's own coordinates where the field knows them.
+
+    `placed` is `FieldInfo.placed`.
+    """
+    frame = Similarity.of_numbers(placed).inverted() if placed else Similarity.identity()
+    return {name: text_of(track, frame) for name, text_of in TRACK_FILES.items()}
+
+
 def tum_of_track(track: Sequence[Tracked], frame: Similarity) -> str:
     """`timestamp tx ty tz qx qy qz qw` of each frame whose picture told the pose."""
     lines = ["# timestamp tx ty tz qx qy qz qw"]
@@ -59,6 +68,10 @@ def csv_of_track(track: Sequence[Tracked], frame: Similarity) -> str:
         difference = "" if tracked.difference is None else f"{tracked.difference:.5f}"
         table.writerow([*row, difference, f"{tracked.ms:.2f}"])
     return text.getvalue()
+
+
+TRACK_FILES = {"trajectory.tum": tum_of_track, "poses.csv": csv_of_track}
+"""Name of each file that tells a track, and what makes its text."""
 
 
 def _heading(pair: tuple[int, int]) -> str:

@@ -52,6 +52,9 @@ class CarvingConfig:
     """By how much colours may differ however clean pictures are [0 to 255]."""
     deviations: float = 3.0
     """By how many standard deviations of the pictures' noise they may differ besides."""
+    company: int = 17
+    """Of the 26 nodes around one that is proven, so many must be: those beside and before it, where a wall is behind.
+    Single pictures that the field lets look through a wall prove lone nodes."""
     least_clear: int = 2
     """Pictures that must see nothing but the background behind a node that they prove free."""
     rounds: int = 3
@@ -67,11 +70,13 @@ def carved(
     config = config or CarvingConfig()
     slack = config.rounding + config.deviations * noise_of(photographs)
     thin = field.values[..., 0] < raw_of(SOLID_DENSITY)
-    proven = _carved_once(field, photographs, config, slack, thin)
+    cleared = _carved_once(field, photographs, config, slack, thin)
+    proven = in_company(cleared, config.company)
     for _ in range(config.rounds - 1):
         values, before = field.values.clone(), int(proven.sum())
         values[..., 0][proven] = EMPTY_RAW
-        proven |= _carved_once(replace(field, values=values), photographs, config, slack, thin & ~proven)
+        cleared |= _carved_once(replace(field, values=values), photographs, config, slack, thin & ~cleared)
+        proven = in_company(cleared, config.company)
         if int(proven.sum()) <= (1 + config.least_gain) * before:
             break
     return proven
@@ -99,6 +104,13 @@ def _carved_once(
             carving.look_through(grid, (rotation, position, lens), maps, SIZES, nothing, sums)
     contradiction = (kept[..., 1].astype(np.int16) - kept[..., 3]).max(-1)
     return torch.from_numpy((contradiction > 2 * slack) | (clear >= config.least_clear)) & asked
+
+
+def in_company(nodes: Nodes, least: int) -> Nodes:
+    """Those of the nodes around which at least so many of 26 are; beyond the border all is as at it."""
+    padded = torch.nn.functional.pad(nodes[None, None].float(), (1,) * 6, mode="replicate")
+    around = (27 * torch.nn.functional.avg_pool3d(padded, 3, 1)[0, 0]).round()
+    return nodes & (around > least)  # which counts the node itself
 
 
 def noise_of(photographs: PosedImages) -> float:

@@ -68,6 +68,11 @@ def raw_of(density: float) -> float:
     return math.log(math.expm1(density / DENSITY_SCALE))
 
 
+def density_of(raw: float) -> float:
+    """The density that a raw value stands for [1/m]."""
+    return DENSITY_SCALE * math.log1p(math.exp(raw))
+
+
 def solid_density(spacing: float) -> float:
     """Density above which planners take a place for solid in a grid of nodes `spacing` [m] apart [1/m].
 

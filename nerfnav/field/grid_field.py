@@ -20,6 +20,7 @@ from nerfnav.field.field import Points, RaySamples, uniform_samples
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.kernels import jacobian, march
 from nerfnav.field.kernels import points as point_kernels
+from nerfnav.field.kernels.shells import Shells, whole_shells
 from nerfnav.field.render import Rendering, render_rays
 from nerfnav.field.surroundings import Backdrop, Surroundings
 from nerfnav.geometry import Box, spacing_of
@@ -172,8 +173,13 @@ class GridField(ABC):
         )  # fmt: skip
 
     @cached_property
-    def _outer(self) -> np.ndarray:
-        """Values around the box as kernels ask for them: no nodes where there is nothing."""
+    def _outer(self) -> Shells:
+        """What is around the box as kernels ask for it."""
+        return whole_shells(self._outer_values)
+
+    @cached_property
+    def _outer_values(self) -> np.ndarray:
+        """No nodes where there is nothing."""
         return np.zeros((0, 0, 0, 4), np.float32) if self.outside is None else flat_array(self.outside.values)
 
 

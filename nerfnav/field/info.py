@@ -53,6 +53,9 @@ class FieldInfo:
     placed: tuple[float, ...] = ()
     """How it lies in the capture that it was trained from: `Similarity.numbers` of what takes the capture's own
     coordinates to the field's; empty where nobody noted it."""
+    views: tuple[float, ...] = ()
+    """Where its photographs were taken from, seven numbers each (see estimator/capture_views.py); empty where nobody
+    noted it."""
     pose_floor: tuple[float, ...] = ()
     """How far poses that fit a picture best are from the true ones, as a covariance (see estimator/pose_error.py),
     6 x 6, row by row; empty where nobody measured it."""
@@ -65,5 +68,5 @@ class FieldInfo:
         known = {field.name for field in fields(cls)}
         told = {name: value for name, value in stored.items() if name in known}
         # files have lists
-        listed = {name: tuple(told.get(name, ())) for name in ("guesses", "camera", "placed", "pose_floor")}
+        listed = {name: tuple(told.get(name, ())) for name in ("guesses", "camera", "placed", "views", "pose_floor")}
         return cls(**{**told, **listed})

@@ -14,26 +14,33 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.field import Field
-from nerfnav.field.render import render_rays
+from nerfnav.field.kernels.glance import glance
+from nerfnav.field.kernels.shells import Shells
+from nerfnav.field.render import Rendering, render_rays
 
 Rays = Float[Tensor, "n 3"]
 Colors = Float[Tensor, "n 3"]
 Jacobian = Float[Tensor, "n 3 6"]
 
 
-SightGrid = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.float32, np.ndarray, np.ndarray]
+SightGrid = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray,
+    np.float32, np.ndarray, Shells, np.float32, np.float32,
+]  # fmt: skip
 """Values (nx, ny, nz, 4), leaps (see kernels/leaps.py), lower corner [m], nodes per metre, table of light (see
-kernels/sight.py), distance of samples [m], background (3), values of the surroundings (m, m, m, 4), m = 0: none."""
+kernels/light.py), distance of samples [m], background (3), what is around; least raw density that counts, and light
+below which a ray ends."""
 
 
-@runtime_checkable
-class Gridded(Protocol):
-    """A field with a grid on which kernels follow whole descents of cameras."""
+def sight_grid_of(field: Field) -> SightGrid | None:
+    """The grid on which kernels follow whole descents of cameras; None where a field has none."""
+    return getattr(field, "sight_grid", None)
 
-    @property
-    def sight_grid(self) -> SightGrid:
-        """The grid."""
-        ...
+
+def glanced(grid: SightGrid, origins: Rays, directions: Rays) -> Rendering:
+    """What rays (origins [m], unit directions) see, as descents on that grid see it."""
+    seen = glance(grid, *(np.ascontiguousarray(rays.numpy(), np.float32) for rays in (origins, directions)))
+    return Rendering(*(torch.from_numpy(part) for part in seen))
 
 
 @runtime_checkable

@@ -45,14 +45,10 @@ class Finish:
     with an optical depth of 1 (2.3) rises from 92 to 96 % (from 79 to 90 %); 4 costs 0.6 dB."""
 
 
-def finished_field(
-    place: Place,
-    values: Float[Tensor, "nx ny nz 4"],
-    occupied: Bool[Tensor, "bx by bz"],
-    outer: Float[Tensor, "m m m 4"] | None,
-    finish: Finish,
-) -> VoxelField:
-    """A field of trained values, changed in place: fog and blocks not `occupied` become empty, surfaces firm."""
+def finish_densities(
+    place: Place, values: Float[Tensor, "nx ny nz 4"], occupied: Bool[Tensor, "bx by bz"], finish: Finish
+) -> None:
+    """Give densities their last values, in place: fog and blocks not `occupied` become empty, surfaces firm."""
     nx, ny, nz, _ = values.shape
     for axis in range(3):
         occupied = occupied.repeat_interleave(4, axis)
@@ -61,6 +57,12 @@ def finished_field(
     # below a raw density of about 0, the density is exponential in it
     raw[raw > raw_of(finish.firm_above / place.unit)] += math.log(finish.firmness)
     raw.clamp_(max=float(VALUE_BOUNDS[1, 0]))
+
+
+def finished_field(
+    place: Place, values: Float[Tensor, "nx ny nz 4"], outer: Float[Tensor, "m m m 4"] | None
+) -> VoxelField:
+    """A field of finished values; what is around it has its faintest shells emptied, in place."""
     if outer is None:
         return VoxelField(place.box, values, place.background)
     outer[..., 0][outer[..., 0] < _FAINT_OUTSIDE] = EMPTY_RAW

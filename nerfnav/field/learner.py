@@ -10,9 +10,12 @@ from torch import Tensor
 from nerfnav.field.clear_grids import all_blocks, clear, clear_around, views_of
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, raw_of
 from nerfnav.field.fusion import Fused
-from nerfnav.field.kernels import learn, march
-from nerfnav.field.learned_place import VALUE_BOUNDS, Finish, Place, finished_field
+from nerfnav.field.kernels import learn, march, parts
+from nerfnav.field.kernels.seen_points import seen_points_gradient
+from nerfnav.field.kernels.shells import whole_shells
+from nerfnav.field.learned_place import VALUE_BOUNDS, Finish, Place, finish_densities, finished_field
 from nerfnav.field.rays import RayBatch
+from nerfnav.field.seen_points import PointBatch
 from nerfnav.field.trained_grid import TrainedGrid, refined
 from nerfnav.field.voxel import VoxelField, occupied_blocks
 from nerfnav.geometry import PosedImages, node_positions, spacing_of, with_neighbours
@@ -24,6 +27,8 @@ _OCCUPANCY_EVERY = 64  # steps between two looks at what is empty
 _OCCUPANCY_FROM = 128  # steps of a stage before the first look
 ROUGHNESS_EVERY = 2
 """Steps between two looks at how rough the grids are."""
+BAND = 1.5
+"""How far from a point that a photograph shows its ray may end [distances of nodes]."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,8 @@ class LearningRates:
     """Weight of the differences of neighbours' raw densities, against the mean squared error."""
     rough_color: float = 0.0
     """The same of their colours."""
+    points: float = 0.0
+    """Weight of the likelihood that rays to points which photographs show end there."""
 
 
 class GridLearner:
@@ -49,12 +56,13 @@ class GridLearner:
         """Train `inner` in the box and `outer`, which may have no nodes, around it."""
         self.place, self.inner, self.outer = place, inner, outer
         box = place.box
-        self.occupied = np.ones([-(-count // 4) for count in inner.shape], np.uint8)
+        self.occupied = np.full([-(-count // 4) for count in inner.shape], parts.ALL_PARTS, np.uint8)
         self._lower = box.lower.numpy().astype(np.float32)
         spacing = spacing_of(box, inner.shape)
         self._per_meter = (1 / spacing).numpy().astype(np.float32)
         self.sample_step = 0.5 * float(spacing.min())
-        self._steps = 0
+        self._table = learn.depth_table(DENSITY_SCALE, self.sample_step, place.unit)
+        self._steps, self._firm = 0, False
 
     @classmethod
     def start(
@@ -78,7 +86,7 @@ class GridLearner:
         seen = views_of(node_positions(place.box, shape), photographs)
         near = dense_blocks(values, place)
         learner = cls(place, TrainedGrid(values, seen, near, VALUE_BOUNDS, workers), TrainedGrid.nothing(workers))
-        learner.occupied = near.numpy().astype(np.uint8)
+        learner.occupied = _all_parts(near)
         return learner
 
     @classmethod
@@ -99,7 +107,7 @@ class GridLearner:
         near = with_neighbours(dense_blocks(values, place))
         inner = TrainedGrid(values, rates, near, VALUE_BOUNDS, workers)
         learner = cls(place, inner, clear_around(place, photographs, outside, workers))
-        learner.occupied = near.numpy().astype(np.uint8)
+        learner.occupied = _all_parts(near)
         return learner
 
     @classmethod
@@ -112,7 +120,7 @@ class GridLearner:
             scale = torch.ones(m, m, m)
             outer = TrainedGrid(field.outside.values, scale, all_blocks((m, m, m)), VALUE_BOUNDS, workers)
         learner = cls(Place(field.box, field.background, unit), inner, outer)
-        learner.occupied = field.occupied.numpy().astype(np.uint8)
+        learner.occupied = _all_parts(field.occupied)
         return learner
 
     def refined(self, shape: tuple[int, int, int], outside: int = 0) -> "GridLearner":
@@ -127,7 +135,7 @@ class GridLearner:
             scale = _refined_scale(outer, grid)
             outer = TrainedGrid(outer.refined_values(grid), scale, all_blocks(grid), VALUE_BOUNDS, workers)
         learner = GridLearner(self.place, inner, outer)
-        learner.occupied = near.numpy().astype(np.uint8)
+        learner.occupied = _all_parts(near)
         return learner
 
     def gradient(self, batch: RayBatch, sparsity: float) -> float:
@@ -136,19 +144,30 @@ class GridLearner:
         errors = learn.loss_and_gradient(
             (inner.values, self.occupied, self._lower, self._per_meter),
             (batch.origins, batch.directions, batch.jitter, batch.targets),
-            (np.float32(DENSITY_SCALE), np.float32(self.sample_step), np.float32(sparsity),
-             np.float32(self.place.unit)),
+            (np.float32(self.sample_step), np.float32(sparsity), self._table),
             self.place.background.numpy(),
             (inner.slots, inner.gradients, inner.touched),
             (outer.values, outer.slots, outer.gradients, outer.touched),
         )
         return float(errors.sum(dtype=np.float64)) / (3 * len(batch.targets))
 
-    def step(self, batch: RayBatch, rates: LearningRates) -> float:
-        """Learn from a batch of rays; returns the mean squared colour error before the step."""
-        if looks_for_empty_blocks(self._steps):
-            self._look_for_empty_blocks()
+    def add_points(self, batch: PointBatch, weight: float) -> None:
+        """Add to the gradient that of the likelihood with which rays end at the points that they lead to."""
+        inner = self.inner
+        seen_points_gradient(
+            (inner.values, self.occupied, self._lower, self._per_meter),
+            (batch.origins, batch.directions, batch.jitter, batch.distances),
+            (np.float32(self.sample_step), np.float32(2 * BAND * self.sample_step), np.float32(weight), self._table),
+            (inner.slots, inner.gradients, inner.touched),
+        )
+
+    def step(self, batch: RayBatch, rates: LearningRates, points: PointBatch | None = None) -> float:
+        """Learn from a batch of rays, and from points; returns the mean squared colour error before the step."""
+        if looks_for_empty_parts(self._steps):
+            self.look_for_empty_parts()
         error = self.gradient(batch, rates.sparsity)
+        if points is not None and rates.points:
+            self.add_points(points, rates.points)
         grids = (self.inner, self.outer) if self.outer.values.size else (self.inner,)
         for grid in grids:
             if self._steps % ROUGHNESS_EVERY == 0 and (rates.rough_density or rates.rough_color):
@@ -158,33 +177,60 @@ class GridLearner:
         self._steps += 1
         return error
 
+    def look_for_empty_parts(self) -> None:
+        """Skip what has become empty; blocks without a slot have nothing to learn in."""
+        threshold = np.float32(occupied_above(self.place))
+        parts.parts_above(self.inner.values, self.inner.slots, threshold, self.occupied)
+
     def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
         """What rays see of what is learned so far."""
         seen, *_ = march.render(
             self.inner.values, self.occupied, self._lower, self._per_meter, batch.origins, batch.directions,
-            np.float32(DENSITY_SCALE), np.float32(self.sample_step), self.place.background.numpy(), self.outer.values,
+            np.float32(DENSITY_SCALE), np.float32(self.sample_step), self.place.background.numpy(),
+            whole_shells(self.outer.values),
         )  # fmt: skip
         return torch.from_numpy(seen)
 
+    def firm(self, finish: Finish) -> None:
+        """Give the densities their last values, once; from then on there are only colours to learn."""
+        if self._firm:
+            return
+        self._firm = True
+        finish_densities(self.place, torch.from_numpy(self.inner.values), torch.from_numpy(self.occupied > 0), finish)
+        self.look_for_empty_parts()
+
+    def so_far(self, finish: Finish) -> VoxelField:
+        """What is learned so far, finished; learning goes on."""
+        values, outer = torch.from_numpy(self.inner.values.copy()), self.outer.values
+        if not self._firm:
+            finish_densities(self.place, values, torch.from_numpy(self.occupied > 0), finish)
+        return finished_field(self.place, values, torch.from_numpy(outer.copy()) if outer.size else None)
+
     def field(self, finish: Finish) -> VoxelField:
         """What was learned, finished; blocks that are not looked at are empty. The learner is spent then."""
+        self.firm(finish)
         outer = self.outer.released() if self.outer.values.size else None
-        return finished_field(self.place, self.inner.released(), torch.from_numpy(self.occupied > 0), outer, finish)
-
-    def _look_for_empty_blocks(self) -> None:
-        """Skip what has become empty; blocks without a slot have nothing to learn in."""
-        dense = dense_blocks(torch.from_numpy(self.inner.values), self.place)
-        self.occupied = (dense.numpy() & (self.inner.slots >= 0)).astype(np.uint8)
+        return finished_field(self.place, self.inner.released(), outer)
 
 
-def looks_for_empty_blocks(step: int) -> bool:
+def looks_for_empty_parts(step: int) -> bool:
     """Whether it is time to see what has become empty, so many steps after the stage began."""
     return step >= _OCCUPANCY_FROM and step % _OCCUPANCY_EVERY == 0
 
 
 def dense_blocks(values: Float[Tensor, "nx ny nz 4"], place: Place) -> Bool[Tensor, "bx by bz"]:
     """Blocks with enough density to be looked at in training."""
-    return occupied_blocks(values[..., 0], raw_of(_OCCUPIED_ABOVE / place.unit))
+    return occupied_blocks(values[..., 0], occupied_above(place))
+
+
+def occupied_above(place: Place) -> float:
+    """Raw density above which space is looked at in training."""
+    return raw_of(_OCCUPIED_ABOVE / place.unit)
+
+
+def _all_parts(blocks: Bool[Tensor, "bx by bz"]) -> np.ndarray:
+    """What says of each block that all of it is looked at, or nothing."""
+    return np.where(blocks.numpy(), parts.ALL_PARTS, 0).astype(np.uint8)
 
 
 def _refined_scale(grid: TrainedGrid, shape: tuple[int, int, int]) -> Float[Tensor, "nx ny nz"]:

@@ -17,7 +17,7 @@ from nerfnav.field.codec import StoredField
 from nerfnav.field.evidence import DENSITY_SCALE, raw_of
 from nerfnav.field.levels import raw_of as raws_of
 from nerfnav.field.neural import NeuralField
-from nerfnav.field.solidity import SURELY_SOLID, with_solidity_of
+from nerfnav.field.solidity import least_solid_raw, with_solidity_of
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.turning import resampled
 from nerfnav.field.voxel import VoxelField
@@ -71,13 +71,13 @@ def _scaled(field: VoxelField, scale: float) -> VoxelField:
     """
     if scale == 1.0:
         return field
-    raw = field.values[..., 0]
+    raw, larger = field.values[..., 0], replace(field, box=Box(scale * field.box.lower, scale * field.box.upper))
     thinner = raws_of(DENSITY_SCALE / scale * torch.nn.functional.softplus(raw))
-    thinner = torch.where(raw > raw_of(field.solid_density), thinner.clamp_min(SURELY_SOLID), thinner)
+    thinner = torch.where(raw > raw_of(field.solid_density), thinner.clamp_min(least_solid_raw(larger)), thinner)
     if scale < 1:
         thinner = torch.maximum(thinner, raw)  # rounding must not empty a node that was not empty
     values = torch.cat([thinner[..., None], field.values[..., 1:]], -1)
-    larger = replace(field, box=Box(scale * field.box.lower, scale * field.box.upper), values=values)
+    larger = replace(larger, values=values)
     if scale < 1 and larger.solid_density == field.solid_density:
         return larger  # nothing is less dense than before
     return with_solidity_of(larger, field, Similarity(torch.eye(3).double(), torch.zeros(3).double(), 1 / scale))

@@ -21,7 +21,7 @@ class Progress:
 
     @property
     def elapsed_s(self) -> float:
-        """Time since the beginning [s]."""
+        """Time since the first training step ended [s]."""
         return time.perf_counter() - self._begun
 
     @property
@@ -40,8 +40,14 @@ class Progress:
         return self.elapsed_s * (1 - self.fraction) / self.fraction
 
     def learned(self, loss: float, rays: int) -> None:
-        """After a training step with this mean squared error on so many rays."""
-        self._rays += rays
+        """After a training step with this mean squared error on so many rays.
+
+        Time counts from the end of the first one, in which kernels may be compiled.
+        """
+        if self.iteration == 0:
+            self._begun = time.perf_counter()
+        else:
+            self._rays += rays
         self._error = loss if self.iteration == 0 else _FORGET * self._error + (1 - _FORGET) * loss
         self.iteration += 1
         done = self.iteration / self._iterations if self._seconds is None else self.elapsed_s / self._seconds

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
-from nerfnav.field.evidence import SOLID_DENSITY, State, raw_of
+from nerfnav.field.evidence import State, raw_of
 from nerfnav.field.grid_field import GridField
 from nerfnav.field.kernels.turning import mark_lost
 from nerfnav.field.voxel import VoxelField
@@ -22,8 +22,8 @@ from nerfnav.geometry import node_positions
 from nerfnav.geometry.similarity import Similarity
 
 _CORNERS = torch.cartesian_prod(torch.arange(2), torch.arange(2), torch.arange(2))
-SURELY_SOLID = raw_of(SOLID_DENSITY) + 0.1
-"""Raw density that is solid in any grid, after a file has rounded it, too."""
+_ABOVE = 0.1
+"""By how much raw densities that must be solid exceed the threshold: after a file has rounded them, too, they do."""
 _BORDER = 1e-4
 """Share of a voxel that points on the border are asked inside of it: rounding must not put them outside."""
 
@@ -59,6 +59,11 @@ def with_solidity_of(
     return _solid_at(field, taken & free)
 
 
+def least_solid_raw(field: GridField) -> float:
+    """Raw density that planners surely take for solid in a grid, and no more: it shows in pictures."""
+    return raw_of(field.solid_density) + _ABOVE
+
+
 def is_solid(field: GridField, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
     """Whether points [m] are solid for planners; beyond its border a field is as at the border."""
     slack = _BORDER * field.spacing
@@ -80,7 +85,8 @@ def _solid_at(field: VoxelField, nodes: Nodes) -> VoxelField:
         unproven = torch.tensor(int(State.UNPROVEN), dtype=torch.uint8)
         return replace(field, evidence=torch.where(nodes, unproven, field.evidence))
     values = field.values.clone()
-    values[..., 0] = torch.where(nodes, values[..., 0].clamp_min(SURELY_SOLID), values[..., 0])
+    dense = values[..., 0].clamp_min(least_solid_raw(field))
+    values[..., 0] = torch.where(nodes, dense, values[..., 0])
     return replace(field, values=values)
 
 

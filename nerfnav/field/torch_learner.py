@@ -9,14 +9,23 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.field.field import LAST_SAMPLE, RaySamples, box_interval
-from nerfnav.field.kernels import adam
-from nerfnav.field.learned_place import VALUE_BOUNDS, Finish, Place, finished_field
-from nerfnav.field.learner import ROUGHNESS_EVERY, GridLearner, LearningRates, dense_blocks, looks_for_empty_blocks
+from nerfnav.field.kernels import adam, learn, seen_points
+from nerfnav.field.learned_place import VALUE_BOUNDS, Finish, Place, finish_densities, finished_field
+from nerfnav.field.learner import (
+    BAND,
+    ROUGHNESS_EVERY,
+    GridLearner,
+    LearningRates,
+    dense_blocks,
+    looks_for_empty_parts,
+    occupied_above,
+)
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.render import composite, over
+from nerfnav.field.seen_points import PointBatch
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.trained_grid import TrainedGrid, refined
-from nerfnav.field.voxel import DENSITY_SCALE, VoxelField
+from nerfnav.field.voxel import DENSITY_SCALE, VoxelField, occupied_blocks
 from nerfnav.geometry import spacing_of, trilinear, with_neighbours
 
 Values = Float[Tensor, "nx ny nz 4"]
@@ -81,10 +90,14 @@ class TorchLearner:
         self.place, self.inner, self.outer = place, inner, outer
         self._device = inner.values.device
         self._box, self._background = place.box.to(self._device), place.background.to(self._device)
-        self.occupied = self._allowed = allowed.to(self._device)
         nx, ny, nz, _ = inner.values.shape
+        parts = allowed.to(self._device)
+        for axis, count in enumerate((nx, ny, nz)):
+            parts = parts.repeat_interleave(2, axis).narrow(axis, 0, -(-count // 2))
+        self.parts = self._allowed = parts
+        """Parts of 2 x 2 x 2 cells that are looked at (see kernels/parts.py)."""
         self._sample_step = 0.5 * float(spacing_of(place.box, (nx, ny, nz)).min())
-        self._steps = 0
+        self._steps, self._firm = 0, False
 
     @classmethod
     def of(cls, learner: GridLearner, device: torch.device) -> "TorchLearner":
@@ -109,11 +122,33 @@ class TorchLearner:
         gradients = torch.autograd.grad(error + sparsity * thickness, leaves)
         return float(error.detach()) / (3 * len(batch.targets)), list(gradients)
 
-    def step(self, batch: RayBatch, rates: LearningRates) -> float:
-        """Learn from a batch of rays; returns the mean squared colour error before the step."""
-        if looks_for_empty_blocks(self._steps):
-            self.occupied = dense_blocks(self.inner.values, self.place) & self._allowed
+    def points_gradient(self, batch: PointBatch) -> Tensor:
+        """The box's gradient of the likelihood that rays end at points (see kernels/seen_points.py)."""
+        leaf, step = self.inner.values.detach().requires_grad_(), self._sample_step
+        arrays = (batch.origins, batch.directions, batch.jitter, batch.distances)
+        origins, directions, jitter, distances = (torch.from_numpy(array).to(self._device) for array in arrays)
+        samples = self._samples(origins, directions, jitter)
+        density, _ = self._mixed(leaf, origins, directions, samples)
+        enter, leave = box_interval(self._box, origins, directions)
+        enter = enter + jitter * step
+        most, reach = ((leave - enter) / step).floor(), 2 * BAND * step
+        first = torch.minimum(((distances - reach - enter) / step).floor().clamp_min(0), most)[:, None]
+        behind = torch.minimum(((distances + reach - enter) / step).ceil(), most)[:, None]
+        index, told = torch.arange(density.shape[1], device=self._device), behind > first
+        clear, through = (
+            torch.exp(-step * _learned(torch.where(told & part, density, 0.0), step).sum(1))
+            for part in (index < first, (index >= first) & (index < behind))
+        )
+        loss = -torch.log(clear * (1 - through) + float(seen_points.CHANCE)).sum()
+        return torch.autograd.grad(loss, leaf)[0]
+
+    def step(self, batch: RayBatch, rates: LearningRates, points: PointBatch | None = None) -> float:
+        """Learn from a batch of rays, and from points; returns the mean squared colour error before the step."""
+        if looks_for_empty_parts(self._steps):
+            self.look_for_empty_parts()
         error, gradients = self.gradient(batch, rates.sparsity)
+        if points is not None and rates.points:
+            gradients[0] = gradients[0] + rates.points * self.points_gradient(points)
         for grid, gradient in zip([self.inner, self.outer], gradients, strict=False):
             assert grid is not None
             if self._steps % ROUGHNESS_EVERY == 0 and (rates.rough_density or rates.rough_color):
@@ -123,16 +158,38 @@ class TorchLearner:
         self._steps += 1
         return error
 
+    def look_for_empty_parts(self) -> None:
+        """Skip what has become empty."""
+        self.parts = occupied_blocks(self.inner.values[..., 0], occupied_above(self.place), 1) & self._allowed
+
     @torch.no_grad()
     def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
         """What rays see of what is learned so far, on the CPU."""
         grids = [self.inner] if self.outer is None else [self.inner, self.outer]
         return self._seen(batch, [grid.values for grid in grids])[0].cpu()
 
+    def firm(self, finish: Finish) -> None:
+        """Give the densities their last values, once (see `GridLearner.firm`)."""
+        if not self._firm:
+            finish_densities(self.place, self.inner.values, self._blocks, finish)
+            self.look_for_empty_parts()
+        self._firm = True
+
+    def so_far(self, finish: Finish) -> VoxelField:
+        """What is learned so far, finished, on the CPU (see `GridLearner.so_far`)."""
+        values, outer = self.inner.values.cpu().clone(), None if self.outer is None else self.outer.values.cpu().clone()
+        if not self._firm:
+            finish_densities(self.place, values, self._blocks.cpu(), finish)
+        return finished_field(self.place, values, outer)
+
     def field(self, finish: Finish) -> VoxelField:
         """What was learned, finished, on the CPU (see `GridLearner.field`)."""
-        outer = None if self.outer is None else self.outer.values.cpu().clone()
-        return finished_field(self.place, self.inner.values.cpu().clone(), self.occupied.cpu(), outer, finish)
+        return self.so_far(finish)
+
+    @property
+    def _blocks(self) -> Bool[Tensor, "bx by bz"]:
+        """Blocks of which a part is looked at."""
+        return torch.nn.functional.max_pool3d(self.parts[None].float(), 2, ceil_mode=True)[0] > 0
 
     def _errors(self, batch: RayBatch, leaves: list[Tensor]) -> tuple[Tensor, Tensor]:
         """Summed squared colour error, and the integral of log(1 + 2 rho^2) along the rays, rho in 1 / unit."""
@@ -147,12 +204,8 @@ class TorchLearner:
         arrays = (batch.origins, batch.directions, batch.jitter)
         origins, directions, jitter = (torch.from_numpy(array).to(self._device) for array in arrays)
         samples = self._samples(origins, directions, jitter)
-        points = (origins[:, None] + samples.distances[..., None] * directions[:, None])[samples.mask]
-        mixed = trilinear(leaves[0], self._box, points)
-        density = origins.new_zeros(samples.mask.shape)
-        density[samples.mask] = DENSITY_SCALE * torch.nn.functional.softplus(mixed[:, 0])
-        color = origins.new_zeros(*samples.mask.shape, 3)
-        color[samples.mask] = mixed[:, 1:]
+        density, color = self._mixed(leaves[0], origins, directions, samples)
+        density = _learned(density, samples.step)
         if len(leaves) == 1:
             seen = composite(density, color, samples, self._background).color
         else:
@@ -161,8 +214,20 @@ class TorchLearner:
             seen = over(front, behind, self._background).color
         return seen, density, samples.step
 
+    def _mixed(
+        self, leaf: Tensor, origins: Tensor, directions: Tensor, samples: RaySamples
+    ) -> tuple[Tensor, Tensor]:
+        """Densities (n, samples) and colours (n, samples, 3) between the nodes of the box; 0 where nobody looks."""
+        points = (origins[:, None] + samples.distances[..., None] * directions[:, None])[samples.mask]
+        mixed = trilinear(leaf, self._box, points)
+        density = origins.new_zeros(samples.mask.shape)
+        density[samples.mask] = DENSITY_SCALE * torch.nn.functional.softplus(mixed[:, 0])
+        color = origins.new_zeros(*samples.mask.shape, 3)
+        color[samples.mask] = mixed[:, 1:]
+        return density, color
+
     def _samples(self, origins: Tensor, directions: Tensor, jitter: Tensor) -> RaySamples:
-        """A sample every half voxel in occupied blocks."""
+        """A sample every half voxel in the parts that are looked at."""
         step = self._sample_step
         enter, leave = box_interval(self._box, origins, directions)
         counts = torch.floor((leave - enter) / step + LAST_SAMPLE).clamp_min(0)
@@ -171,5 +236,13 @@ class TorchLearner:
         points = origins[:, None] + distances[..., None] * directions[:, None]
         shape = torch.tensor(self.inner.values.shape[:3], device=self._device)
         cell = ((points - self._box.lower) / self._box.size * (shape - 1)).long()
-        x, y, z = (torch.minimum(cell.clamp_min(0), shape - 2) // 4).unbind(-1)
-        return RaySamples(distances, (index < counts[:, None]) & self.occupied[x, y, z], step)
+        x, y, z = (torch.minimum(cell.clamp_min(0), shape - 2) // 2).unbind(-1)
+        return RaySamples(distances, (index < counts[:, None]) & self.parts[x, y, z], step)
+
+
+def _learned(density: Float[Tensor, "n samples"], step: float) -> Float[Tensor, "n samples"]:
+    """Densities of samples that stop light worth learning from, 0 for the others."""
+    depth = step * density.detach()
+    depth = torch.where(-torch.expm1(-depth) < float(learn.FAINT), 0.0, depth)
+    light = torch.exp(depth - depth.cumsum(1))
+    return torch.where((depth > 0) & (light > float(learn.DARK)), density, 0.0)

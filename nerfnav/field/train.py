@@ -5,6 +5,7 @@ it (without this, fog grows in front of the cameras); three resolutions; what is
 For a seed, a number of iterations and a number of threads the result is the same bit for bit.
 """
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
@@ -16,9 +17,11 @@ from nerfnav.compiled import default_threads, threads
 from nerfnav.field.exposure import corrected
 from nerfnav.field.exposure_looks import ExposureLooks
 from nerfnav.field.first_learner import first_learner
+from nerfnav.field.fusion import Fused
 from nerfnav.field.judgement import info_of, judged
 from nerfnav.field.progress import Progress
 from nerfnav.field.rays import RaySampler
+from nerfnav.field.seen_points import points_of
 from nerfnav.field.train_config import TrainConfig
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import Box, PosedImages
@@ -40,6 +43,8 @@ class TrainStep:
     """Estimated time to the end [s]."""
     field: VoxelField | None = None
     """The trained field; set on the last step."""
+    so_far: VoxelField | None = None
+    """What is learned so far, judged as the trained field is, so that one can plan in it: set every `field_every` s."""
 
     @staticmethod
     def of(progress: Progress) -> "TrainStep":
@@ -66,23 +71,44 @@ def train(
     with threads(default_threads()) as workers:
         learner, stage, told, asked = first_learner(photographs, box, background, config, workers)
     sampler, ends = RaySampler(photographs, generator, asked), config.stage_ends
-    exposure = ExposureLooks(sampler, config.exposure)
+    points = points_of(photographs, box, generator)
+    exposure, pictures = ExposureLooks(sampler, config.exposure), (photographs, held_out)
     stop: bool | None = None
+    next_field_s = config.field_every or math.inf
     while progress.fraction < 1 and not stop:
         if progress.fraction >= ends[stage]:
             stage += 1
             learner = learner.refined(config.shape(box, stage), config.nodes_outside(stage))
+        if progress.fraction >= config.firm_at:
+            learner.firm(config.finish)
         exposure.look(learner, progress.fraction)
         with threads(workers):
-            batch = sampler.draw(config.rays_of(stage))
-            progress.learned(learner.step(batch, config.rates(progress.fraction)), len(batch.targets))
-        if progress.is_due(config.report_every):
+            batch = sampler.draw(config.rays_of(stage), config.patch)
+            ended = None if points is None else points.draw(config.points)
+            progress.learned(learner.step(batch, config.rates(progress.fraction), ended), len(batch.targets))
+        if progress.elapsed_s >= next_field_s and progress.fraction < 1:
+            seen = _judged(learner.so_far(config.finish), told, pictures, sampler, (progress, config, generator))
+            next_field_s = progress.elapsed_s + (config.field_every or math.inf)
+            stop = yield replace(TrainStep.of(progress), so_far=seen)
+        elif progress.is_due(config.report_every):
             stop = yield TrainStep.of(progress)
-    rate, info = progress.rays_per_s, info_of(photographs, generator, progress.iteration)
+    rate = progress.rays_per_s
+    trained = _judged(learner.field(config.finish), told, pictures, sampler, (progress, config, generator))
+    yield TrainStep(progress.iteration, progress.fraction, trained.info.psnr_db or 0.0, rate, 0.0, trained)
+
+
+def _judged(
+    field: VoxelField,
+    told: Fused | None,
+    pictures: tuple[PosedImages, PosedImages],
+    sampler: RaySampler,
+    training: tuple[Progress, TrainConfig, torch.Generator],
+) -> VoxelField:
+    """What was learned, with what the `pictures`, learned from and held out, say about it."""
+    photographs, held_out = pictures
+    progress, config, generator = training
+    told_so_far = replace(field, info=info_of(photographs, generator, progress.iteration))
     if config.exposure:
         photographs = corrected(photographs, sampler.gains)
-    trained = replace(learner.field(config.finish), info=info)
-    trained = judged(trained, told, photographs, held_out, config.exposure)
-    info = replace(trained.info, train_s=progress.elapsed_s)
-    trained = replace(trained, info=info)
-    yield TrainStep(progress.iteration, progress.fraction, info.psnr_db or 0.0, rate, 0.0, trained)
+    trained = judged(told_so_far, told, photographs, held_out, config.exposure)
+    return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))

@@ -25,6 +25,8 @@ class TrainConfig:
     """Time to spend [s]; replaces `iterations`. The result then depends on how fast the machine is."""
     rays: int = 8192
     """Rays in a training step."""
+    patch: int = 1
+    """Pixels along each edge of the patches that rays are drawn in (see `RaySampler.draw`)."""
     density_rate: float = 0.25
     """Learning rate of raw densities at the start."""
     color_rate: float = 0.03
@@ -37,6 +39,10 @@ class TrainConfig:
     """Weight of the differences between raw densities of neighbours."""
     rough_color: float = 0.0
     """Weight of the differences between colours of neighbours."""
+    points: int = 1024
+    """Rays in a training step that lead to points which structure from motion found, where there are any."""
+    points_weight: float = 0.02
+    """Weight of the likelihood that they end there."""
     stages: tuple[float, ...] = (4.0, 2.0, 1.0)
     """Distance of nodes in each stage, in final voxels."""
     stage_iterations: tuple[float, ...] = (0.4, 0.35, 0.25)
@@ -47,6 +53,9 @@ class TrainConfig:
     """Share of `rays` in the steps of each stage. Where time is short, more steps of fewer rays find shapes sooner."""
     finish: Finish = dataclass_field(default_factory=Finish)
     """What becomes of the densities in the end."""
+    firm_from: float = 0.92
+    """Share of the training from which on densities rest, finished, and only colours are learned: those that surfaces
+    had while they were softer are not theirs. Not before the last stage."""
     outside: int = 0
     """Nodes along each edge of the grid over what is around the box, as photographs of real places need it; 0 where the
     background is one colour. See field/surroundings.py."""
@@ -56,6 +65,8 @@ class TrainConfig:
     """Where to train: on "cpu" with compiled kernels, on "cuda" and others in torch, the same to rounding."""
     report_every: int = 50
     """Training steps between two TrainSteps."""
+    field_every: float | None = None
+    """Time between two fields of what is learned so far [s]; judging one takes seconds. None: only the last is made."""
 
     @property
     def seconds_to_learn(self) -> float | None:
@@ -69,15 +80,21 @@ class TrainConfig:
         ends[-1] = math.inf  # whatever the shares add up to, the last stage lasts to the end
         return ends
 
+    @property
+    def firm_at(self) -> float:
+        """Share of the training from which on densities rest."""
+        return max([self.firm_from, *self.stage_ends[:-1]])
+
     def rates(self, fraction: float) -> LearningRates:
         """How far a step goes when a share of the training is done."""
         decay = self.final_rate**fraction
         return LearningRates(
-            self.density_rate * decay,
+            self.density_rate * decay if fraction < self.firm_at else 0.0,
             self.color_rate * decay,
             self.sparsity,
             self.rough_density,
             self.rough_color,
+            self.points_weight if fraction < self.firm_at else 0.0,
         )
 
     def shape(self, box: Box, stage: int) -> tuple[int, int, int]:

@@ -23,6 +23,8 @@ from nerfnav.field.jacobian import SightGrid
 from nerfnav.field.kernels import sight
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
 from nerfnav.field.kernels.leaps import leaps_over
+from nerfnav.field.kernels.light import DIM, STOPPED, faint_raw, light_table
+from nerfnav.field.kernels.shells import Shells, paired_shells
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.geometry import Box, trilinear
 
@@ -91,31 +93,56 @@ class VoxelField(GridField):
 
     def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See GridField; by the kernel that leaps over empty cells."""
-        return sight.colors_and_jacobian(self.sight_grid, origins, directions)
+        return sight.colors_and_jacobian(self.whole_sight_grid, origins, directions)
+
+    @cached_property
+    def whole_sight_grid(self) -> SightGrid:
+        """What kernels need that follow rays with their derivatives."""
+        return self._sight(self._leaps, self._outer, NEGLIGIBLE_RAW, STOPPED)
 
     @cached_property
     def sight_grid(self) -> SightGrid:
-        """What kernels need that follow rays with their derivatives."""
+        """The same for descents of poses, without what is faint (see kernels/sight.py)."""
+        least = faint_raw(DENSITY_SCALE, self.step)
+        return self._sight(self._leaps_above(least), paired_shells(self._outer_values), least, DIM)
+
+    def _sight(self, leaps: np.ndarray, outer: Shells, least: np.float32, stopped: np.float32) -> SightGrid:
         values, _, lower, per_meter = self.kernel_grid
-        table = sight.light_table(DENSITY_SCALE, self.step)
         background = self.background.cpu().numpy().astype(np.float32)
-        return values, self._leaps, lower, per_meter, table, np.float32(self.step), background, self._outer
+        step = np.float32(self.step)
+        return values, leaps, lower, per_meter, self._light, step, background, outer, least, stopped
+
+    @cached_property
+    def _light(self) -> np.ndarray:
+        return light_table(DENSITY_SCALE, self.step)
 
     @cached_property
     def density_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
-        """What the planner's kernels need: values, leaps, lower, nodes per metre, scale, corners of the box."""
-        values, _, lower, per_meter = self.kernel_grid
+        """What the planner's kernels need: raw densities, leaps, lower, nodes per metre, scale, corners of the box.
+
+        Raw densities without the colours between them: a plan asks for many places, and memory is what it waits for.
+        """
+        _, _, lower, per_meter = self.kernel_grid
         first, last = (edge.double().cpu().numpy() for edge in (self.box.lower, self.box.upper))
-        return values, self._leaps, lower, per_meter, DENSITY_SCALE, first, last
+        return self._raw[..., None], self._leaps, lower, per_meter, DENSITY_SCALE, first, last
 
     @cached_property
     def _leaps(self) -> np.ndarray:
-        return leaps_over(np.ascontiguousarray(self.kernel_grid[0][..., 0]), NEGLIGIBLE_RAW)
+        return self._leaps_above(NEGLIGIBLE_RAW)
+
+    @cached_property
+    def _raw(self) -> np.ndarray:
+        return np.ascontiguousarray(self.kernel_grid[0][..., 0])
+
+    def _leaps_above(self, least: np.float32) -> np.ndarray:
+        return leaps_over(self._raw, least)
 
 
-def occupied_blocks(raw: Float[Tensor, "nx ny nz"], threshold: float) -> Bool[Tensor, "bx by bz"]:
-    """Blocks of cells with a node, borders included, whose raw density is above the threshold."""
-    side = 1 << BLOCK_SHIFT
+def occupied_blocks(
+    raw: Float[Tensor, "nx ny nz"], threshold: float, shift: int = BLOCK_SHIFT
+) -> Bool[Tensor, "bx by bz"]:
+    """Blocks of 2^shift cells to a side with a node, borders included, whose raw density is above the threshold."""
+    side = 1 << shift
     blocks = [-(-count // side) for count in raw.shape]
     padding = [part for count, size in zip(reversed(blocks), reversed(raw.shape), strict=True)
                for part in (0, count * side + 1 - size)]  # fmt: skip

@@ -109,6 +109,11 @@ class Camera:
             )
         return self.resized(width, height)
 
+    @property
+    def aspect(self) -> float:
+        """Width over height of its pictures."""
+        return self.width / self.height
+
     def scaled(self, factor: float) -> "Camera":
         """The same view with `factor` times as many pixels along each side."""
         return self.resized(max(1, round(self.width * factor)), max(1, round(self.height * factor)))

@@ -112,13 +112,15 @@ def colmap_lines(path: Path) -> list[str]:
         raise InvalidInputError(f"{path} is not text: a binary model ends in .bin") from error
 
 
+def colmap_rows(path: Path) -> Iterator[str]:
+    """Those of them that say something: neither empty nor a comment."""
+    return (line for line in colmap_lines(path) if line.strip() and not line.lstrip().startswith("#"))
+
+
 def _text(path: Path) -> Iterator[ColmapCamera]:
-    for line in colmap_lines(path):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
+    for line in colmap_rows(path):
         try:
-            number, model, width, height, *parameters = words
+            number, model, width, height, *parameters = line.split()
             values = tuple(float(word) for word in parameters)
             size = (float(width), float(height))
             camera = int(number)

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from nerfnav.geometry.camera import Camera, Pose
+from nerfnav.geometry.sightings import Sightings
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class PosedImages:
     """How wrong depths may be, as a share of them; 0 for those of a renderer."""
     silhouettes: Bool[Tensor, "n height width"] | None = None
     """Where pictures that are cut out show something or lie beside it; None where they are not cut out."""
+    sightings: Sightings | None = None
+    """Points that structure from motion found in the images; None where nobody looked."""
 
     def __len__(self) -> int:
         """How many images there are."""
@@ -38,7 +41,11 @@ class PosedImages:
         """The images at `index`, with their poses."""
         depth = None if self.depth is None else self.depth[index]
         shown = None if self.silhouettes is None else self.silhouettes[index]
-        return replace(self, images=self.images[index], poses=self.poses[index], depth=depth, silhouettes=shown)
+        sightings = None if self.sightings is None else self.sightings.of_images(torch.arange(len(self))[index])
+        return replace(
+            self, images=self.images[index], poses=self.poses[index], depth=depth, silhouettes=shown,
+            sightings=sightings,
+        )  # fmt: skip
 
     @property
     def depth_camera(self) -> Camera:
@@ -72,8 +79,10 @@ def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Ten
 
 
 def picture_file(image: UInt8[np.ndarray, "height width 3"], jpeg_quality: int | None = None) -> bytes:
-    """sRGB colours as a PNG file, or as a JPEG of a quality from 1 to 100."""
+    """sRGB colours as a PNG file, or as a JPEG of a quality from 1 to 100: from 90 on without chroma subsampling."""
     kind, settings = (".png", []) if jpeg_quality is None else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+    if jpeg_quality is not None and jpeg_quality >= 90:
+        settings += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     done, encoded = cv2.imencode(kind, np.ascontiguousarray(image[..., ::-1]), settings)
     assert done, "every picture of bytes can be a PNG or JPEG"
     return encoded.tobytes()

@@ -39,6 +39,7 @@ from nerfnav.planner import (
     last_step,
     nearest_free_pose,
     planners,
+    with_risk,
 )
 from nerfnav.planner.duration import timing_of
 from nerfnav.planner.problem import way_length
@@ -164,7 +165,7 @@ class Guide:
         """A plan from scratch that may take so many times the usual time."""
         config = self.config
         problem = PlanProblem(self.field, self.robot, start, end)
-        length = way_length(problem, self.map_at(float(end.position[2])), config.planning.search)
+        length = way_length(problem, self.map_at(float(end.position[2])), with_risk(config.planning).ways)
         timing = timing_of(self.robot, length, config.dt)
         steps = math.ceil(patience * max(config.pace * timing.steps, config.minimum_horizon, self.robot.minimum_steps))
         return planner.plan(Route(self._begun(start, end, timing.dt), end, steps, timing.dt))

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, FastFilter, FilterConfig, StateNoise
+from nerfnav.estimator import Belief, FastFilter, StateNoise
 from nerfnav.field import Field, render_image
 from nerfnav.field.grid_field import GridField
 from nerfnav.geometry import Camera, Pose, so3
@@ -41,7 +41,9 @@ class LiveConfig:
     """How a vehicle is tracked and guided."""
 
     tracker: TrackerConfig = dataclass_field(
-        default_factory=lambda: TrackerConfig(filter=FilterConfig(), linear=1.0, angular=4.0)
+        default_factory=lambda: TrackerConfig(
+            align=None, linear=0.4, angular=4.0, widest=0.12, found=StateNoise(0.012, 0.16, 0.03, 0.5)
+        )
     )
     """How it is tracked: by the filter of flights, for vehicles move more abruptly than hands. What was measured of the
     field is used."""

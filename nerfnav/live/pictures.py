@@ -21,12 +21,14 @@ def pixels_of(message: Picture, camera: Camera) -> UInt8[Tensor, "height width 3
     width, height = size = _size(message)
     if min(size) < 1 or width * height > _MOST_PIXELS:
         raise InvalidInputError(f"pictures have at most {_MOST_PIXELS} pixels, not {width} x {height}")
-    camera.for_picture(width, height)
     if message.encoding in ("jpeg", "png"):
         try:
-            return decoded(message.data)
+            picture = decoded(message.data, aspect=camera.aspect)
         except InvalidInputError as error:
             raise InvalidInputError(f"the picture of {message.time:.3f} s cannot be used: {error}") from error
+        camera.for_picture(picture.shape[1], picture.shape[0])
+        return picture
+    camera.for_picture(width, height)
     if len(message.data) != 3 * width * height:
         raise InvalidInputError(
             f"{width} x {height} pixels of {message.encoding} are {3 * width * height} bytes, not {len(message.data)}"

@@ -129,4 +129,4 @@ class Guard:
     def _judged(self, motion: Motion) -> Backup:
         bound, last = self._bound(motion), motion.states[-1]
         rests = bool(last.velocity.norm() < self.config.resting) and fits(self.field, self.robot.body, last)
-        return Backup(motion, bound, rests and bound < NEAR_CERTAIN and bool(self.field.box.contains(last.position)))
+        return Backup(motion, bound, rests and bound < NEAR_CERTAIN)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from time import perf_counter
 
 from nerfnav.estimator import Estimator, FilterConfig, StateNoise
+from nerfnav.field import Field
 from nerfnav.navigation.backup import Guard
 from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.realtime import Clock
@@ -34,6 +35,10 @@ class NavigateConfig:
     flight with a guard; None: any number will do."""
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
+    in_sight: float = 0.4
+    """Share of a picture that shows something from which on it is as good as any. A robot that may turn as it likes
+    arrives with the heading by which most is seen on its way, where that is clearly more than by the goal's; 0, as in
+    the paper: with the goal's."""
     leash_m: float = 0.0
     """How far the believed position may be from where the last plan has led by now, for the next plan to begin there
     [m]: something must track plans then, between steps. 0, as in the paper: plans begin where the robot believes to
@@ -44,7 +49,7 @@ class NavigateConfig:
     @classmethod
     def paper(cls) -> "NavigateConfig":
         """The paper's assumptions: covariance 0.1 I at the start and for the process noise."""
-        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1))
+        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1), in_sight=0.0)
 
 
 @dataclass(frozen=True)
@@ -79,3 +84,5 @@ class Pilot:
     """Finds a robot that is lost; None: lost is lost."""
     guard: Guard | None = None
     """Keeps a way to come to rest ready beside each plan; None: plans are flown whatever becomes of them."""
+    seen: Field | None = None
+    """What its camera sees, as a field; None: it needs no pictures."""

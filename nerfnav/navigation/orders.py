@@ -31,13 +31,15 @@ class Course:
     """Where it shall arrive."""
     since: int = 0
     """The time step at which this became the goal."""
+    end: RigidState | None = None
+    """Where plans lead: there, with a heading in which something is seen; None: with the heading that it is told."""
 
     def heeding(self, orders: Orders, index: int) -> "Course":
         """The course after orders that came at time step `index`."""
         goal = orders.goal
         if goal is None or _same(goal, self.goal):
             return self
-        return replace(self, goal=goal, since=index)
+        return replace(self, goal=goal, since=index, end=None)
 
 
 def _same(one: RigidState, other: RigidState) -> bool:

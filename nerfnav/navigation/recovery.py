@@ -66,9 +66,10 @@ class RecoveryConfig:
     """Times that a lost robot is looked for everywhere before it is given up: once around."""
     between: int = 3
     """Pictures from one search to the next, in which the robot turns: neighbours look alike."""
-    widest: float = 0.2
-    """Standard deviation of a coordinate of the position from which a robot that sees nothing is BLIND [m]: twice its
-    size."""
+    widest: float = 0.04
+    """Standard deviation of a coordinate of the position from which a robot that sees nothing is BLIND [m]: what plans
+    keep clear of (planner/spread.py), and half of what may be missing to a goal. In the paper's noise that is after
+    three pictures that show nothing."""
     sure: float = 0.03
     """The same for a robot in doubt, which is BLIND whenever it sees nothing: above this, a picture that agrees with
     its belief tells too little to end the doubt [m]. The sky agrees with any."""
@@ -136,6 +137,12 @@ class Lookout:
         if step.outcome is not RelocaliseOutcome.FOUND:
             return None
         return Belief(belief.mean.moved_to(step.body_poses(self.mount)[0]), self.config.found.covariance())
+
+
+def side_of(state: RigidState, place: Tensor) -> float:
+    """1 where a robot has to turn to the left to look at a place, -1 where to the right: its shorter way around."""
+    ahead, away = state.rotation[:2, 0], place[:2] - state.position[:2]
+    return -1.0 if ahead[0] * away[1] < ahead[1] * away[0] else 1.0
 
 
 def come_to_rest(robot: Robot, start: RigidState, steps: int, dt: float, turn: float = 0.0) -> Motion:

@@ -18,11 +18,12 @@ from nerfnav.estimator.predict import predict
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.realtime import Overrun
-from nerfnav.navigation.recovery import Lookout, Recovery, come_to_rest
+from nerfnav.navigation.recovery import Lookout, Recovery, come_to_rest, side_of
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
 from nerfnav.planner import PlanOutcome, Route
+from nerfnav.planner.sight import turned_to_see
 from nerfnav.robots import Motion, RigidState
 
 
@@ -43,6 +44,13 @@ class _Flight:
         """What looks for the robot when it is lost."""
         return Lookout(self.pilot.relocaliser, self.config.recovery, self.simulator.mount)
 
+    def in_sight(self, way: Tensor, start: RigidState, goal: RigidState) -> RigidState:
+        """The goal, turned so that the camera sees something on the way to it (n, 3) [m]."""
+        seen, enough = self.pilot.seen, self.config.in_sight
+        if seen is None or enough == 0 or self.simulator.robot.planar or self.config.open_loop:
+            return goal
+        return turned_to_see(seen, way, (start, goal), enough, self.simulator.mount)
+
 
 def navigate(
     mission: Mission,
@@ -59,12 +67,16 @@ def navigate(
     between.
     """
     flight = _Flight(mission, simulator, pilot, config, generator)
-    step = yield from _begin(flight)
+    step, end = yield from _begin(flight)
     yield step
-    touched, held, doubt, course = False, 0, Doubt(step.plan), Course(mission.goal)
+    touched, held, doubt, course = False, 0, Doubt(step.plan), Course(mission.goal, end=end)
     while step.outcome is None:
         world = replace(flight, orders=mission.orders())
         course = course.heeding(world.orders, step.index)
+        if course.end is None or step.sees_little:  # turn to something
+            here, way = step.belief.mean, doubt.way.states.position
+            way = torch.stack([here.position, course.goal.position]) if course.end is None else way
+            course = replace(course, end=flight.in_sight(way, here, course.goal))
         now = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, doubt))
         passing = _with_missed(step, now, flight)
         for step in passing:
@@ -88,23 +100,25 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: _Flight) ->
         yield from Overrun(step, under_way, flight.simulator, flight.pilot.estimator, flight.generator).steps()
 
 
-def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
-    """Plan from the true start, which the user has chosen, then from where the robot believes to be."""
+def _begin(flight: _Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, RigidState]]:
+    """Plan from the true start, which the user has chosen, then from where the robot believes to be; returns where
+    plans lead as well."""
     mission, start, config = flight.mission, flight.simulator.state, flight.config
+    goal = mission.goal
     mean = start.retract(config.initial.sample(flight.generator))
     belief = Belief(mean, config.initial.covariance())
     motion, spent_ms, outcome = mission.plan, 0.0, None
     if motion is None:
         planned, spent_ms = yield from timed(
-            flight.pilot.planner.plan(Route(start, mission.goal, mission.steps, mission.dt))
+            flight.pilot.planner.plan(Route(start, goal, mission.steps, mission.dt))
         )
         motion = planned.motion
         if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
             outcome = EpisodeOutcome.NO_PLAN
     if outcome is None and not config.open_loop:
-        steps = motion.actions.shape[-2]
+        steps, goal = motion.actions.shape[-2], flight.in_sight(motion.states.position, start, goal)
         planned, again_ms = yield from timed(
-            flight.pilot.planner.replan(motion, Route(mean, mission.goal, steps, motion.dt), executed=0)
+            flight.pilot.planner.replan(motion, Route(mean, goal, steps, motion.dt), executed=0)
         )
         motion, spent_ms = planned.motion, spent_ms + again_ms
     guard, expected = flight.pilot.guard, None
@@ -112,9 +126,10 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
         expected = guard.hits_expected(motion)
         if config.most_hits is not None and expected > config.most_hits:
             outcome = EpisodeOutcome.TOO_RISKY
-    return NavigationStep(
+    step = NavigationStep(
         0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome, hits_expected=expected
     )
+    return step, goal
 
 
 def _advance(
@@ -130,14 +145,16 @@ def _advance(
     )
     backup, (belief, recovery) = None, (yield from _trusted(update, image, flight, doubt))
     if recovery is not None and recovery.holds:
-        plan, replan_ms, restart = _rest(last, belief, recovery, flight), 0.0, None
+        turn = _looking_around(doubt, flight) if recovery.turns else 0.0
+        plan, replan_ms, restart = _rest(last, belief, turn, flight), 0.0, None
     else:
         elsewhere = recovery is Recovery.RELOCALISED or course.since >= max(doubt.made, 1)
-        left = mission.steps if elsewhere else max(doubt.steps_left, flight.config.minimum_horizon)
-        way = doubt.way
+        left, way = mission.steps, doubt.way
+        if not elsewhere:
+            left = max(doubt.steps_left(belief.mean, simulator.robot), flight.config.minimum_horizon)
         planned, replan_ms = yield from timed(
             flight.pilot.planner.replan(
-                way, Route(_onward(last, belief, flight), course.goal, left, way.dt), executed=1
+                way, Route(_onward(last, belief, flight), course.end or course.goal, left, way.dt), executed=1
             ),
             mission.clock,
         )
@@ -159,11 +176,18 @@ def _onward(last: NavigationStep, belief: Belief, flight: _Flight) -> RigidState
     return led if (led.position - belief.mean.position).norm() < flight.config.leash_m else belief.mean
 
 
-def _rest(last: NavigationStep, belief: Belief, recovery: Recovery, flight: _Flight) -> Motion:
-    """What a robot intends that does not know where it is."""
+def _rest(last: NavigationStep, belief: Belief, turn: float, flight: _Flight) -> Motion:
+    """What a robot intends that does not know where it is; it turns with `turn` [rad/s] meanwhile."""
     robot, config = flight.simulator.robot, flight.config.recovery
     start = robot.settled(_onward(last, belief, flight), last.plan.states[0])
-    return come_to_rest(robot, start, config.rest, flight.mission.dt, config.turn if recovery.turns else 0.0)
+    return come_to_rest(robot, start, config.rest, flight.mission.dt, turn)
+
+
+def _looking_around(doubt: Doubt, flight: _Flight) -> float:
+    """With which it turns [rad/s] all the time that it holds: from where that began, first to the middle of the place,
+    for there is more to be seen than outside."""
+    turn, guard = flight.config.recovery.turn, flight.pilot.guard
+    return turn if guard is None else turn * side_of(doubt.way.states[0], guard.field.box.center)
 
 
 def _trusted(

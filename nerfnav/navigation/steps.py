@@ -3,15 +3,17 @@
 from dataclasses import dataclass, replace
 from enum import Enum
 
+import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator import Belief, FilterStep, RelocaliseStep
+from nerfnav.estimator import Belief, FilterOutcome, FilterStep, RelocaliseStep
 from nerfnav.navigation.backup import Backup
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.planner import PlanStep
+from nerfnav.planner.duration import timing_of
 from nerfnav.planner.steps import Restart
-from nerfnav.robots import Motion, RigidState
+from nerfnav.robots import Motion, RigidState, Robot
 
 
 class EpisodeOutcome(Enum):
@@ -72,6 +74,12 @@ class NavigationStep:
         """Whether the robot comes to rest and waits, for it does not know where it is, or no way on."""
         return self.recovery is not None and self.recovery.holds
 
+    @property
+    def sees_little(self) -> bool:
+        """Whether a picture came, and said little."""
+        little = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
+        return self.image is not None and self.update is not None and self.update.outcome in little
+
 
 @dataclass(frozen=True)
 class Doubt:
@@ -96,10 +104,14 @@ class Doubt:
         disagreed = doubts and step.recovery is not Recovery.BLIND and not step.late
         return replace(self, held=self.held + 1, unsure=self.unsure + doubts, lost=self.lost + disagreed)
 
-    @property
-    def steps_left(self) -> int:
-        """Time steps that the rest of the way takes: what was lost by stopping has to be made good."""
-        return len(self.way.actions) - 1 + 2 * self.held
+    def steps_left(self, believed: RigidState, robot: Robot) -> int:
+        """Time steps that the rest of the way takes; for a robot that has stopped, as many as from rest."""
+        left, dt = len(self.way.actions) - 1, self.way.dt
+        if self.held == 0:
+            return left
+        corners = torch.cat([believed.position[None], self.way.states.position[1:]])
+        length = corners.diff(dim=0).norm(dim=-1).sum().item()
+        return max(left, timing_of(robot, length, dt, dt).steps)
 
 
 LoopEvent = PlanStep | FilterStep | RelocaliseStep | NavigationStep

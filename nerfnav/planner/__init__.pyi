@@ -4,6 +4,7 @@ from .costs import collision_per_step as collision_per_step
 from .costs import collision_probability_bound as collision_probability_bound
 from .ends import fits as fits
 from .ends import nearest_free_pose as nearest_free_pose
+from .ends import unfit_words as unfit_words
 from .fast import FastPlanConfig as FastPlanConfig
 from .fast import plan_fast as plan_fast
 from .objective import Objective as Objective

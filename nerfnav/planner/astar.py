@@ -24,6 +24,8 @@ _LARGE = 1 << 18
 """Voxels from which on a search is guided by a coarse map: it pays from there on."""
 _NEARLY = 1.1
 """How much dearer than the cheapest the first way may be there: in open space very many are about as cheap."""
+_GREEDIER = 2.0
+"""How many times as greedy later searches are where danger makes prices differ much more than a straight line tells."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,9 @@ class SearchConfig:
     scales; other ways take the first."""
     straight: bool = True
     """Whether to try the straight line too."""
+    danger: float = 0.0
+    """How many metres in the open a metre is worth on which noise hits something for certain, see danger.py; 0: the
+    ways of a robot that nothing disturbs. Settings that weigh risk say it themselves."""
 
     @classmethod
     def single(cls) -> "SearchConfig":
@@ -58,25 +63,32 @@ def find_path(
     A body with a map for each heading must fit with all of them; with `find_paths` it may turn.
     """
     ends = RigidState.at_rest(_tuple(start)), RigidState.at_rest(_tuple(goal))
-    whatever = replace(occupancy, by_heading=occupancy.by_heading.any(0, keepdim=True))
+    any_heading, any_dense = (states.any(0, keepdim=True) for states in (occupancy.by_heading, occupancy.dense))
+    whatever = replace(occupancy, by_heading=any_heading, dense=any_dense)
     paths = find_paths(whatever, *ends, SearchConfig(ways=1))
     return paths[0][:, :3] if paths else None
 
 
 def find_paths(
-    occupancy: OccupancyMap, start: RigidState, goal: RigidState, config: SearchConfig
+    occupancy: OccupancyMap,
+    start: RigidState,
+    goal: RigidState,
+    config: SearchConfig,
+    dearer: Float[np.ndarray, "nx ny nz"] | None = None,
 ) -> list[Float[Tensor, "_ c"]]:
     """Ways from start to goal, both included, the shortest first; none where there is none.
 
-    Rows are x, y, z [m] and, where the map tells headings apart, the heading [rad], without jumps.
+    Rows are x, y, z [m] and, where the map tells headings apart, the heading [rad], without jumps. `dearer` is what a
+    metre costs more in each voxel than by the map alone.
     """
     ends = [_node(occupancy, start), _node(occupancy, goal)]
     if ends[0] is None or ends[1] is None:
         return []
-    key = (*ends[0].tolist(), *ends[1].tolist(), config.ways, config.detour, config.berth, config.greed)
+    key = (*ends[0].tolist(), *ends[1].tolist(), config.ways, config.detour, config.berth, config.greed, config.danger)
     known = None if occupancy.found is None else occupancy.found.get(key)
     if known is None:
-        known = _searched(occupancy, (ends[0], ends[1]), config)
+        prices = occupancy.prices.copy() if dearer is None else occupancy.prices + dearer
+        known = _searched(occupancy, prices, (ends[0], ends[1]), config)
         if occupancy.found is not None:
             occupancy.found.clear()
             occupancy.found[key] = known
@@ -84,17 +96,18 @@ def find_paths(
 
 
 def _searched(
-    occupancy: OccupancyMap, ends: tuple[np.ndarray, np.ndarray], config: SearchConfig
+    occupancy: OccupancyMap, prices: np.ndarray, ends: tuple[np.ndarray, np.ndarray], config: SearchConfig
 ) -> list[Int[np.ndarray, "_ 4"]]:
-    """The nodes of each way."""
-    prices, spacing = occupancy.prices.copy(), occupancy.spacing.mean().item()
+    """The nodes of each way; prices change."""
+    spacing = occupancy.spacing.mean().item()
     turn = occupancy.scales.turn * torch.pi / len(prices) / spacing
     berth = occupancy.scales.berth if config.berth is None else config.berth
-    large = prices.size > _LARGE
-    guide = search.costs_to(prices, ends[1]) if large else np.zeros((0, 0, 0))
+    guided = prices.size > _LARGE or config.danger > 0
+    guide = search.costs_to(prices, ends[1]) if guided else np.zeros((0, 0, 0))
+    greeds = (_NEARLY if guided else 1.0, config.greed if config.danger == 0 else _GREEDIER * config.greed)
     found = []
     for way in range(config.ways):
-        nodes = cheapest_path(prices, ends, turn, config.greed if way else _NEARLY if large else 1.0, guide)
+        nodes = cheapest_path(prices, ends, turn, greeds[min(way, 1)], guide)
         if len(nodes) == 0:
             break
         found.append(nodes)
@@ -146,23 +159,31 @@ def smooth_path(
     path: Float[Tensor, "n c"], spread: float = ROUNDING, turn: float = TURN, step: float = PATH_STEP
 ) -> Float[Tensor, "m c"]:
     """The path with corners rounded over `spread` [m], its ends as they are, points about `step` [m] apart."""
-    dense = resample(path, torch.linspace(0, 1, max(2, round(lengths(path, turn).sum().item() / step)) + 1), turn)
+    pieces = lengths(path, turn)
+    shares = torch.linspace(0, 1, max(2, round(pieces.sum().item() / step)) + 1)
+    dense = _at_shares(path.numpy(), pieces.numpy(), shares.numpy())
     reach = min(int(3 * spread / step), len(dense) - 1)
     weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (step / spread)))
     # reflected through the ends, so that these stay where they are and keep their direction
-    before = 2 * dense[0] - dense[1 : reach + 1].flip(0)
-    after = 2 * dense[-1] - dense[-reach - 1 : -1].flip(0)
-    columns = torch.cat([before, dense, after]).double().numpy().T
+    before = 2 * dense[0] - dense[1 : reach + 1][::-1]
+    after = 2 * dense[-1] - dense[-reach - 1 : -1][::-1]
+    columns = np.concatenate([before, dense, after]).astype(np.float64).T
     rounded = [np.convolve(column, weights / weights.sum(), mode="valid") for column in columns]
     return torch.from_numpy(np.stack(rounded, -1)).to(path)
 
 
 def resample(path: Float[Tensor, "n c"], shares: Float[Tensor, "m"], turn: float = TURN) -> Float[Tensor, "m c"]:
     """Points of a polyline at the given shares of its length, 0 to 1; to turn is to go some way too."""
-    reached = np.concatenate([[0.0], np.cumsum(lengths(path, turn).double().numpy())])
-    wanted = shares.double().numpy() * reached[-1]
-    columns = [np.interp(wanted, reached, column) for column in path.double().numpy().T]
-    return torch.from_numpy(np.stack(columns, -1)).to(path)
+    return torch.from_numpy(_at_shares(path.numpy(), lengths(path, turn).numpy(), shares.numpy()))
+
+
+def _at_shares(
+    points: Float[np.ndarray, "n c"], pieces: Float[np.ndarray, " pieces"], shares: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, "m c"]:
+    """The same of a polyline whose points are `pieces` [m] apart."""
+    reached = np.concatenate([[0.0], np.cumsum(pieces, dtype=np.float64)])
+    wanted = shares.astype(np.float64) * reached[-1]
+    return np.stack([np.interp(wanted, reached, column) for column in points.T], -1).astype(points.dtype)
 
 
 def as_way(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:

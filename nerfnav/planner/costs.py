@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import Field
-from nerfnav.geometry import Box
+from nerfnav.planner.border import density_within
 from nerfnav.robots import Body, Motion
 
 _STANDSTILL = 1e-12
@@ -40,7 +40,7 @@ class CostWeights:
     limits: float = 100.0
     """Weight of the robot's own `limits`, such as a thrust floor; not in the paper."""
     outside: float = 1000.0
-    """Weight of leaving the field's box [1/m^2], outside which every density is 0; not in the paper."""
+    """Weight of reaching beyond the field's box with the body [1/m^2], see border.py; not in the paper."""
     risk: float = 0.0
     """What a collision costs that the noise to come brings about [J]; 0 in the paper, which plans as if nothing
     disturbed the robot. See terms/risk.py."""
@@ -53,37 +53,42 @@ class CostWeights:
     exact than that. 0 in the paper. Flights keep more room, for they are disturbed."""
 
 
-def body_points_world(motion: Motion, body: Body) -> Float[Tensor, "*batch times b 3"]:
-    """Where the body points are at each time [m]."""
-    states = motion.states
-    points_body = body.points_body.to(states.position)
-    return points_body @ states.rotation.transpose(-1, -2) + states.position[..., None, :]
-
-
 def collision_per_step(
     field: Field, motion: Motion, body: Body, samples_per_step: int = 1
 ) -> Float[Tensor, "*batch n"]:
     """sum_b rho(x_b) s(b) of every step: an upper bound of its collision probability (Eq. 1).
 
     The way of each body point through a step is cut into `samples_per_step` equal parts, and the density is taken in
-    the middle of each.
+    the middle of each. What is beyond the field's box counts as solid.
     """
-    return _met(field, motion, body, samples_per_step).sum(-1)
+    return _met(field, motion, body, samples_per_step, True).sum(-1)
+
+
+def collision(field: Field, motion: Motion, body: Body, samples_per_step: int = 1) -> Float[Tensor, "*batch"]:
+    """The same as J counts it, summed over time: without a jump at the border of the field's box, within which the
+    penalty of border.py keeps the body."""
+    return _met(field, motion, body, samples_per_step, False).sum((-2, -1))
 
 
 def point_exposure(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> Float[Tensor, "*batch b"]:
-    """sum_t rho(x_b) s(b) of every body point: the optical depth along its way, the hits to be expected."""
-    return _met(field, motion, body, samples_per_step).sum(-2)
+    """sum_t rho(x_b) s(b) of every body point: the optical depth along its way, the hits to be expected; what is beyond
+    the field's box counts as solid."""
+    return _met(field, motion, body, samples_per_step, True).sum(-2)
 
 
-def _met(field: Field, motion: Motion, body: Body, samples_per_step: int) -> Float[Tensor, "*batch n b"]:
+def _met(
+    field: Field, motion: Motion, body: Body, samples_per_step: int, bordered: bool
+) -> Float[Tensor, "*batch n b"]:
     """rho(x_b) s(b) of every step and body point."""
-    points = body_points_world(motion, body)
+    points = body.points_at(motion.states)
     before, moved = points[..., :-1, :, :], points.diff(dim=-3)
     travelled = (moved.square().sum(-1) + _STANDSTILL).sqrt()
     fractions = (torch.arange(samples_per_step, dtype=points.dtype, device=points.device) + 0.5) / samples_per_step
     along = before[..., None, :] + fractions[:, None] * moved[..., None, :]
-    return field.density(along).mean(-1) * travelled
+    density = field.density(along)
+    if bordered:
+        density = density_within(field.box, along, density)
+    return density.mean(-1) * travelled
 
 
 def control(motion: Motion, gamma: Float[Tensor, " a"]) -> Float[Tensor, "*batch"]:
@@ -91,18 +96,12 @@ def control(motion: Motion, gamma: Float[Tensor, " a"]) -> Float[Tensor, "*batch
     return (gamma * motion.actions.square()).sum((-2, -1))
 
 
-def outside(box: Box, motion: Motion) -> Float[Tensor, "*batch"]:
-    """Squared distance of the positions from the box [m^2], summed over time."""
-    position = motion.states.position
-    below, above = (box.lower - position).clamp_min(0), (position - box.upper).clamp_min(0)
-    return (below + above).square().sum((-2, -1))
-
-
 def collision_probability_bound(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> float:
     """Upper bound of the probability that one motion collides, at most 1: Eq. 1, and Boole's inequality over steps.
 
     It bounds what the field believes and is no guarantee. It counts every body point as if it flew alone, so that
-    light fog on many points already brings it to 1. `collision_per_step` has the terms of the sum.
+    light fog on many points already brings it to 1; what is beyond the field's box counts as solid.
+    `collision_per_step` has the terms of the sum.
     """
     with torch.no_grad():
         return min(1.0, collision_per_step(field, motion, body, samples_per_step).sum().item())

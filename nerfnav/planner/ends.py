@@ -8,6 +8,7 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.field import Field
 from nerfnav.geometry import so3
+from nerfnav.planner.border import reaches_beyond
 from nerfnav.planner.occupancy import OccupancyMap, body_density
 from nerfnav.planner.scales import Scales, scales_of
 from nerfnav.robots import Body, RigidState
@@ -20,7 +21,7 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
     """Refuse ends that no plan can have.
 
     Raises InvalidInputError for NaN, OutsideBoxError for a point outside the field's box, and OccupiedError for a
-    body in density above the map's threshold; the latter names the nearest free point.
+    body in density above the map's threshold or partly beyond the border; the latter names the nearest free point.
     """
     for name, state in (("start", start), ("goal", goal)):
         check_finite(name, state)
@@ -31,7 +32,7 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
         if body_density(field, body, state) > occupancy.scales.threshold:
             nearest = nearest_free_pose(field, body, state, occupancy)
             raise OccupiedError(
-                f"the {name} {_words(state.position)} is in occupied space; "
+                f"the {name} {_words(state.position)} {unfit_words(field, body, state)}; "
                 f"{_advice(state, nearest, occupancy.scales)}",
                 None if nearest is None else (
                     nearest.position[0].item(), nearest.position[1].item(), nearest.position[2].item()
@@ -40,9 +41,17 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
 
 
 def fits(field: Field, body: Body, state: RigidState, threshold: float | None = None) -> bool:
-    """Whether a body can be at a state: nowhere in a density [1/m] above the threshold, by default that of maps."""
+    """Whether a body can be at a state: all of it in the field's box, and nowhere in a density [1/m] above the
+    threshold, by default that of maps."""
     threshold = scales_of(field, body).threshold if threshold is None else threshold
     return body_density(field, body, state) <= threshold
+
+
+def unfit_words(field: Field, body: Body, state: RigidState) -> str:
+    """What is wrong with a state in which a body does not fit, to go on after its name."""
+    if reaches_beyond(field.box, body, state):
+        return "is so near the border of the field that the robot would reach beyond it"
+    return "is in occupied space"
 
 
 def check_finite(name: str, state: RigidState) -> None:

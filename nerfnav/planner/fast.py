@@ -79,6 +79,13 @@ class FastPlanConfig:
         """Most iterations that planning may take."""
         return self.newton.iterations
 
+    @property
+    def ways(self) -> SearchConfig:
+        """How ways are looked for where risk counts: a step on which noise hits something for certain costs `risk`, and
+        any other about `control`, for which a robot hovers."""
+        weights = self.weights
+        return replace(self.search, danger=weights.risk / weights.control) if weights.control else self.search
+
 
 def plan_fast(
     problem: PlanProblem, config: FastPlanConfig | None = None, occupancy: OccupancyMap | None = None
@@ -90,7 +97,7 @@ def plan_fast(
     OccupiedError for ends that cannot be planned between, at the first step.
     """
     config = FastPlanConfig() if config is None else config
-    guesses = first_guesses(problem, config.initial, occupancy or config.occupancy, config.search)
+    guesses = first_guesses(problem, config.initial, occupancy or config.occupancy, config.ways)
     if not guesses.leads:
         yield replace(_Desk(problem, guesses.trajectories[0], config).here(), outcome=PlanOutcome.NO_PATH)
         return
@@ -102,7 +109,8 @@ def replan_fast(
 ) -> Iterator[PlanStep]:
     """Improve a trajectory that is already near a good one, such as `hot_start` gives; yields as `plan_fast` does."""
     check_finite("start", trajectory.start)
-    yield from improve(problem, (trajectory,), FastPlanConfig() if config is None else config)
+    config = FastPlanConfig() if config is None else config
+    yield from improve(problem, (trajectory,), replace(config, newton=config.newton.nearby()))
 
 
 def improve(
@@ -116,7 +124,7 @@ def improve(
     if len(starts) == 1:  # it may be as good as it gets already
         reached[1] = desk.objective(starts[0])
     order = sorted(reached, key=lambda index: _rank(reached[index]))[: config.scout.finalists]
-    searches = {index: desk.search(reached[index].free, inverse) for index in order}
+    searches = {index: desk.search(reached[index], inverse) for index in order}
     latest: dict[int, tuple[Evaluation, bool]] = {}
     for index in order:
         for found in islice(searches[index], config.scout.trial if len(order) > 1 else None):
@@ -153,15 +161,15 @@ class _Desk:
         context = replace(self._problem.context(weights), points=points)
         return Objective(context, self._trajectory.route, self._problem.terms, self._flat)
 
-    def search(self, free: np.ndarray, inverse: np.ndarray) -> Iterator[tuple[Evaluation, bool]]:
+    def search(self, start: Evaluation, inverse: np.ndarray) -> Iterator[tuple[Evaluation, bool]]:
         """The search with the full J."""
-        return minimise(self.objective, free, self.scales, self._config.newton, inverse)
+        return minimise(self.objective, start, self.scales, self._config.newton, inverse)
 
     def scout(self, starts: list[np.ndarray], inverse: np.ndarray) -> dict[int, Evaluation]:
         """Where the most promising first guesses lead with the coarse body, and the full J there."""
         scout = self._config.scout
         newton = replace(self._config.newton, iterations=scout.iterations)
-        searches = [minimise(self._light, free, self.scales, newton, inverse) for free in starts]
+        searches = [minimise(self._light, self._light(free), self.scales, newton, inverse) for free in starts]
         found = {index: _last(islice(search, scout.heat)) for index, search in enumerate(searches)}
         ahead = sorted(found, key=lambda index: _rank(found[index]))[: scout.survivors]
         return {index: self.objective(_last(searches[index], found[index]).free) for index in ahead}
@@ -177,7 +185,7 @@ class _Desk:
                 weights = self._config.weights
                 firm = self._weighing(replace(weights, limits=firmer * weights.limits))
                 inverse = preconditioner(firm.effort_curvature, tried.free, self.scales, self._config.newton.prior)
-                tried = _last(minimise(firm, tried.free, self.scales, self._config.newton, inverse))
+                tried = _last(minimise(firm, firm(tried.free), self.scales, self._config.newton, inverse))
             self._flat.forward(tried.free)
             if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):
                 return self.objective(tried.free) if firmer > 1 else reached

@@ -2,40 +2,44 @@
 
 Candidates are voxels of the component, drawn at random. Of their pairs those are best that are as far apart as suits
 robot and place, that have something solid between them, and from which a camera sees something: a robot that flies by
-its camera is lost in front of the void.
+its camera is lost in front of the void. And they keep clear of what noise would push the robot into before any action
+can answer.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from nerfnav.field import FastRenderer, Field, density_and_gradient, render_rays
-from nerfnav.geometry import FORWARD_MOUNT, Camera, so3
+from nerfnav.field import Field, density_and_gradient
+from nerfnav.geometry import so3
 from nerfnav.planner.astar import SearchConfig, find_paths, lengths, resample
+from nerfnav.planner.border import holds_level
 from nerfnav.planner.columns import dense_at
 from nerfnav.planner.ends import fits
 from nerfnav.planner.free_regions import Region, free_regions, ground_regions
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.scales import threshold_of
+from nerfnav.planner.sight import seen_from
+from nerfnav.planner.spread import PAPERS_NOISE
 from nerfnav.robots import RigidState, Robot
 
 Pair = tuple[RigidState, RigidState]
 
-_EYE = Camera.from_fov(6, 4, 90)
-"""What candidates look around with."""
 _ALONG = 32
 """Densities taken between the two of a pair."""
 _NEAREST = 0.6
 """Least distance of a pair, in that which is wanted."""
-_RAYS = 4096
-"""Rays rendered at once by the reference."""
 _SAFE = 0.05
 """Bound on the probability of a collision along a way with which no better one is looked for."""
 _LIKELY = 0.4
 """Bound with which there is no way to speak of."""
+_CRAMPED = 0.39
+"""Most that it may come to by what noise does at the ends: a place without room has ends all the same."""
+_PUSHED = 3.0
+"""Standard deviations of noise by which robots are pushed to see what they would touch at an end."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +104,10 @@ def _pair_in(
     points = occupancy.centers(index)
     rounded = (points * rounding).round() / rounding
     points = torch.cat([rounded[:, :2], points[:, 2:] if robot.planar else rounded[:, 2:]], -1)
-    points = points[_all_inside(points, field, robot)]
+    points = points[holds_level(field.box, robot.body, points)]
     if len(points) < 2:
         return None, np.inf
-    seen = _seen_from(matter, points, config.headings)
+    seen = seen_from(matter, points, torch.arange(config.headings) * (2 * torch.pi / config.headings))
     apart = _distance_wanted(region, field, robot, config)
     best: Pair | None = None
     least = np.inf
@@ -112,11 +116,19 @@ def _pair_in(
         if pair is None or not all(fits(field, robot.body, state, occupancy.scales.threshold) for state in pair):
             continue
         risk = _risk_between(pair, field, robot, occupancy)
+        risk = max(risk, min(risk + _risk_at(pair, field, robot, occupancy), _CRAMPED))
         if risk < least:
             best, least = pair, risk
         if risk < _SAFE:
             break
     return best, least
+
+
+def _risk_at(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
+    """Share of the pushes along the axes, forth and back, that bring the body into something at either end."""
+    away = _PUSHED * PAPERS_NOISE.noise[0] * torch.eye(3)[: 2 if robot.planar else 3]
+    pushed = [replace(end, position=end.position + push) for end in pair for push in torch.cat([away, -away])]
+    return sum(not fits(field, robot.body, state, occupancy.scales.threshold) for state in pushed) / len(pushed)
 
 
 def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
@@ -133,37 +145,11 @@ def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMa
     return float((density.reshape(len(ahead), -1).sum(-1) * ahead.norm(dim=-1).numpy()).sum())
 
 
-def _all_inside(points: Float[torch.Tensor, "n 3"], field: Field, robot: Robot) -> Bool[torch.Tensor, " n"]:
-    """At which points the whole body is in the box, whatever its heading."""
-    length, height = 0.5 * max(robot.body.extents[:2]), 0.5 * robot.body.extents[2]
-    margin, box = torch.tensor([length, length, height]), field.box.to("cpu")
-    return ((points >= box.lower + margin) & (points <= box.upper - margin)).all(-1)
-
-
 def _distance_wanted(region: Region, field: Field, robot: Robot, config: FirstEndsConfig) -> float:
     """[m]"""
     length = max(robot.body.extents[:2])
     diagonal = float(field.box.size[:2].norm())
     return max(config.shortest * length, min(config.share * diagonal, 0.7 * region.extent, config.longest * length))
-
-
-def _seen_from(matter: Field, points: Float[torch.Tensor, "n 3"], headings: int) -> Float[np.ndarray, "n h"]:
-    """How much of what a camera at each point sees is something, by its heading, 0 to 1."""
-    yaws = torch.arange(headings) * (2 * torch.pi / headings)
-    in_body = _EYE.directions(_EYE.pixels()) @ FORWARD_MOUNT.rotation.T
-    directions = torch.einsum("hij,rj->hri", so3.from_yaw(yaws), in_body)
-    count, rays = len(points), directions.shape[0] * directions.shape[1]
-    origins = points[:, None].expand(count, rays, 3).reshape(-1, 3)
-    along = directions.reshape(1, rays, 3).expand(count, rays, 3).reshape(-1, 3)
-    with torch.no_grad():
-        if isinstance(matter, FastRenderer):
-            opacity = matter.render_rays(origins, along).opacity
-        else:
-            opacity = torch.cat([
-                render_rays(matter, some.to(matter.box.lower), where.to(matter.box.lower)).opacity.cpu()
-                for some, where in zip(origins.split(_RAYS), along.split(_RAYS), strict=True)
-            ])  # fmt: skip
-    return opacity.reshape(count, headings, -1).mean(-1).numpy()
 
 
 def _ranked(

@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from nerfnav.planner.border import reach_of
 from nerfnav.planner.kernels import quadrotor as kernels
 from nerfnav.planner.kernels.descent import newton_steps
 from nerfnav.planner.steps import PlanCost
@@ -23,7 +24,7 @@ from nerfnav.robots import FlatMap, Motion
 from nerfnav.robots.quadrotor_map import QuadrotorMap
 
 _KNOWN = (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK)
-_AT_ONCE = 5
+_AT_ONCE = 10
 """Steps of a search that are made in one call: they count from its start, so that none is made for nothing where a
 search is left after a multiple of it."""
 
@@ -102,7 +103,7 @@ class FusedObjective:
         fractions = (np.arange(weights.samples_per_step) + 0.5) / weights.samples_per_step
         body = (context.body.points_body.double().cpu().numpy(), fractions)
         weighed = tuple(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE, RISK))
-        space = (*field.density_grid, *danger_of(context))
+        space = (*field.density_grid, *danger_of(context), reach_of(context.body))
         return cls(((*flat.constants, gamma), body, space, weighed))
 
     def __call__(self, free: np.ndarray) -> Evaluation:
@@ -137,12 +138,7 @@ class FusedObjective:
         while at < rule.iterations and not settled:
             before, until = at, min((at + 1) // _AT_ONCE * _AT_ONCE + _AT_ONCE - 1, rule.iterations)
             at, settled, fresh = newton_steps(trace, at, until, fresh, inverses, reach, self.parts, rule.numbers)
-            for step in range(before + 1, at + 1):
-                yield _evaluation(trace, step), settled and step == at
-            if at == before:  # J does not fall at all
-                yield _evaluation(trace, at), settled
-
-
-def _evaluation(trace: tuple[np.ndarray, ...], step: int) -> Evaluation:
-    free, gradient, terms = (part[step] for part in trace)
-    return Evaluation(free, PlanCost(*terms.tolist()), gradient)
+            told = slice(min(before + 1, at), at + 1)  # the last one again where J does not fall at all
+            rows = zip(range(told.start, at + 1), trace[0][told], trace[1][told], trace[2][told].tolist(), strict=True)
+            for step, free, gradient, terms in rows:
+                yield Evaluation(free, PlanCost(*terms), gradient), settled and step == at

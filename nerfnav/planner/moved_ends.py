@@ -7,7 +7,7 @@ import torch
 
 from nerfnav.geometry import so3
 from nerfnav.planner.ends import check_ends
-from nerfnav.planner.fast import FastPlanConfig, plan_fast, replan_fast
+from nerfnav.planner.fast import FastPlanConfig, improve, plan_fast
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import PlanProblem, map_for
 from nerfnav.planner.steps import PlanOutcome, PlanStep
@@ -70,7 +70,7 @@ def follow_ends(
     carried = with_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
     count = 0
     if carried is not None and torch.isfinite(carried.free).all():
-        for step in replan_fast(problem, carried, config.improving):
+        for step in improve(problem, (carried,), config.improving):
             count = step.iteration + 1
             if step.outcome in _LOST:
                 yield replace(step, outcome=None)

@@ -26,14 +26,15 @@ from nerfnav.field import Field
 from nerfnav.field.grid_field import GridField
 from nerfnav.geometry import Box, shape_for, spacing_of
 from nerfnav.memory import require_memory
+from nerfnav.planner.border import known_density, mark_beyond
 from nerfnav.planner.columns import flat_box, layer_columns, marked_columns, sampled_columns
 from nerfnav.planner.kernels import maps
 from nerfnav.planner.scales import PAPERS_GRAIN, Scales, scales_of
 from nerfnav.robots import Body, RigidState
 
-_BYTES, _BYTES_BY_HEADING = 4, 34
-"""What a voxel takes, at most, while a map is made and searched: columns, and for each heading its state, its price
-twice, and what a search notes."""
+_BYTES, _BYTES_BY_HEADING = 4, 35
+"""What a voxel takes, at most, while a map is made and searched: columns, and for each heading its two states, its
+price twice, and what a search notes."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,11 @@ class OccupancyMap:
     box: Box
     """Where the field is defined; voxel centres stand on its borders too. Flat for a map of one height."""
     by_heading: Bool[Tensor, "m nx ny nz"]
-    """Whether a body at the voxel's centre, heading i pi / m, would be in dense space; m = 1: whatever its heading."""
+    """Whether a body at the voxel's centre, heading i pi / m, would be in dense space or reach beyond the border of the
+    field's box; m = 1: whatever its heading."""
+    dense: Bool[Tensor, "m nx ny nz"]
+    """The same of dense space alone, for what has no reason to keep off the border: prices, and the chance of being
+    pushed, for which what is a little beyond is like what is a little inside."""
     config: OccupancyConfig
     """What it was made with."""
     scales: Scales
@@ -106,7 +111,10 @@ class OccupancyMap:
         outlines = _outlines(body, headings, spacing, exact)
         with threads(default_threads()):
             maps.mark_bodies(columns, parts, outlines, spacing, marked)
-        return cls(box, torch.from_numpy(marked.view(bool)), config, scales)
+        dense = torch.from_numpy(marked.view(bool))
+        marked = marked.copy()
+        mark_beyond(marked, headings, body, field.box.to("cpu"), height)
+        return cls(box, torch.from_numpy(marked.view(bool)), dense, config, scales)
 
     def remembering(self) -> "OccupancyMap":
         """The same map, on which one way is not searched twice in a row: for plans that differ in duration alone."""
@@ -127,7 +135,7 @@ class OccupancyMap:
 
     @cached_property
     def occupied(self) -> Bool[Tensor, "nx ny nz"]:
-        """Whether the body would be in dense space at the voxel's centre with any heading."""
+        """Whether the body does not fit at the voxel's centre, whatever its heading."""
         return self.by_heading.all(0)
 
     @cached_property
@@ -138,12 +146,15 @@ class OccupancyMap:
 
     @cached_property
     def prices(self) -> np.ndarray:
-        """What a metre costs in each voxel, (m, nx, ny, nz) float64 >= 1: more near walls, infinite inside."""
+        """What a metre costs in each voxel, (m, nx, ny, nz) float64 >= 1: more near walls, infinite where there is no
+        room for the body."""
         spacing = self.spacing.double().numpy()
         each = [
-            maps.prices_near(occupied.numpy().view(np.uint8), spacing, self.clearance, self.config.clearance_weight)
-            for occupied in self.by_heading
+            maps.prices_near(dense.numpy().view(np.uint8), spacing, self.clearance, self.config.clearance_weight)
+            for dense in self.dense
         ]
+        for prices, occupied in zip(each, self.by_heading, strict=True):
+            prices[occupied.numpy()] = np.inf
         return each[0][None] if len(each) == 1 else np.stack(each)
 
     def nearest_free_voxels(
@@ -172,10 +183,9 @@ class OccupancyMap:
 
 
 def body_density(field: Field, body: Body, state: RigidState) -> float:
-    """The largest density at any point of the body [1/m]."""
+    """The largest density at any point of the body [1/m]; what is beyond the field's box is as dense as solid space."""
     with torch.no_grad():
-        points = body.points_body.to(state.position) @ state.rotation.T + state.position
-        return field.density(points).max().item()
+        return known_density(field, body.points_at(state)).max().item()
 
 
 def _is_exact(field: Field, config: OccupancyConfig) -> TypeGuard[GridField]:

@@ -12,6 +12,7 @@ from nerfnav.field import Field
 from nerfnav.planner import terms
 from nerfnav.planner.astar import TURN, SearchConfig, find_paths, lengths, smooth_path, waypoints_along
 from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.danger import DangerMap, dearer_by
 from nerfnav.planner.ends import check_ends, check_finite
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.route import Route
@@ -117,7 +118,7 @@ def ways_between(
     straight = torch.stack([problem.start.position, problem.goal.position])
     if initial is InitialGuess.STRAIGHT:
         return FirstGuesses((_along(problem, straight),), True)
-    found, scales = find_paths(occupancy, problem.start, problem.goal, search), occupancy.scales
+    found, scales = _paths(problem, occupancy, search), occupancy.scales
     if not found:
         return FirstGuesses((_along(problem, straight),), False)
     first, *others = (scales.rounding * rounding for rounding in search.roundings)
@@ -128,12 +129,20 @@ def ways_between(
 
 
 def way_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> float:
-    """Length of the shortest way from start to goal [m], turns included; of the straight line where there is none."""
-    found = find_paths(occupancy, problem.start, problem.goal, search)
+    """Length of the best way from start to goal [m], turns included; of the straight line where there is none."""
+    found = _paths(problem, occupancy, search)
     if found:
         scales = occupancy.scales
         return lengths(_smooth(found[0], scales.rounding, scales), scales.turn).sum().item()
     return (problem.goal.position - problem.start.position).norm().item()
+
+
+def _paths(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> list[Float[Tensor, "_ c"]]:
+    dearer = None
+    if search.danger:
+        danger = DangerMap.of(problem.field, problem.robot, problem.outlook)
+        dearer = dearer_by(danger, occupancy, search.danger)
+    return find_paths(occupancy, problem.start, problem.goal, search, dearer)
 
 
 def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:

@@ -6,12 +6,12 @@
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from nerfnav.planner.fused import Evaluation, LineSearch, SearchRule
-from nerfnav.planner.kernels.eigen import inverse_of_absolute
+from nerfnav.planner.kernels.eigen import inverse_of_absolute, inverse_of_shifted
 from nerfnav.planner.kernels.quasi_newton import rank_two
 from nerfnav.planner.objective import Objective
 
@@ -19,6 +19,8 @@ _SEARCH = LineSearch()
 _DAMPING = 0.2
 _DIFFERENCE = 1e-4
 """Step of the differences that curvature is taken from, in scales."""
+_STIFFER, _LOOSER = 10.0, 10.0
+"""How many times the prior and the tolerance are where a search starts nearly at a minimum."""
 
 
 @dataclass(frozen=True)
@@ -38,20 +40,24 @@ class NewtonConfig:
     least: float = 0.01
     """J below which shares are taken of this [1]: to stand still costs nothing, and there is no share of that."""
 
+    def nearby(self) -> "NewtonConfig":
+        """The same for a start that is nearly a minimum: shorter first steps, which stay with it, and earlier ends."""
+        return replace(self, prior=_STIFFER * self.prior, tolerance=_LOOSER * self.tolerance)
+
 
 def minimise(
     objective: Objective,
-    free: np.ndarray,
+    now: Evaluation,
     scales: np.ndarray,
     config: NewtonConfig,
     inverse: np.ndarray | None = None,
 ) -> Iterator[tuple[Evaluation, bool]]:
-    """Yield every iterate of the search from `free` (k), J falling from one to the next, and whether it has settled.
+    """Yield every iterate of the search, the start `now` first, J falling from one to the next, and whether it has
+    settled.
 
     `scales` (k) say by how much each free number may change before the motion is quite another one. `inverse` (k, k),
-    the first inverse Hessian, is the preconditioner at `free` where none is given.
+    the first inverse Hessian, is the preconditioner at the start where none is given.
     """
-    now = objective(free)
     if inverse is None:
         inverse = preconditioner(objective.effort_curvature, now.free, scales, config.prior)
     yield now, False
@@ -82,9 +88,15 @@ def minimise(
 def preconditioner(
     curvature: Callable[[np.ndarray, np.ndarray], np.ndarray], free: np.ndarray, scales: np.ndarray, prior: float
 ) -> np.ndarray:
-    """Inverse of |H| + prior / scales^2, with H = curvature(free, steps) by differences over small steps."""
+    """Inverse of |H| + prior / scales^2, with H = curvature(free, steps) by differences over small steps.
+
+    Where no eigenvalue is below half of -prior, that of H + prior / scales^2: in a tenth of the time, and as good.
+    """
     scaled = curvature(free, _DIFFERENCE * scales) * np.outer(scales, scales)
-    return np.outer(scales, scales) * inverse_of_absolute(0.5 * (scaled + scaled.T), prior)
+    symmetric, inverse = 0.5 * (scaled + scaled.T), np.empty_like(scaled)
+    if not inverse_of_shifted(symmetric, prior, inverse):
+        inverse = inverse_of_absolute(symmetric, prior)
+    return np.outer(scales, scales) * inverse
 
 
 def _advance(

@@ -158,7 +158,7 @@ def room_near(check: BallCheck, box: Box, point: Float[Tensor, "3"]) -> np.ndarr
     reach = round(_LEAVING / _LEAVING_STEP)
     axis = check.radius * _LEAVING_STEP * np.arange(-reach, reach + 1)
     offsets = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    lower, upper = box.lower.double().numpy(), box.upper.double().numpy()
+    lower, upper = (edge.double().numpy() for edge in _for_centers(check, box))
     for offset in offsets[np.argsort(np.linalg.norm(offsets, axis=-1), kind="stable")]:
         place = center + offset
         if ((place >= lower) & (place <= upper)).all() and check.fits(place):
@@ -166,14 +166,20 @@ def room_near(check: BallCheck, box: Box, point: Float[Tensor, "3"]) -> np.ndarr
     return None
 
 
+def _for_centers(check: BallCheck, box: Box) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
+    """Where the ball's centre may be so that all of it is in the box (see border.py): lower and upper corner [m]."""
+    return box.lower + check.radius, box.upper - check.radius
+
+
 def _tree(check: BallCheck, box: Box, ends: tuple[np.ndarray, np.ndarray], config: RRTConfig) -> np.ndarray | None:
     base, geometric, util = (_ompl(part) for part in ("base", "geometric", "util"))
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(config.seed)
     space, bounds = base.RealVectorStateSpace(3), base.RealVectorBounds(3)
+    lower, upper = _for_centers(check, box)
     for axis in range(3):
-        bounds.setLow(axis, box.lower[axis].item())
-        bounds.setHigh(axis, box.upper[axis].item())
+        bounds.setLow(axis, lower[axis].item())
+        bounds.setHigh(axis, upper[axis].item())
     space.setBounds(bounds)
     setup = geometric.SimpleSetup(space)
     setup.setStateValidityChecker(lambda state: check.fits(np.array([state[0], state[1], state[2]])))

@@ -4,7 +4,7 @@
 
 All of it is what the field believes, and a bound is no guarantee. In a field with evidence (field/evidence.py) it is
 founded on proofs, if `field` is the one to plan in: where space is proven free the density is 0, however much light fog
-was learned there, and what is unproven counts as solid.
+was learned there, and what is unproven counts as solid. So does what is beyond the field's box (border.py).
 """
 
 import math
@@ -19,7 +19,8 @@ from torch import Tensor
 from nerfnav.field import Field, density_and_gradient
 from nerfnav.field.evidence import raw_of
 from nerfnav.field.grid_field import GridField
-from nerfnav.planner.costs import body_points_world, collision_per_step, point_exposure
+from nerfnav.planner.border import density_within, known_density, room_to_border
+from nerfnav.planner.costs import collision_per_step, point_exposure
 from nerfnav.planner.kernels.nearest import nearest_dense
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.scales import scales_of
@@ -65,7 +66,8 @@ class Safety:
     """Their sum, an upper bound of the probability that the plan collides, at most 1. It counts every body point as
     if it flew alone, so that light fog on many points already brings it to 1."""
     min_clearance_m: float | None
-    """Smallest distance of a body point from dense space [m], 0 inside it; None where none is within reach."""
+    """Smallest distance of a body point from dense space or from the border of the field's box [m], 0 inside or beyond
+    them; None where none is within reach."""
     worst_step: int
     """The step with the largest bound."""
 
@@ -81,25 +83,34 @@ def safety_of(field: Field, motion: Motion, body: Body, config: SafetyConfig | N
 
 @torch.no_grad()
 def clearance_of(field: Field, motion: Motion, body: Body, config: SafetyConfig) -> float | None:
-    """Smallest distance of body points from the level set rho = threshold [m], None where none is within reach."""
+    """Smallest distance of body points from the level set rho = threshold or the border of the field's box [m], None
+    where none is within reach."""
     threshold, reach, voxel = config.lengths(field, body)
-    points = body_points_world(motion, body).reshape(-1, 3).to(field.box.lower)
-    if (field.density(points) > threshold).any():
+    points = body.points_at(motion.states).reshape(-1, 3).to(field.box.lower)
+    to_border = room_to_border(field.box, points).min().item()
+    if to_border <= 0 or (field.density(points) > threshold).any():
         return 0.0
+    known = [] if to_border > reach else [to_border]
+    return min([*known, *_to_dense(field, points, (threshold, min(reach, to_border + voxel), voxel))], default=None)
+
+
+def _to_dense(field: Field, points: Tensor, lengths: tuple[float, float, float]) -> list[float]:
+    """Smallest distance of points from the level set rho = threshold [m], nothing where it is not within reach."""
+    threshold, reach, voxel = lengths
     if isinstance(field, GridField):
         voxel = float(field.spacing.max())
         distance, solid = _nearest_nodes(field, points, threshold, reach)
     else:
         distance, solid = _nearest_samples(field, points, threshold, reach, voxel)
     if not torch.isfinite(distance).any():
-        return None
+        return []
     near = distance <= distance.min() + voxel
     start, free, solid = points[near], points[near], solid[near]
     for _ in range(_BISECTIONS):  # where the way to the nearest dense node enters the level set
         middle = 0.5 * (free + solid)
         inside = (field.density(middle) > threshold)[:, None]
         free, solid = torch.where(inside, free, middle), torch.where(inside, middle, solid)
-    return (free - start).norm(dim=-1).min().item()
+    return [(free - start).norm(dim=-1).min().item()]
 
 
 def _nearest_nodes(field: GridField, points: Tensor, threshold: float, reach: float) -> tuple[Tensor, Tensor]:
@@ -153,21 +164,22 @@ def honest(problem: PlanProblem, motion: Motion, outcome: PlanOutcome) -> PlanOu
 
 def _expected_hits(problem: PlanProblem, motion: Motion) -> float:
     """`collision_probability_bound`, by the field's fast way to densities."""
-    points = body_points_world(motion, problem.robot.body).detach().double().cpu().numpy()
+    points = problem.robot.body.points_at(motion.states).detach().double().cpu().numpy()
     before, moved = points[:-1], np.diff(points, axis=0)
     fractions = (np.arange(SafetyConfig.samples_per_step) + 0.5) / SafetyConfig.samples_per_step
     along = before[:, None] + fractions[:, None, None] * moved[:, None]
-    density, _ = density_and_gradient(problem.field, along.reshape(-1, 3))
-    return float((density.reshape(along.shape[:3]).mean(1) * np.linalg.norm(moved, axis=-1)).sum())
+    density = torch.from_numpy(density_and_gradient(problem.field, along.reshape(-1, 3))[0]).reshape(along.shape[:3])
+    density = density_within(problem.field.box, torch.from_numpy(along), density).numpy()
+    return float((density.mean(1) * np.linalg.norm(moved, axis=-1)).sum())
 
 
 @torch.no_grad()
 def meets_density(problem: PlanProblem, motion: Motion) -> bool:
-    """Whether the body comes into something dense, and one of its points is expected to be hit on its way.
+    """Whether the body comes into something dense or beyond the border, and one of its points is expected to be hit.
 
     One point alone, not the sum of Eq. 1: specks and light fog that all of them pass through bring that above 1 too.
     """
-    points = body_points_world(motion, problem.robot.body)
-    if (problem.field.density(points) <= scales_of(problem.field, problem.robot.body).threshold).all():
+    points = problem.robot.body.points_at(motion.states)
+    if (known_density(problem.field, points) <= scales_of(problem.field, problem.robot.body).threshold).all():
         return False
     return point_exposure(problem.field, motion, problem.robot.body).max().item() >= _CERTAIN

@@ -1,6 +1,6 @@
 """A trajectory: the flat waypoints that a planner is free to choose, between fixed ends."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from jaxtyping import Float
 from torch import Tensor
@@ -35,7 +35,7 @@ class Trajectory(TensorStruct):
 
     def with_free(self, free: Float[Tensor, " k"]) -> "Trajectory":
         """The same ends with other free numbers."""
-        return replace(self, free=free)
+        return Trajectory(free, self.route)
 
 
 def motion_of(robot: Robot, free: Float[Tensor, "*batch k"], route: Route) -> Motion:

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 import torch
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.planner.duration import timing_of
 from nerfnav.planner.ends import check_finite
 from nerfnav.planner.fast import FastPlanConfig, improve, replan_fast
 from nerfnav.planner.fused import FusedObjective
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.problem import PlanProblem, map_for, ways_between
+from nerfnav.planner.problem import FirstGuesses, PlanProblem, map_for, way_length, ways_between
 from nerfnav.planner.scales import scales_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart
 from nerfnav.planner.trajectory import Trajectory
@@ -80,8 +81,8 @@ def _anew(
     config: FastPlanConfig,
     occupancy: OccupancyMap | None,
 ) -> Iterator[PlanStep]:
-    """Ways from where the robot is, then the better of the best of them and `kept`."""
-    guesses = ways_between(problem, config.initial, map_for(problem, occupancy or config.occupancy), config.search)
+    """Ways from where the robot is, as long as they take, then the better of the best of them and `kept`."""
+    problem, guesses = _ways(problem, config, map_for(problem, occupancy or config.occupancy))
     count, best = 0 if kept is None else kept.iteration + 1, kept
     if guesses.leads or kept is None:
         for step in improve(problem, guesses.trajectories, config):
@@ -92,6 +93,17 @@ def _anew(
                 best = step if guesses.leads else replace(step, outcome=PlanOutcome.NO_PATH)
     assert best is not None, "without a plan to keep, another one was made"
     yield replace(best, iteration=count, restart=reason)
+
+
+def _ways(
+    problem: PlanProblem, config: FastPlanConfig, occupancy: OccupancyMap
+) -> tuple[PlanProblem, FirstGuesses]:
+    """Ways from where the robot is, and the problem with the time that the first takes where that is more."""
+    occupancy = occupancy.remembering()
+    length = way_length(problem, occupancy, config.ways)
+    steps = timing_of(problem.robot, length, problem.dt, problem.dt).steps
+    problem = replace(problem, steps=max(problem.steps, steps))
+    return problem, ways_between(problem, config.initial, occupancy, config.ways)
 
 
 def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> Restart | None:

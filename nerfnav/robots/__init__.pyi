@@ -35,4 +35,7 @@ from .state import TANGENT as TANGENT
 from .state import VELOCITY as VELOCITY
 from .state import Motion as Motion
 from .state import RigidState as RigidState
+from .strapdown import Increments as Increments
+from .strapdown import advanced as advanced
+from .strapdown import moved_on as moved_on
 from .thrust import thrust_and_attitude as thrust_and_attitude

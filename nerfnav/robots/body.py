@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.robots.state import RigidState
 
 if TYPE_CHECKING:
     import trimesh  # slow to import, and most bodies are boxes
@@ -54,6 +55,11 @@ class Body:
         mesh.apply_translation(-mesh.bounds.mean(0))
         x, y, z = (float(edge) for edge in mesh.extents)
         return cls((x, y, z), torch.from_numpy(_filling(mesh, spacing)).float(), mesh)
+
+    def points_at(self, states: RigidState) -> Float[Tensor, "*batch b 3"]:
+        """Where its points are in the world [m], at states of batch shape (*batch)."""
+        points_body = self.points_body.to(states.position)
+        return points_body @ states.rotation.transpose(-1, -2) + states.position[..., None, :]
 
     def grown(self, margin: float, *, upright: bool = True) -> "Body":
         """The same body with every face of its box moved outwards by `margin` [m], all else spread accordingly.

@@ -1,6 +1,8 @@
 from .frame import Frame as Frame
 from .frame import FrameSource as FrameSource
 from .frame import Inertial as Inertial
+from .motions import InertialMotion as InertialMotion
+from .preintegration import ImuConfig as ImuConfig
 from .status import TrackStatus as TrackStatus
 from .tracked import Tracked as Tracked
 from .tracker import Tracker as Tracker

@@ -4,10 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.geometry import Camera
+from nerfnav.errors import InvalidInputError
+from nerfnav.geometry import Camera, Pose
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,28 @@ class Frame:
     name: str
     """What the source calls it: a file's name, or "frame 12"."""
 
+    def require_after(self, before: float | None) -> None:
+        """Raise InvalidInputError where the frame before it, if any, was not taken `before` it [s]."""
+        if before is not None and not self.time > before:
+            raise InvalidInputError(
+                f"{self.name} was taken at {self.time:g} s, not after the frame before it ({before:g} s): "
+                "frames come in the order of their times"
+            )
+
+
+@dataclass(frozen=True)
+class ImuNoise:
+    """How noisy an inertial measurement unit is; None of what is not known."""
+
+    gyro: float | None = None
+    """Noise of body rates [rad/s per sqrt(Hz)]."""
+    accel: float | None = None
+    """Noise of accelerations [m/s^2 per sqrt(Hz)]."""
+    gyro_walk: float | None = None
+    """How fast the gyroscope's bias strays [rad/s^2 per sqrt(Hz)]."""
+    accel_walk: float | None = None
+    """The same of the accelerometer's [m/s^3 per sqrt(Hz)]."""
+
 
 @dataclass(frozen=True)
 class Inertial:
@@ -32,6 +57,22 @@ class Inertial:
     """What the gyroscope said [rad/s], in its own axes."""
     specific_forces: Float[Tensor, "n 3"]
     """What the accelerometer said: acceleration less gravity [m/s^2], in its own axes."""
+    mount: Pose | None = None
+    """T_imu_camera, the camera OpenGL, where the source says so."""
+    noise: ImuNoise = ImuNoise()
+    """Of the unit, as far as the source says."""
+
+    def finite(self, source: str) -> "Inertial":
+        """Itself. Raises InvalidInputError, which names the source, where a number is not finite."""
+        if not all(part.isfinite().all() for part in (self.times, self.body_rates, self.specific_forces)):
+            raise InvalidInputError(f"{source} has measurements that are no finite numbers")
+        return self
+
+
+def mount_of(matrix: np.ndarray) -> Pose:
+    """The mount of a camera that a matrix (4, 4) tells in the usual axes of cameras: x right, y down, z ahead."""
+    told = torch.from_numpy(np.ascontiguousarray(matrix, dtype=np.float64))
+    return Pose((told[:3, :3] * torch.tensor([1.0, -1.0, -1.0])).float(), told[:3, 3].float())
 
 
 @runtime_checkable

@@ -4,10 +4,12 @@
     for frame in source.frames():
         tracked = tracker.observe(frame)              # -> Tracked: status, pose, covariance 6 x 6, ms
 
-Until the camera is known a search looks everywhere (estimator/relocalise.py). From then on the motion model predicts
-over the time since the last frame, however long, and the fast filter corrects (estimator/fast.py). Pictures in a row
-that disagree, or say nothing, end the track, and so does a picture that fits much worse than those before it did where
-a search finds a place that fits better: then the search begins again.
+Until the camera is known a search looks everywhere (estimator/relocalise.py). From then on a robot's dynamics or an
+inertial measurement unit predicts over the time since the last frame, however long (motions.py), and a filter corrects
+(corrections.py). A picture that fits much worse than those before it is looked for around the prediction, and if it
+fits nowhere there, everywhere. Where no other place fits it better, the pose that shows most of it is believed; where
+the pose does not, no pose is told. Pictures in a row that contradict, or say nothing, end the track: then the search
+begins again.
 
 A `Tracker` is one object for one run, with a little state: the belief and its time, how many pictures in a row were
 of no use, and how well pictures fitted so far.
@@ -15,38 +17,41 @@ of no use, and how well pictures fitted so far.
 
 import time
 from collections import deque
+from dataclasses import replace
 from functools import cached_property
+from typing import TypeGuard
 
-import numpy as np
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import (
     Belief,
-    FastFilter,
     FilterOutcome,
     FilterStep,
+    ProcessNoise,
     RandomAcceleration,
     RelocaliseOutcome,
     RelocaliseStep,
     Searcher,
     comparable,
+    resized,
 )
-from nerfnav.estimator.covariance import POSE
-from nerfnav.estimator.predict import predict
+from nerfnav.estimator.apparent import apparent, true_state
 from nerfnav.estimator.verdict import contrast
 from nerfnav.field import Field
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, reduced
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots import POSITION, HandHeld, RigidState, Robot
+from nerfnav.tracking.corrections import Correction, correction
 from nerfnav.tracking.frame import Frame
+from nerfnav.tracking.lasting_error import LastingError
+from nerfnav.tracking.likeness import Likeness, Usual
+from nerfnav.tracking.motions import CarrierMotion, InertialMotion, ModelMotion
 from nerfnav.tracking.status import TrackStatus
 from nerfnav.tracking.tracked import Tracked
 from nerfnav.tracking.tracker_config import TrackerConfig
 
-_SATURATION = 0.3
-"""Colour differences above this count as this where pictures are judged [1 = full scale]."""
+_USED = (FilterOutcome.UPDATED, FilterOutcome.WEAK)
+"""Outcomes of which the posterior is believed."""
 
 
 class Tracker:
@@ -59,12 +64,19 @@ class Tracker:
         robot: Robot | None = None,
         mount: Pose = FORWARD_MOUNT,
         config: TrackerConfig | None = None,
+        inertial: InertialMotion | None = None,
     ) -> None:
-        """Know nothing. `camera` may be of any resolution; `mount` is T_body_camera; default robot: HandHeld."""
+        """Know nothing. `camera` may be of any resolution; `mount` is T_body_camera; default robot: HandHeld.
+
+        With an inertial measurement unit that one leads from picture to picture, and not the robot; it is the body.
+        """
         self.field, self.camera, self.mount = field, camera, mount
         self.robot = HandHeld() if robot is None else robot
-        self.config = TrackerConfig() if config is None else config
-        self._filters: dict[Camera, FastFilter] = {}
+        config = TrackerConfig() if config is None else config
+        self.config = config.in_place(float(field.box.size.max()))
+        self.motion: CarrierMotion = ModelMotion(self.robot, self.config) if inertial is None else inertial
+        self._lasting = LastingError(self.config.floor, mount)
+        self._corrections: dict[Camera, Correction] = {}
         self.forget()
 
     def forget(self) -> None:
@@ -73,9 +85,10 @@ class Tracker:
         self._time: float | None = None
         self._useless = 0
         self._searched: float | None = None
-        self._was_known = False
-        self._usual: deque[float] = deque(maxlen=self.config.remembered)
+        self._was_known = self._doubted = False
+        self._usual = Usual(self.config.filter.color_noise.std, self.config.remembered)
         self._generator = torch.Generator().manual_seed(0)
+        self.motion.forget()
 
     @torch.no_grad()
     def observe(self, frame: Frame, action: Tensor | None = None) -> Tracked:
@@ -84,142 +97,172 @@ class Tracker:
         Raises InvalidInputError for a picture of other proportions than the camera's, and for times that do not grow.
         """
         begun = time.perf_counter()
-        self._check(frame)
+        frame.require_after(self._time)
+        self._comparable(frame.picture)  # refuses other proportions
         status, difference = self._status(frame.time, frame.picture, action)
         self._time = frame.time
         self._was_known = self._was_known or status.knows
         ms = 1e3 * (time.perf_counter() - begun)
-        return Tracked(frame.time, frame.name, status, self._belief, self.mount, ms, difference)
+        known = self._belief if status.knows else None
+        belief = None if known is None else apparent(known, self._lasting.at(known))
+        return Tracked(frame.time, frame.name, status, belief, self.mount, ms, difference)
 
     @cached_property
     def searcher(self) -> Searcher:
         """Finds the camera in the field from nothing; its first search takes seconds longer."""
         return Searcher(self.field, self.compared, self.config.filter.color_noise, self.config.search)
 
-    def _filter_of(self, picture: Tensor) -> FastFilter:
-        """For pictures of this resolution: smaller ones are compared as they are."""
-        height, width = picture.shape[:2]
-        camera = comparable(self.camera.for_picture(width, height), self.config.longest)
-        if camera not in self._filters:
-            self._filters[camera] = FastFilter(self.field, self.robot, camera, self.mount, self.config.filter)
-        return self._filters[camera]
+    def _comparable(self, picture: Tensor) -> Camera:
+        """The camera at the resolution that a picture is compared at: smaller ones are compared as they are."""
+        return comparable(self.camera.for_picture(picture.shape[1], picture.shape[0]), self.config.longest)
+
+    def _correction(self, camera: Camera) -> Correction:
+        if camera not in self._corrections:
+            self._corrections[camera] = correction(self.field, self.robot, camera, self.mount, self.config)
+        return self._corrections[camera]
 
     @cached_property
     def compared(self) -> Camera:
         """The camera at the resolution that pictures are looked for and shown at."""
         return comparable(self.camera, self.config.longest)
 
-    @cached_property
-    def _floor(self) -> Float[Tensor, "6 6"]:
-        """Of position in the camera's axes and attitude in the body's tangent."""
-        if not self.config.floor:
-            return torch.zeros(6, 6)
-        turn = torch.block_diag(torch.eye(3), self.mount.rotation)
-        return turn @ torch.tensor(self.config.floor).reshape(6, 6) @ turn.T
-
-    def _check(self, frame: Frame) -> None:
-        if self._time is not None and not frame.time > self._time:
-            raise InvalidInputError(
-                f"{frame.name} was taken at {frame.time:g} s, not after the frame before it ({self._time:g} s): "
-                "frames come in the order of their times"
-            )
-        height, width = frame.picture.shape[:2]
-        self.camera.for_picture(width, height)  # refuses other proportions
-
     def fitted(self, picture: Tensor) -> Tensor:
         """A picture of any resolution with the pixels of `compared`."""
-        return _resized(picture, self.compared)
+        return resized(picture, self.compared)
 
     def _status(self, now: float, picture: Tensor, action: Tensor | None) -> tuple[TrackStatus, float | None]:
         """Search or follow; the status, and how far picture and field differ."""
         if self._belief is None:
             return self._search(now, picture)
-        step = self._correct(self._belief, now, picture, action)
-        assert step.posterior is not None, "the last step of an update has its posterior"
-        self._belief, difference = step.posterior, _difference(step)
-        if step.outcome in (FilterOutcome.UPDATED, FilterOutcome.WEAK) and difference is not None:
-            self._belief = self._with_floor(step.posterior)
-            if difference > self.config.suspicious * self._usually:
-                return self._looked_for(now, picture, difference)
-            return self._followed(difference)
-        return self._of_no_use(now, picture, difference)
+        prediction, noise = self._predicted(self._belief, now, action)
+        step, likeness = self._correct(prediction, picture, noise)
+        if not self._fits(likeness, step) and self.config.align is not None:
+            around = self._around(prediction)
+            again, nearer = self._correct(around, picture, noise, self.config.starts)
+            if self._fits(nearer, again):
+                step, likeness, prediction = again, nearer, around
+        contradicts = self._contradicts(likeness, step)
+        used = step.outcome in _USED and not contradicts
+        self._belief = step.posterior if used else prediction
+        if used and step.posterior is not None:
+            self.motion.corrected(prediction, step.posterior)
+        if self._fits(likeness, step):
+            self._usual.add(likeness.difference)
+            return self._followed(likeness)
+        if likeness is not None and (used or contradicts):
+            return self._looked_for(now, picture, likeness, contradicts)
+        return self._of_no_use(now, picture, None if likeness is None else likeness.difference)
 
-    def _followed(self, difference: float) -> tuple[TrackStatus, float]:
-        self._useless = 0
-        self._usual.append(difference)
-        return TrackStatus.FOLLOWED, difference
+    def _fits(self, likeness: Likeness | None, step: FilterStep) -> TypeGuard[Likeness]:
+        """Whether a picture looks as much like the field as those before it did."""
+        usual = self.config.suspicious * self._usual.difference
+        return step.outcome in _USED and likeness is not None and likeness.difference <= usual
+
+    def _contradicts(self, likeness: Likeness | None, step: FilterStep) -> bool:
+        """Whether a picture was not taken anywhere around."""
+        if self.config.align is None or likeness is None or self._fits(likeness, step):
+            return False
+        return likeness.unexplained > self.config.unexplained
+
+    def _followed(self, likeness: Likeness) -> tuple[TrackStatus, float]:
+        status = TrackStatus.FOUND_AGAIN if self._doubted else TrackStatus.FOLLOWED
+        self._useless, self._doubted = 0, False
+        return status, likeness.difference
 
     def _of_no_use(self, now: float, picture: Tensor, difference: float | None) -> tuple[TrackStatus, float | None]:
         """After a picture that cannot be used: go on for a while, then search."""
-        self._useless += 1
-        if self._useless < self.config.patience and self._spread() < self.config.widest:
+        if not self._give_up_in_time():
             return TrackStatus.PREDICTED, difference
-        self._belief, self._useless = None, 0
         return self._search(now, picture)
 
-    @property
-    def _usually(self) -> float:
-        """How far pictures differ where the pose is right: no more than held-out photographs did."""
-        told = self.config.filter.color_noise.std
-        return min(told, float(np.median(self._usual))) if self._usual else told
+    def _looked_for(
+        self, now: float, picture: Tensor, likeness: Likeness, contradicts: bool
+    ) -> tuple[TrackStatus, float | None]:
+        """What a picture that fits badly comes to: the track goes on where no other place fits it better.
 
-    def _looked_for(self, now: float, picture: Tensor, difference: float) -> tuple[TrackStatus, float | None]:
-        """What a picture that fits badly comes to: the track goes on where no other place fits it better."""
-        before, self._belief = self._belief, None
-        status, found = self._search(now, picture)
-        if found is not None and found < difference / self.config.better:
-            self._useless = 0
-            return status, found
-        self._belief = before
-        return self._of_no_use(now, picture, difference) if found is None else self._followed(difference)
+        Where it contradicts, the belief is kept for the pictures that follow, and not told.
+        """
+        before, step = (self._belief, self._useless, self._doubted), self._look_everywhere(now, picture)
+        better = likeness.difference / self.config.better
+        if step is not None and step.outcome is RelocaliseOutcome.FOUND:
+            status, found = self._found(step, picture)
+            if found is not None and found < better:
+                return status, found
+        self._belief, self._useless, self._doubted = before
+        if contradicts:
+            self._doubted = True
+            self._give_up_in_time()
+            return TrackStatus.LOST, likeness.difference
+        if step is not None and step.outcome is not RelocaliseOutcome.FOUND and step.differences[0] < better:
+            return self._of_no_use(now, picture, likeness.difference)
+        if step is not None:
+            self._usual.begin_anew(likeness.difference)
+        return self._followed(likeness)
 
-    def _correct(self, belief: Belief, now: float, picture: Tensor, action: Tensor | None) -> FilterStep:
-        """The belief at the time of a picture, with what that shows."""
+    def _give_up_in_time(self) -> bool:
+        """After a picture that cannot be used: end the track where that happened too often in a row."""
+        self._useless += 1
+        if self._useless < self.config.patience and self._spread() < self.config.widest:
+            return False
+        self._belief, self._useless, self._doubted = None, 0, False
+        return True
+
+    def _predicted(self, belief: Belief, now: float, action: Tensor | None) -> tuple[Belief, ProcessNoise]:
+        """The belief at a time, and the process noise that is in it."""
         assert self._time is not None, "what is believed was believed at some time"
-        config, dt = self.config, now - self._time
-        noise = RandomAcceleration(dt, config.linear, config.angular)
-        action = self.robot.hold(belief.mean, dt) if action is None else action
-        prediction = predict(belief, action, self.robot, dt, noise)
-        fast = self._filter_of(picture)
-        steps = fast.correct(prediction, _resized(picture, fast.camera), self._generator, noise)
-        return deque(steps, maxlen=1).pop()
+        return self.motion.predict(belief, (self._time, now), action)
 
-    def _with_floor(self, belief: Belief) -> Belief:
-        """The belief with what does not average out, which a picture cannot tell."""
-        turn = torch.block_diag(belief.mean.pose.compose(self.mount).rotation, torch.eye(3))
-        covariance = belief.covariance.clone()
-        pose = torch.tensor(POSE)
-        covariance[pose[:, None], pose] += turn @ self._floor @ turn.T
-        return Belief(belief.mean, covariance)
+    def _correct(
+        self, prediction: Belief, picture: Tensor, noise: ProcessNoise, starts: int = 1
+    ) -> tuple[FilterStep, Likeness | None]:
+        """What a picture makes of a prediction, and how much it looks like the field then."""
+        floor, camera = self._lasting.at(prediction), self._comparable(picture)
+        small = resized(picture, camera)
+        step = self._correction(camera)(apparent(prediction, floor), small, self._generator, noise, starts)
+        assert step.posterior is not None, "an update has its posterior"
+        used = step.outcome in _USED
+        posterior = true_state(step.posterior, prediction, floor, noise) if used else prediction
+        return replace(step, posterior=posterior), Likeness.of(step, small)
+
+    def _around(self, prediction: Belief) -> Belief:
+        """The same, hardly sure of where the camera is."""
+        return Belief(prediction.mean, prediction.covariance + self.config.around.covariance())
 
     def _search(self, now: float, picture: Tensor) -> tuple[TrackStatus, float | None]:
-        """Look everywhere, unless the picture shows nothing, or the last search was just now."""
-        missing = TrackStatus.LOST if self._was_known else TrackStatus.SEARCHING
+        """Look everywhere, and begin a track where that is told."""
+        step = self._look_everywhere(now, picture)
+        if step is None or step.outcome is not RelocaliseOutcome.FOUND:
+            return self._missing, None
+        return self._found(step, picture)
+
+    @property
+    def _missing(self) -> TrackStatus:
+        return TrackStatus.LOST if self._was_known else TrackStatus.SEARCHING
+
+    def _look_everywhere(self, now: float, picture: Tensor) -> RelocaliseStep | None:
+        """What comes of it; None where the picture shows nothing, or the last search was just now."""
         soon = self._searched is not None and now - self._searched < self.config.between
         if soon or contrast(picture) < self.config.filter.least_contrast:
-            return missing, None
+            return None
         self._searched = now
-        step: RelocaliseStep = deque(self.searcher.relocalise(self.fitted(picture)), maxlen=1).pop()
-        if step.outcome is not RelocaliseOutcome.FOUND:
-            return missing, None
+        return deque(self.searcher.relocalise(self.fitted(picture)), maxlen=1).pop()
+
+    def _found(self, step: RelocaliseStep, picture: Tensor) -> tuple[TrackStatus, float | None]:
+        """Believe the likeliest place unless the picture contradicts it; how far picture and field differ there."""
         pose, still = step.body_poses(self.mount)[0], torch.zeros(3)
         state = RigidState(pose.position, still, pose.rotation, still)
-        self._belief = Belief(state, self.config.found.covariance())
-        return TrackStatus.FOUND_AGAIN if self._was_known else TrackStatus.FOUND, float(step.differences[0])
+        self._belief, told = Belief(state, self.config.found.covariance()), float(step.differences[0])
+        self._useless, self._doubted = 0, False
+        if self.config.align is not None:
+            fit, likeness = self._correct(self._belief, picture, RandomAcceleration(0.0, 0.0, 0.0))
+            if self._contradicts(likeness, fit):
+                self._belief = None
+                return self._missing, None
+            if fit.outcome in _USED and likeness is not None:
+                self._belief, told = fit.posterior, likeness.difference
+        return TrackStatus.FOUND_AGAIN if self._was_known else TrackStatus.FOUND, told
 
     def _spread(self) -> float:
         """Largest standard deviation of a coordinate of the position [m]."""
         assert self._belief is not None
         return float(self._belief.covariance.diagonal()[POSITION].max().sqrt())
-
-
-def _resized(picture: Tensor, camera: Camera) -> Tensor:
-    """A picture with the pixels of another resolution of its camera."""
-    if tuple(picture.shape[:2]) == (camera.height, camera.width):
-        return picture
-    return (255 * reduced(picture, camera)).round().to(torch.uint8).reshape(camera.height, camera.width, 3)
-
-
-def _difference(step: FilterStep) -> float | None:
-    """Robust root mean square of the pixels' differences; None where none were compared."""
-    return float(step.residual.clamp_max(_SATURATION).square().mean().sqrt()) if len(step.residual) else None

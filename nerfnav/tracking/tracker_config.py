@@ -3,27 +3,20 @@
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 
-from nerfnav.estimator import FilterConfig, PixelConfig, RelocaliseConfig, StateNoise
+from nerfnav.estimator import AlignConfig, FilterConfig, RelocaliseConfig, StateNoise
 from nerfnav.estimator.looks import LooksConfig
-from nerfnav.estimator.pixels import PixelDraw
-from nerfnav.estimator.pyramid import PyramidConfig
 from nerfnav.field import FieldInfo
-
-
-def _photographs_filter() -> FilterConfig:
-    """Pixels of the whole picture at full size: around features, and in smaller pictures, poses are further off."""
-    pyramid = PyramidConfig(
-        halvings=(0, 0), robust=(0.3, 0.1), iterations=(8, 8), pixels=768, coarse_pixels=256, narrow=8.0
-    )
-    return FilterConfig(pixels=PixelConfig(draw=PixelDraw.UNIFORM), pyramid=pyramid)
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
     """How a camera is tracked."""
 
-    filter: FilterConfig = dataclass_field(default_factory=_photographs_filter)
-    """How pictures correct; its process noise is not used."""
+    filter: FilterConfig = dataclass_field(default_factory=FilterConfig)
+    """What a posterior is made of; its process noise is not used, and pixels and descents only without `align`."""
+    align: AlignConfig | None = dataclass_field(default_factory=AlignConfig)
+    """How they are laid over what the field shows; None: they are not, the filter of flights (estimator/fast.py) is
+    taken, which goes further astray in fields of photographs, but follows more abrupt motion in rendered ones."""
     search: RelocaliseConfig = dataclass_field(
         default_factory=lambda: RelocaliseConfig(
             looks=LooksConfig(most_places=1200), kept=(96, 20, 5, 2), iterations=(6, 6, 8, 10), pixels=448, gate=1.1
@@ -34,25 +27,47 @@ class TrackerConfig:
     """What does not average out, 6 x 6, see estimator/pose_error.py; none: `filter.floor` alone."""
     longest: int = 320
     """Larger pictures are made smaller until their longer edge has no more pixels than this: a field shows no more."""
-    linear: float = 0.4
-    """How strongly a hand moves the camera: spectral density of its acceleration [m/s per sqrt(s)]."""
+    linear: float = 0.11
+    """How strongly a hand moves the camera: spectral density of its acceleration [sizes/s per sqrt(s)], where a size is
+    the longest edge of the field's box: in a capture without a measure, metres mean nothing, and in pixels a camera
+    in a hall moves no more than one in a room."""
     angular: float = 0.6
     """The same of its turning [rad/s per sqrt(s)]."""
-    found: StateNoise = dataclass_field(default_factory=lambda: StateNoise(0.03, 0.4, 0.03, 0.5))
-    """Spread of the belief after the camera was found."""
+    found: StateNoise = dataclass_field(default_factory=lambda: StateNoise(0.008, 0.1, 0.03, 0.5))
+    """Spread of the belief after the camera was found, lengths in sizes."""
+    around: StateNoise = dataclass_field(default_factory=lambda: StateNoise(0.03, 0.1, 0.1, 0.5))
+    """A picture that fits badly is looked for as far around the prediction, lengths in sizes ..."""
+    starts: int = 4
+    """... from so many of the likeliest poses there."""
     patience: int = 3
     """Pictures in a row of no use after which the track is lost."""
-    widest: float = 0.3
-    """Standard deviation of a coordinate of the position from which the track is lost, too [m]."""
+    widest: float = 0.08
+    """Standard deviation of a coordinate of the position from which the track is lost, too [sizes]."""
     between: float = 0.3
     """Time from one search to the next [s]."""
     suspicious: float = 1.35
-    """A picture that differs this many times as much as those before it did is looked for everywhere, too."""
+    """A picture that differs this many times as much as those before it did is looked for around, then everywhere."""
     better: float = 1.15
     """The place that is found ends the track where the picture differs so many times less there."""
+    unexplained: float = 0.33
+    """Where the field does not show this share of a picture's variance from anywhere around, the picture contradicts:
+    no pose is told until one is found that does (with `align` alone)."""
     remembered: int = 30
     """Pictures that tell how much they usually differ."""
 
     def for_field(self, info: FieldInfo) -> "TrackerConfig":
         """The same with what was measured of a field."""
-        return replace(self, filter=self.filter.for_field(info.noise_std), floor=info.pose_floor)
+        return replace(
+            self,
+            filter=self.filter.for_field(info.noise_std),
+            search=self.search.for_field(info),
+            floor=info.pose_floor,
+        )
+
+    def in_place(self, size: float) -> "TrackerConfig":
+        """The same with lengths in metres, for a place whose longest edge is `size` [m]."""
+        found, around = (
+            replace(noise, position_m=size * noise.position_m, velocity_mps=size * noise.velocity_mps)
+            for noise in (self.found, self.around)
+        )
+        return replace(self, linear=size * self.linear, widest=size * self.widest, found=found, around=around)

@@ -1,6 +1,7 @@
 """What is asked of robots at Stonehenge: eleven flights and five drives, and twenty flights for experiments."""
 
 import math
+from dataclasses import replace
 
 from nerfnav.world import Task
 
@@ -22,6 +23,11 @@ _FLIGHTS = tuple(
 )
 """The ten flights of the paper's authors and the one of their headline figure."""
 
+_LOWEST = 0.1
+"""Height that starts of flights have at least [m]: that of eight of the authors' ten. The other two are 5 cm up, and
+the first step's noise of 2 cm, which no action can answer, drives one in 17 flights from there into the grass."""
+_FLOWN = tuple(replace(task, start=(*task.start[:2], max(_LOWEST, task.start[2]))) for task in _FLIGHTS)
+
 _DRIVES = tuple(
     Task(name, (*start[:2], 0.07), (*goal[:2], 0.07), start[2], goal[2], "diffdrive")
     for name, start, goal in [  # x, y, yaw at both ends
@@ -34,7 +40,7 @@ _DRIVES = tuple(
 )
 """The same for a robot on two wheels, whose underside is 3 cm above the highest grass."""
 
-TASKS = _FLIGHTS + _DRIVES
+TASKS = _FLOWN + _DRIVES
 
 EXPERIMENT_TASKS = _FLIGHTS[:10] + tuple(
     Task(name, start, goal)
@@ -51,4 +57,4 @@ EXPERIMENT_TASKS = _FLIGHTS[:10] + tuple(
         ("From north to south, sinking", (0.3, 1.1, 0.5), (-0.3, -1.1, 0.15)),
     ]
 )
-"""The ten flights of the paper's authors, and ten more that change height or pass the ring."""
+"""The ten flights of the paper's authors as they have them, and ten more that change height or pass the ring."""

@@ -39,11 +39,13 @@ from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 
+_BOX = Box.of((-1, -1, 0), (1, 1, 0.8))
 
-def balls_place() -> Place:
-    """A place without ground truth: three balls in a box of 2 m."""
+
+def balls_place(box: Box = _BOX) -> Place:
+    """A place without ground truth: three balls in a box, of 2 m where nothing is said."""
     centers = torch.tensor([[0.0, 0.0, 0.3], [0.5, 0.4, 0.2], [-0.4, -0.5, 0.25]])
-    balls = BallsField(Box.of((-1, -1, 0), (1, 1, 0.8)), centers, torch.tensor([0.2, 0.15, 0.15]))
+    balls = BallsField(box, centers, torch.tensor([0.2, 0.15, 0.15]))
     return Place("balls", voxels_of(balls, spacing=0.04), None, Quadrotor())
 
 

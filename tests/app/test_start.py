@@ -17,11 +17,10 @@ from app.cli.served_place import shown_before
 from app.jobs.events import JobResult
 from app.jobs.surface import surface_of
 from app.page.icon_archive import icons_at_hand
-from app.places.opening import open_place
+from app.places.place import open_place
 from app.places.surface_glb import box_of
 from app.state.job import JobKind
-from app.system.fast_imports import importing
-from app.system.memory import give_back
+from app.system import give_back, importing
 from app.worker import worker
 from tests.app.doubles import ScriptedWork
 from tests.app.worker.test_worker import Loop
@@ -31,8 +30,8 @@ _AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
 import app.server
-from app.places.opening import open_place
 from app.jobs.surface import surface_of
+from app.places.place import open_place
 place = open_place("stonehenge")
 assert place.tasks and surface_of(place)
 print(json.dumps(sorted(sys.modules)))
@@ -106,6 +105,7 @@ def test_memory_is_given_back_after_each_job(monkeypatch: pytest.MonkeyPatch) ->
     loop.worker.stop()
 
 
+@pytest.mark.slow
 def test_a_surface_that_was_shaped_is_found_by_the_name_or_the_file_of_its_place(
     field_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,8 +10,9 @@ from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwr
 from app.server import App
 from app.worker.work import Work
 from tests.browser.complaints import complaints_of
+from tests.browser.shown import start_marked
 from tests.browser.tab import Tab
-from tests.waiting import free_port
+from tests.waiting import PATIENCE_S, free_port
 
 _CHROMIUM = Path("/usr/bin/chromium")
 _ARGUMENTS = [
@@ -29,16 +30,15 @@ _ARGUMENTS = [
 ]
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of this folder: `-m "not browser"` leaves them out. `items` are those of all folders."""
-    for item in items:
-        if item.path.is_relative_to(Path(__file__).parent):
-            item.add_marker(pytest.mark.browser)
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark the tests of this folder: `-m "not browser"` leaves them out."""
+    item.add_marker(pytest.mark.browser)
 
 
 def launch(playwright: Playwright) -> Browser:
     """Chromium without a window, drawing in software."""
-    return playwright.chromium.launch(executable_path=str(_CHROMIUM), headless=True, args=_ARGUMENTS)
+    timeout = 1000 * PATIENCE_S
+    return playwright.chromium.launch(executable_path=str(_CHROMIUM), headless=True, args=_ARGUMENTS, timeout=timeout)
 
 
 @pytest.fixture(scope="session")
@@ -58,6 +58,7 @@ def browser() -> Iterator[Browser]:
 def context(browser: Browser) -> Iterator[BrowserContext]:
     """A profile of its own, with small pages that software can draw quickly; no page of it may complain."""
     context = browser.new_context(viewport={"width": 1000, "height": 640}, accept_downloads=True)
+    context.set_default_timeout(1000 * PATIENCE_S)
     complaints = complaints_of(context)
     yield context
     context.close()
@@ -69,10 +70,10 @@ def serve() -> Iterator[Callable[..., App]]:
     """Starts apps on free ports, and stops them."""
     apps: list[App] = []
 
-    def start(work: Work, token: str | None = None, what: str = "balls") -> App:
-        app = App(what, port=free_port(), token=token, work=work)
+    def start(work: Work, token: str | None = None, what: str = "balls", remembers: bool = False) -> App:
+        app = App(what, port=free_port(), token=token, work=work, remembers=remembers)
         apps.append(app)
-        app.start()
+        start_marked(app)
         return app
 
     yield start

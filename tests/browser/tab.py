@@ -10,37 +10,18 @@ from playwright.sync_api import Page
 
 from app.places.ends import Which
 from app.server import App
+from app.state.session import Session
+from tests.browser.in_page import DRAWN, IS_SCENE, POSITION, PROPERTY, VISIBLE, to_screen
+from tests.browser.shown import Shown
 from tests.waiting import PATIENCE_S
 
-# where a world point is on the screen [pixels], by the page's own camera
-_TO_SCREEN = """
-([x, y, z]) => {
-  const mutable = window.__viserMutable, camera = mutable.camera;
-  const root = mutable.nodeRefFromName[''];
-  const point = camera.position.clone().set(x, y, z);
-  root.updateWorldMatrix(true, false);
-  root.localToWorld(point);
-  point.project(camera);
-  const box = mutable.canvas.getBoundingClientRect();
-  return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height];
-}
+_WITHOUT_COMPLAINT = """
+new MutationObserver(() => {
+  for (const told of document.querySelectorAll('.mantine-Notification-root'))
+    if (told.textContent.includes('WebGL')) told.style.display = 'none';
+}).observe(document, {childList: true, subtree: true});
 """
-_POSITION = "name => Array.from(window.__viserMutable.nodePoseData[name].position)"
-_PROPERTY = """
-([name, property]) => {
-  const node = window.__viserSceneTree.getState()[name];
-  if (!node || !node.message || !node.message.props) return null;
-  const value = node.message.props[property];
-  return ArrayBuffer.isView(value) ? Array.from(value) : value;
-}
-"""
-_VISIBLE = """
-name => {
-  const node = window.__viserSceneTree.getState()[name];
-  return !!node && (node.visibility ?? true);
-}
-"""
-
+"""Hides viser's complaint about drawing without a graphics card, which would cover the scene."""
 KNOWS_HELP = "localStorage.setItem('nerfnav-help-seen', '1')"
 """Script of a browser that was here before: help does not come by itself, and does not cover the page."""
 
@@ -54,12 +35,6 @@ _TAB_OF_BUTTON = {
 }
 
 
-def to_screen(page: Page, point: Any) -> tuple[float, float]:
-    """Where a world point (3,) [m] is on the screen [pixels]."""
-    x, y = page.evaluate(_TO_SCREEN, np.asarray(point, dtype=np.float64).tolist())
-    return x, y
-
-
 class Tab:
     """One open page of an app."""
 
@@ -67,17 +42,23 @@ class Tab:
         self.page, self.app = page, app
         page.set_default_timeout(1000 * PATIENCE_S)
         page.add_init_script(KNOWS_HELP)
+        page.add_init_script(_WITHOUT_COMPLAINT)
 
     def load(self) -> None:
         """Load the page, and wait until its place can be used."""
         separator = "&" if "?" in self.app.url else "?"
         self.page.goto(f"{self.app.url}{separator}fixedDpr=0.5")
-        # the browser's complaint about drawing without a graphics card would cover the scene
-        self.page.add_style_tag(content=".mantine-Notification-root:has-text('WebGL') { display: none }")
         self.page.wait_for_function("window.__viserSceneTree && window.__viserMutable && window.__viserMutable.canvas")
-        self.until(lambda: self.app.session.job is None and not self.app.session.seeking, "the place was not opened")
+        self.until_idle()
+        self.until(lambda: not self.app.session.seeking, "no ends were found")
         self.until(lambda: self.has_node("/start") and self.has_node("/goal"), "the ends were not shown")
         self.until_ends_agree()
+        self.until_shown()
+
+    @property
+    def shown(self) -> Shown:
+        """What pages of the app were told."""
+        return next(part for part in self.app._loop.parts if isinstance(part, Shown))
 
     def until(self, condition: Callable[[], Any], complaint: str, timeout_s: float = PATIENCE_S) -> None:
         """Wait until `condition` holds, letting the page live meanwhile."""
@@ -85,6 +66,31 @@ class Tab:
         while not condition():
             assert time.monotonic() < end, complaint
             self.page.wait_for_timeout(50)
+
+    def until_shown(self) -> None:
+        """Wait until the page holds all that the session says now: a key that it takes for disabled is lost."""
+        shown, before = self.shown, self.shown.count
+        # of the session of now: one that was looked up before may be passed over, where two come at once
+        self.until(lambda: shown.session is self.app.session or shown.count > before + 1, "the session is not shown")
+        count = shown.count
+        self.until(lambda: (self.property(Shown.NODE, "axes_length") or 0) >= count, "the page stays behind")
+
+    def until_drawn(self) -> None:
+        """Wait until what the page holds is drawn: what can be grabbed is where it was drawn last."""
+        self.page.evaluate(DRAWN)
+
+    def until_idle(self, complaint: str = "a job does not end", timeout_s: float = PATIENCE_S) -> None:
+        """Wait until nothing runs."""
+        self.until(lambda: self.app.session.job is None, complaint, timeout_s)
+
+    def until_planned(self, timeout_s: float = PATIENCE_S) -> None:
+        """Wait until a good plan rests: no duration is tried, and nothing is replayed any more."""
+
+        def rests(session: Session) -> bool:
+            return session.fresh_plan is not None and session.job is None and not session.replaying
+
+        self.until(lambda: rests(self.app.session), "no plan was found", timeout_s)
+        self.until_shown()
 
     def until_ends_agree(self) -> None:
         """Wait until page and session have start and goal at the same places."""
@@ -112,15 +118,16 @@ class Tab:
 
     def is_visible(self, name: str) -> bool:
         """Whether the page shows a scene node."""
-        return self.page.evaluate(_VISIBLE, name)
+        return self.page.evaluate(VISIBLE, name)
 
     def property(self, name: str, property: str) -> Any:
         """A property of a scene node as the page holds it; arrays come as flat lists."""
-        return self.page.evaluate(_PROPERTY, [name, property])
+        return self.page.evaluate(PROPERTY, [name, property])
 
     def line(self, name: str) -> np.ndarray:
-        """The points (n, 3) of a line as the page holds them."""
-        points = np.array(self.property(name, "points"), dtype=np.float64).reshape(-1, 2, 3)
+        """The points (n, 3) of a line as the page holds them; one that is nowhere, where it holds none."""
+        held = self.property(name, "points") or 6 * [np.nan]
+        points = np.array(held, dtype=np.float64).reshape(-1, 2, 3)
         return np.concatenate([points[:, 0], points[-1:, 1]])
 
     def shows(self, name: str, points: np.ndarray) -> bool:
@@ -130,7 +137,7 @@ class Tab:
 
     def position(self, which: Which) -> np.ndarray:
         """Where the page has the start or the goal [m]."""
-        return np.array(self.page.evaluate(_POSITION, f"/{which.value}"))
+        return np.array(self.page.evaluate(POSITION, f"/{which.value}"))
 
     def turn_to(self, name: str) -> None:
         """Open a tab of the side panel."""
@@ -144,6 +151,7 @@ class Tab:
 
     def key(self, name: str) -> None:
         """Press a key while nothing is being typed."""
+        self.until_shown()
         self.page.evaluate("document.activeElement?.blur()")
         self.page.keyboard.press(name)
 
@@ -154,7 +162,8 @@ class Tab:
         chooser.value.set_files(file)
 
     def download(self, button: str) -> Path:
-        """The file that a button gives."""
+        """The file that a button gives, once nothing runs: some are made by jobs."""
+        self.until_idle()
         with self.page.expect_download() as given:
             self.press(button)
         return Path(given.value.path())
@@ -166,6 +175,7 @@ class Tab:
 
     def fill(self, label: str, text: str) -> None:
         """Type into a text or a slider's number, and confirm."""
+        self.until_shown()  # or the page might put over what is typed what it is told only now
         box = self.page.locator(f"div:has(> div > p label:text-is('{label}'))").last.locator("input").last
         box.fill(text)
         box.press("Enter")
@@ -190,28 +200,36 @@ class Tab:
         """Where a world point is in the page [pixels]."""
         return to_screen(self.page, point)
 
+    def resting(self, point: Any) -> tuple[float, float]:
+        """The same, once the camera rests and some frames were drawn."""
+        x, y = self.settled(lambda: tuple(round(pixels, 1) for pixels in self.on_screen(point)), quiet_s=0.3)
+        self.until_drawn()
+        return x, y
+
     def click_at(self, point: tuple[float, float, float]) -> None:
         """Click into the scene where a world point is."""
-        x, y = to_screen(self.page, point)
-        self.page.mouse.click(x, y)
+        self.until_shown()
+        place = list(self.resting(point))
+        self.until(lambda: self.page.evaluate(IS_SCENE, place), "something lies over the scene there")
+        self.page.mouse.click(*place)
 
     def drag_along_x(self, which: Which, distance: float, gizmo: float) -> None:
         """Drag the red arrow of an end's gizmo of size `gizmo` [m] by `distance` [m] along x."""
         grip = self.position(which) + np.array([0.8 * gizmo, 0, 0])
-        aim = grip + np.array([distance, 0, 0])
-        (x0, y0), (x1, y1) = (to_screen(self.page, point) for point in (grip, aim))
+        x0, y0 = self.on_screen(grip) if self.app is None else self.resting(grip)
+        x1, y1 = self.on_screen(grip + np.array([distance, 0, 0]))
         mouse = self.page.mouse
         mouse.move(x0, y0)
-        self.page.wait_for_timeout(200)
+        self.until_drawn()
         mouse.down()
         for share in np.linspace(0, 1, 11)[1:]:
             mouse.move(x0 + share * (x1 - x0), y0 + share * (y1 - y0))
             self.page.wait_for_timeout(30)
         self.page.wait_for_timeout(150)
         mouse.up()
-        self.page.wait_for_timeout(150)
         if self.app is not None:
             self.until_ends_agree()
+            self.until(lambda: not self.app.session.held, "the hand does not let go")
 
     def says(self, text: str) -> bool:
         """Whether the page shows a text somewhere."""

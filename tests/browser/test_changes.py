@@ -13,7 +13,7 @@ from app.places.ends import Which
 from app.queries.clearance import ClearanceQuery
 from app.server import App
 from app.state.actions import Choose
-from app.state.choice import Choice
+from app.state.settings import Choice
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 from tests.browser.works import small_work
@@ -62,16 +62,26 @@ def test_typed_numbers_outside_of_the_place_are_said_and_stay_until_they_are_rig
     before = app.session.ends.goal
     tab.turn_to("Scene")
     boxes = tab.page.locator("div:has(> div > p label:text-is('Goal [m]'))").last.locator("input")
-    for axis in range(3):
-        boxes.nth(axis).fill("5")
+
+    def fill(axis: int, value: float) -> None:
+        boxes.nth(axis).fill(f"{value:g}")
         boxes.nth(axis).press("Enter")
+        # the next number is sent together with what the page has of this one
+        tab.until(lambda: typed()[axis] == value, "a number is not told")
+        tab.until_shown()
+
+    def typed() -> tuple[float, float, float]:
+        session = app.session
+        return session.outside.get(Which.GOAL, session.ends.goal).position
+
+    for axis in range(3):
+        fill(axis, 5)
     tab.until(lambda: tab.says("The goal cannot be at 5, 5, 5: "), "nobody says that it was not taken")
     assert app.session.ends.goal == before
     tab.page.wait_for_timeout(500)
     assert [float(boxes.nth(axis).input_value()) for axis in range(3)] == [5, 5, 5], "it was silently undone"
     for axis, value in enumerate((0.5, -0.5, 0.4)):
-        boxes.nth(axis).fill(f"{value}")
-        boxes.nth(axis).press("Enter")
+        fill(axis, value)
     tab.until(lambda: app.session.ends.goal.position == (0.5, -0.5, 0.4), "what is right was not taken")
     tab.until(lambda: not tab.says("The goal cannot be at"), "the complaint has outlived its cause")
 
@@ -81,20 +91,27 @@ def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them
 ) -> None:
     app = serve(small_work())
     tab = open_tab(app)
+
+    def rows() -> np.ndarray | None:
+        session = app.session
+        return ClearanceQuery.rows_of(session.plan, session)
+
     tab.press("Plan the way")
-    tab.until(lambda: app.session.fresh_plan is not None and not app.session.replaying, "there is no plan")
-    tab.until(lambda: ClearanceQuery.rows_of(app.session.plan, app.session) is not None, "its room is not known")
+    tab.until_planned()
     tab.unfold("Scene", "View")
     tab.page.get_by_label("Line by clearance", exact=True).click()
-    rows = ClearanceQuery.rows_of(app.session.plan, app.session)
-    assert rows is not None
-    wanted = np.repeat(linear(room_colors(rows))[:, None], 2, axis=1).reshape(-1).tolist()
+    tab.until(lambda: app.session.view_settings.clearance, "the press was not taken")
+    tab.until(lambda: rows() is not None, "its room is not known")
+    tab.until(lambda: tab.is_visible("/plan/room"), "the line keeps its one colour")
+
+    known = rows()
+    assert known is not None
+    wanted = np.repeat(linear(room_colors(known))[:, None], 2, axis=1).reshape(-1).tolist()
     tab.until(lambda: tab.property("/plan/room", "colors") == wanted, "the line has other colours")
-    assert tab.is_visible("/plan/room")
     tab.until(lambda: tab.says("cm of room") and tab.says("20 and more"), "there is no scale")
     tab.page.get_by_label("Line by clearance", exact=True).click()
     tab.until(lambda: not tab.is_visible("/plan/room"), "it keeps them")
-    assert tab.property("/plan/line", "colors") == list(PLAN)
+    tab.until(lambda: tab.property("/plan/line", "colors") == list(PLAN), "its one colour does not come back")
     tab.until(lambda: not tab.says("cm of room"), "the scale stays")
 
 
@@ -127,6 +144,7 @@ def test_the_real_body_is_drawn(serve: Serve, open_tab: OpenTab, tmp_path: Path,
         return held[:count]
 
     def is_own() -> bool:
-        return len(drawn()) == count and np.allclose(drawn(), solid.vertices, atol=1e-5)
+        held = drawn()
+        return len(held) == count and np.allclose(held, solid.vertices, atol=1e-5)
 
     tab.until(is_own, "another body is drawn")

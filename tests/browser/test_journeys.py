@@ -2,12 +2,13 @@
 
 import csv
 import shutil
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from app.jobs import make_field
+from app.places.learning import BUDGETS_S, USUAL
 from app.places.library import PlaceLibrary
 from app.server import App
 from app.state.session import Session
@@ -32,7 +33,7 @@ def plan_fly_export(tab: Tab) -> Session:
     """Press the main button twice, and take the flight away."""
     app = tab.app
     tab.press("Plan the way")
-    tab.until(lambda: app.session.fresh_plan is not None and app.session.job is None, "no plan was found", _FLY_S)
+    tab.until_planned(_FLY_S)
     tab.until(lambda: tab.page.get_by_role("button", name="Fly it").is_visible(), "nothing offers to fly")
     tab.press("Fly it")
     tab.until(lambda: app.session.flight is not None and app.session.job is None, "the flight did not end", _FLY_S)
@@ -72,8 +73,9 @@ def test_own_splats_are_opened_flown_in_and_kept(
 def test_an_own_mesh_is_learned_and_flown_in(
     serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(make_field, "BUDGET_S", 8.0)
-    app = serve(opening_work())
+    monkeypatch.setitem(BUDGETS_S, USUAL, 8.0)
+    may_open = threading.Event()
+    app = serve(opening_work(may_open))
     tab = open_tab(app)
     tab.turn_to("Scene")
     mesh = pillars(tmp_path, at=(0.0,))
@@ -81,6 +83,7 @@ def test_an_own_mesh_is_learned_and_flown_in(
     tab.until(lambda: app.session.place is None, "it is not being opened")
     tab.until(lambda: not tab.is_visible("/start"), "the ends of the last place are still shown")
     tab.until(lambda: tab.says("Opening"), "nothing says what is being done")
+    may_open.set()
     tab.until(lambda: app.session.what.endswith(mesh.name) and settled(app), "it did not open", _OPEN_S)
     plan_fly_export(tab)
 
@@ -89,13 +92,12 @@ def test_an_own_mesh_is_learned_and_flown_in(
 def test_an_own_capture_is_learned_and_flown_in(
     serve: Callable[..., App], open_tab: Callable[[App], Tab], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(make_field, "BUDGET_S", 8.0)
+    monkeypatch.setitem(BUDGETS_S, USUAL, 8.0)
     app = serve(opening_work())
     tab = open_tab(app)
     tab.turn_to("Scene")
     capture = shutil.make_archive(str(tmp_path / "ownroom"), "zip", write_depths(tmp_path / "ownroom"))
     tab.upload("Open a file", Path(capture))
-    tab.until(lambda: app.session.place is None, "it is not being opened")
     tab.until(lambda: app.session.what.endswith("ownroom.zip") and settled(app), "it did not open", _OPEN_S)
     assert "ownroom" in [place.name for place in PlaceLibrary().entries()]
     flown = plan_fly_export(tab)
@@ -110,7 +112,7 @@ def test_robots_on_the_ground_are_chosen_planned_for_and_flown(
 ) -> None:
     tab = browser_app(place)
     tab.choose("Scene", "Robot", robot)
-    tab.until(lambda: tab.app.session.choice.robot == robot and settled(tab.app), "it fits nowhere", 60)
+    tab.until(lambda: tab.app.session.choice.robot == robot and settled(tab.app), "it fits nowhere")
     session = tab.app.session
     assert session.place is not None
     assert session.task in [task.name for task in session.place.tasks if task.robot == robot]
@@ -130,4 +132,4 @@ def browser_app(serve: Callable[..., App], open_tab: Callable[[App], Tab]) -> Ca
 def test_a_cart_too_large_for_stonehenge_is_told_so_in_one_sentence(browser_app: Callable[[str], Tab]) -> None:
     tab = browser_app("stonehenge")
     tab.choose("Scene", "Robot", "cart")
-    tab.until(lambda: tab.says("for a cart, 50 cm long, in this place of 2.6 x 2.6 x 0.83 m"), "nobody says why", 60)
+    tab.until(lambda: tab.says("for a cart, 50 cm long, in this place of 2.6 x 2.6 x 0.83 m"), "nobody says why")

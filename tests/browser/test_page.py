@@ -42,9 +42,9 @@ def endless(job: object) -> Progress:
 def test_the_page_shows_handles_and_panel_under_its_own_name(serve: Serve, open_tab: OpenTab) -> None:
     tab = open_tab(serve(ScriptedWork()))
     assert tab.page.title() == "nerfnav"
-    assert tab.says("balls")
+    tab.until(lambda: tab.says("balls"), "the place has no name")
     for name in ("Plan the way", "Undo", "Redo", "Reset"):
-        assert tab.page.get_by_role("button", name=name, exact=True).is_enabled()
+        tab.until(tab.page.get_by_role("button", name=name, exact=True).is_enabled, f"{name} cannot be pressed")
     for which in Which:
         np.testing.assert_allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-5)
     assert tab.has_node("/sky") and tab.page.evaluate(_SURROUNDINGS) is None, "the light comes from lamps alone"
@@ -85,7 +85,7 @@ def test_a_tab_that_sends_nonsense_harms_nobody(serve: Serve, open_tab: OpenTab,
     tab.page.evaluate(
         "window.__viserMutable.sendMessage({type: 'TransformControlsDragEndMessage', name: '/goal', owner: ''})"
     )
-    tab.page.wait_for_timeout(300)
+    tab.page.wait_for_timeout(300)  # to do harm in
     tab.drag_along_x(Which.START, 0.2, GIZMO)
     place = tab.app.session.place
     assert place is not None
@@ -145,7 +145,7 @@ def test_cancel_stops_a_plan_and_the_next_one_can_begin(serve: Serve, open_tab: 
     tab.until(lambda: tab.app.session.job is None, "the plan went on")
     tab.turn_to("Plan")
     tab.until(lambda: tab.says("Stopped before it was done."), "the page does not say that it stopped")
-    assert tab.is_visible("/plan/line")
+    tab.until(lambda: tab.is_visible("/plan/line"), "what was planned is gone")
     tab.press("Plan the way")
     tab.until(lambda: tab.app.session.job is not None, "no second plan began")
 
@@ -205,7 +205,7 @@ def test_without_the_token_there_is_no_page(serve: Serve, context: BrowserContex
             urllib.request.urlopen(url)
     tab = Tab(context.new_page(), app)
     tab.load()
-    assert tab.says("balls")
+    tab.until(lambda: tab.says("balls"), "the place has no name")
 
 
 @pytest.mark.parametrize("headers", [{"Host": "evil.example"}, {"Origin": "http://evil.example"}])

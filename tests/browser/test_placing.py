@@ -28,7 +28,7 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
     tab.turn_to("Scene")
     first = app.session.place
     tab.upload("Open a file", tmp_path / "room.npz")
-    tab.until(lambda: app.session.place is not first and app.session.job is None, "the field was not opened", 120)
+    tab.until(lambda: app.session.place is not first and app.session.job is None, "the field was not opened")
     tab.until(lambda: tab.has_node("/field"), "the place is not shown")
     tab.unfold("Scene", "Up, scale, box")
 
@@ -46,18 +46,20 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
         tab.until(lambda n=count: len(placing().measured) == n, "the click told no point")
     assert placing().length == pytest.approx(np.linalg.norm(np.subtract(*FLOOR[:2])), abs=0.08)
     distance = tab.page.get_by_label("Distance [m]")
-    tab.page.wait_for_timeout(1000)  # until the page has shown what was measured: it would put that over what is typed
+    tab.until_shown()  # or it would put what was measured over what is typed
     distance.fill(f"{2 * (placing().length or 0):.4f}")
     distance.press("Enter")
     tab.until(lambda: (placing().distance or 0) > 1, "the distance was not taken")
 
     tab.press("the floor")
     for count, point in enumerate(FLOOR, 1):
+        tab.until(lambda: placing().pointing is not None, "the page does not wait for a click")
         tab.click_at(point)
         tab.until(lambda n=count: len(placing().floor) == n, "the click showed no floor")
     tab.page.get_by_label("Crop", exact=True).click()
     tab.until(lambda: placing().kept is not None and tab.is_visible("/placing/kept"), "the box is not shown")
     highest = tab.page.locator("div:has(> div > p label:text-is('Keep to [m]'))").last.locator("input").nth(2)
+    tab.until_shown()
     highest.fill("0.6")
     highest.press("Enter")
     tab.until(lambda: top() == 0.6, "the box was not taken")
@@ -76,11 +78,11 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
         app.post(MoveEnd(which, End(position)))
     tab.until_ends_agree()
     tab.press("Plan the way")
-    tab.until(lambda: app.session.plan is not None and app.session.job is None, "nothing was planned", 120)
+    tab.until(lambda: app.session.plan is not None and app.session.job is None, "nothing was planned")
     plan = app.session.plan
     assert plan is not None and plan.outcome is PlanOutcome.CONVERGED
     tab.turn_to("Scene")
     tab.press("As it was before")
-    tab.until(lambda: app.session.what == what and app.session.job is None, "the change was not undone", 120)
+    tab.until(lambda: app.session.what == what and app.session.job is None, "the change was not undone")
     place = app.session.place
     assert place is not None and place.field.box.size.tolist() == before.field.box.size.tolist()

@@ -25,7 +25,10 @@ def tab(serve: Serve, open_tab: OpenTab) -> Tab:
 
 def typed(tab: Tab, label: str, value: str) -> None:
     """Type into a number of the panel."""
+    tab.until_shown()
+    before = tab.app.session.robot_draft
     tab.page.get_by_label(label, exact=True).fill(value)
+    tab.until(lambda: tab.app.session.robot_draft is not before, f"{label} is not told")
 
 
 def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Path) -> None:
@@ -35,8 +38,10 @@ def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Pat
         box = tab.page.get_by_label(number.label, exact=True)
         tab.until(lambda box=box, number=number: box.is_visible() == (number.name in has), f"{number.label}: wrong")
     tab.fill("Robot name", "heavy")
+    tab.until(lambda: app.session.robot_draft is not None, "the name is not told")
     typed(tab, "Mass [kg]", "0.4")
     typed(tab, "Field of view [°]", "70")
+    tab.until_shown()
     tab.choose("Scene", "Body", "cylinder")
     tab.until(lambda: tab.says("Changed: the robot is as before"), "nobody says that it is not taken yet")
     assert app.session.place is not None and app.session.place.robot.name == "quadrotor"
@@ -61,7 +66,7 @@ def test_numbers_that_cannot_be_are_said_and_not_taken(tab: Tab) -> None:
     typed(tab, "Most thrust [N]", "1")
     tab.until(lambda: tab.says("A thrust of 1 N does not lift 0.25 kg"), "nobody says what is wrong")
     use = tab.page.get_by_role("button", name="Use this robot")
-    assert use.is_disabled()
+    tab.until(use.is_disabled, "what cannot be can be taken")
     typed(tab, "Most thrust [N]", "7")
     tab.until(lambda: not tab.says("does not lift"), "the complaint has outlived its cause")
     tab.until(use.is_enabled, "what is right cannot be taken")

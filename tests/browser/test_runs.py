@@ -22,13 +22,22 @@ from tests.waiting import PATIENCE_S, until
 Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
 
+_CARDS = "() => [...document.querySelectorAll('.card')].map(c => [c.offsetWidth, c.offsetHeight])"
+
 
 def robot_of(tab: Tab, node: str = "/flight/robot") -> np.ndarray:
     """Where the page has a robot [m]."""
     return np.array(tab.property(node, "batched_positions")).reshape(-1, 3)[0]
 
 
-def opening(_: str) -> JobEvents:
+def until_listed(tab: Tab, names: list[str]) -> None:
+    """Wait until the page lists the flights of these names."""
+    listed = tab.app.session.runs
+    tab.until(lambda: [entry.name for entry in tab.app.session.runs.entries] == names, f"{listed} is listed")
+    tab.until_shown()
+
+
+def opening(*_: str) -> JobEvents:
     yield PlaceOpened(balls_place())
     return JobResult()
 
@@ -57,7 +66,7 @@ def test_a_flight_is_on_the_shelf_after_a_restart_and_its_timeline_moves_the_rob
         tab.fill("Time [s]", str(at * flight.steps[0].plan.dt))
         truth = flight.steps[at].truth.position.numpy()
         tab.until(lambda truth=truth: np.allclose(robot_of(tab), truth, atol=1e-5), "the robot stays where it was")
-    assert len(tab.line("/flight/truth")) == len(flight.steps)
+    tab.until(lambda: len(tab.line("/flight/truth")) == len(flight.steps), "its path is not drawn to its end")
 
 
 def test_flights_are_compared_renamed_and_deleted_in_the_page(
@@ -67,6 +76,7 @@ def test_flights_are_compared_renamed_and_deleted_in_the_page(
     put(shelf, "second", date="2026-01-02T00:00:00+00:00")
     put(shelf, "first", flown()[:9], date="2026-01-01T00:00:00+00:00")
     tab = open_tab(serve(ScriptedWork(runs=shelf)))
+    until_listed(tab, ["second", "first"])
     tab.press("Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
     tab.choose("Runs", "Flight", "first")
@@ -85,12 +95,15 @@ def test_flights_are_compared_renamed_and_deleted_in_the_page(
     tab.until(lambda: tab.says("A name has up to 80 letters"), "a bad name is not refused")
     tab.fill("New name", "My best flight")
     tab.press("Rename")
-    tab.until(lambda: [entry.name for entry in shelf.entries()] == ["second", "My best flight"], "not renamed")
+    until_listed(tab, ["second", "My best flight"])
+    assert [entry.name for entry in shelf.entries()] == ["second", "My best flight"]
     tab.choose("Runs", "Flight", "My best flight")
-    for answer, left in (("Keep it", 2), ("Delete for good", 1)):
+    for answer, left in (("Keep it", ["second", "My best flight"]), ("Delete for good", ["second"])):
         tab.press("Delete")
-        tab.page.get_by_role("button", name=answer, exact=True).click()
-        tab.until(lambda left=left: len(shelf.entries()) == left, "the answer does not count")
+        button = tab.page.get_by_role("button", name=answer, exact=True)
+        button.click()
+        button.wait_for(state="hidden")
+        until_listed(tab, left)
     assert [entry.name for entry in shelf.entries()] == ["second"]
 
 
@@ -99,6 +112,7 @@ def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(
 ) -> None:
     put(RunStore(tmp_path / "runs"), "flight")
     tab = open_tab(serve(ScriptedWork(runs=RunStore(tmp_path / "runs"))))
+    until_listed(tab, ["flight"])
     tab.press("Open")
     tab.until(lambda: tab.is_visible("/flight/robot"), "the flight is not shown")
     truth = np.stack([step.truth.position.numpy() for step in flown()])
@@ -130,4 +144,7 @@ def test_a_flight_is_taken_away_as_files_as_a_replay_and_as_a_picture(
     assert ((seen[..., 2] > 120) & (seen[..., 0] < 60) & (seen[..., 1] > 90)).sum() > 50
     replay.get_by_role("button", name="Play").click()
     replay.wait_for_function("document.getElementById('play').textContent === 'Play' && at > 15")
+    replay.set_viewport_size({"width": 420, "height": 850})
+    cards = replay.evaluate(_CARDS)
+    assert sum(height for _, height in cards) < 0.4 * 850 and all(width <= 420 for width, _ in cards), "cards cover it"
     assert not told

@@ -40,7 +40,12 @@ _KEYS = ("f", "f", "f", "p", "t", "g", "s", "Space", "x", "Shift+r")
 _QUIET = ("Upload", "Open a file", "Delete", "Reopen", "Rename", "Save")  # which ask for files, or touch what is kept
 _BEGINS = re.compile(r"Plan the way|Fly it|Fly all the same|Allow [\d.]+ s|Restore the weights")
 """What the main button offers while nothing runs."""
-_READY = "'/goal' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__viserMutable?.nodePoseData?.['/goal']"
+_READY = """
+() => ['/start', '/goal'].every(name => name in (window.__viserSceneTree?.getState() ?? {})
+  && window.__viserMutable?.nodePoseData?.[name]) && !!window.__viserMutable.canvas
+"""
+_WENT_AWAY = ("Timeout", "not visible", "outside of the viewport", "not attached")
+"""What Playwright says of a button that went away under the mouse, which is no fault."""
 
 
 @dataclass
@@ -89,7 +94,7 @@ class Crowd:
         page.keyboard.press("f")
         page.get_by_role("tab", name="Estimate").click()
         # can be pressed once the robot flies, before which a new machine compiles its kernels
-        page.get_by_role("button", name="Put it elsewhere").click(timeout=4000 * PATIENCE_S)
+        page.get_by_role("button", name="Put it elsewhere").click(timeout=2000 * PATIENCE_S)
         page.wait_for_timeout(10_000)
 
     def act(self) -> str:
@@ -98,8 +103,8 @@ class Crowd:
         action = self._random.choices(["key", "drag", "click", "turn", "reload"], [8, 4, 4, 2, 1])[0]
         try:
             getattr(self, f"_{action}")(tab)
-        except Error as error:  # a button that went away under the mouse is no fault
-            if "Timeout" not in str(error):
+        except Error as error:
+            if not any(words in str(error) for words in _WENT_AWAY):
                 raise
             return f"{action}, in vain"
         return action
@@ -112,8 +117,9 @@ class Crowd:
         tab.drag_along_x(self._random.choice(list(Which)), self._random.uniform(-0.3, 0.3), GIZMO)
 
     def _click(self, tab: Tab) -> None:
-        buttons = [entry for entry in tab.page.get_by_role("button").all() if entry.is_visible() and entry.is_enabled()]
-        safe = [entry for entry in buttons if not any(word in entry.inner_text() for word in _QUIET)]
+        seen = [entry for entry in tab.page.get_by_role("button").all() if entry.is_visible()]
+        buttons = [entry for entry in seen if entry.is_enabled(timeout=2000)]
+        safe = [entry for entry in buttons if not any(word in entry.inner_text(timeout=2000) for word in _QUIET)]
         if safe:
             self._random.choice(safe).click(timeout=2000, force=True)
 

@@ -23,7 +23,7 @@ def test_uploaded_splats_are_shown_and_their_field_is_opened(
     tab.turn_to("Scene")
     first = app.session.place
     tab.upload("Open a file", file)
-    tab.until(lambda: app.session.place is not first and app.session.job is None, "the splats were not opened", 120)
+    tab.until(lambda: app.session.place is not first and app.session.job is None, "the splats were not opened")
     place = app.session.place
     assert place is not None and place.splats is not None and len(place.splats) == 400
     assert app.session.view_settings.backdrop is Backdrop.SPLATS

@@ -2,6 +2,7 @@
 
 import shutil
 import tempfile
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -11,10 +12,9 @@ import numpy as np
 import pytest
 import torch
 
-from app.jobs import make_field
 from app.jobs import open_place as scene
-from app.places.opening import open_place
-from app.places.place import Place
+from app.places.learning import BUDGETS_S, USUAL
+from app.places.place import Place, open_place
 from app.server import App
 from app.worker.backend import NavigationBackend
 from nerfnav.field.checkpoint import save_field
@@ -23,13 +23,17 @@ from tests.app.jobs.training_data.test_meshes import pillars
 from tests.browser.tab import Tab
 from tests.importers.captures.test_depths import write_depths
 from tests.importers.splat_files import ball_of_splats, write_spz
+from tests.waiting import PATIENCE_S
 
 
-def opening_work() -> NavigationBackend:
-    """Real jobs, which begin among three balls."""
+def opening_work(may_open: threading.Event | None = None) -> NavigationBackend:
+    """Real jobs, which begin among three balls; other places are open once they may be."""
 
     def opener(what: str) -> Place:
-        return balls_place() if what == "balls" else open_place(what)
+        if what == "balls":
+            return balls_place()
+        assert may_open is None or may_open.wait(PATIENCE_S), "nobody looks at a page while a place is being opened"
+        return open_place(what)
 
     return NavigationBackend(open=partial(scene.run, opener=opener))
 
@@ -47,6 +51,7 @@ def test_an_uploaded_field_is_opened_and_a_broken_one_leaves_the_place(
     first = app.session.place
     tab.upload("Open a file", broken)
     tab.until(lambda: tab.says("is not a whole nerfnav field"), "the broken file is not refused")
+    tab.until_idle()
     assert app.session.place is first and not tab.page.get_by_text(str(tempfile.gettempdir())).count()
     tab.upload("Open a file", whole)
     tab.until(lambda: app.session.place is not first and app.session.job is None, "the field was not opened")
@@ -76,18 +81,18 @@ def test_what_is_uploaded_becomes_a_place_in_which_one_plans(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(make_field, "BUDGET_S", 5.0)
+    monkeypatch.setitem(BUDGETS_S, USUAL, 5.0)
     app = serve(opening_work())
     tab = open_tab(app)
     tab.turn_to("Scene")
     first = app.session.place
     tab.upload("Open a file", write(tmp_path))
     tab.until(lambda: app.session.place is not first and app.session.place is not None, "it was not opened", 180)
-    tab.until(lambda: app.session.job is None, "its surface was not shaped", 60)
+    tab.until(lambda: app.session.job is None, "its surface was not shaped")
     place = app.session.place
     assert place is not None and place.field.box.size.max() < 20
     tab.press("Plan the way")
-    tab.until(lambda: app.session.job is None and app.session.plan is not None, "the plan did not end", 120)
+    tab.until(lambda: app.session.job is None and app.session.plan is not None, "the plan did not end")
     plan = app.session.plan
     assert plan is not None and plan.latest is not None and plan.outcome is not None, app.session.trouble
     planned = plan.latest.motion.states.position.numpy()

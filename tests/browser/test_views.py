@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from app.jobs.events import JobResult
 from app.places.ends import Which
@@ -10,8 +11,8 @@ from app.queries.density_slice import DensitySliceQuery
 from app.queries.field_view import FieldViewQuery
 from app.server import App
 from app.state.actions import MoveEnd
-from app.state.flight_settings import FlightSettings
 from app.state.job import JobKind
+from app.state.settings import FlightSettings
 from app.state.view_settings import Backdrop
 from tests.app.doubles import ScriptedWork, flight_step
 from tests.browser.tab import Tab
@@ -19,6 +20,16 @@ from tests.browser.works import small_work
 
 Serve = Callable[..., App]
 OpenTab = Callable[[App], Tab]
+
+
+POINT = np.array([0.5, 0.4, 0.3])
+_EYE = """
+() => {
+  const mutable = window.__viserMutable, root = mutable.nodeRefFromName[''];
+  root.updateWorldMatrix(true, false);
+  return root.worldToLocal(mutable.camera.position.clone()).toArray();
+}
+"""
 
 
 def rendered(app: App) -> list[FieldViewQuery]:
@@ -34,10 +45,13 @@ def test_slice_occupied_space_and_surface_are_shown_as_asked(serve: Serve, open_
     tab.check("Scene", "Density slice")
     tab.until(lambda: tab.is_visible("/slice"), "no slice is shown")
     assert DensitySliceQuery.result_in(app.session) is not None
-    assert tab.property("/slice", "render_width") == 2.0
+    place = app.session.place
+    assert place is not None
+    wide = pytest.approx(float(place.field.box.size[0]))
+    tab.until(lambda: tab.property("/slice", "render_width") == wide, "the slice is not as wide as the place")
     tab.check("Scene", "Occupied")
     tab.until(lambda: tab.is_visible("/space/occupied"), "occupied space is not shown")
-    assert len(tab.property("/space/occupied", "points")) > 300
+    tab.until(lambda: len(tab.property("/space/occupied", "points")) > 300, "there is little of it")
     tab.check("Scene", "Density slice")
     tab.until(lambda: not tab.is_visible("/slice"), "the slice stays")
     tab.choose("Scene", "Field", Backdrop.NOTHING.value)
@@ -54,8 +68,8 @@ def test_the_field_itself_is_rendered_for_each_tab_from_its_own_camera(serve: Se
     first.unfold("Scene", "View")
     first.choose("Scene", "Field", Backdrop.RENDER.value)
     first.until(lambda: len(rendered(app)) == 2, "a tab has no rendering of its own")
-    before = dict(app.session.eyes)
     second.page.bring_to_front()
+    before = second.settled(lambda: dict(app.session.eyes))
     box = second.page.locator("canvas").first.bounding_box()
     assert box is not None
     x, y = box["x"] + 0.6 * box["width"], box["y"] + 0.8 * box["height"]
@@ -64,13 +78,14 @@ def test_the_field_itself_is_rendered_for_each_tab_from_its_own_camera(serve: Se
     second.page.mouse.move(x - 120, y, steps=6)
     second.page.mouse.up()
     second.until(lambda: app.session.eyes != before, "nobody looks from anywhere else")
-    moved = [client for client, eye in app.session.eyes.items() if eye != before[client]]
+    moved = [client for client, eye in second.settled(lambda: dict(app.session.eyes)).items() if eye != before[client]]
     assert len(moved) == 1, "one person's viewpoint is another's too"
     second.until(
         lambda: all(query.eye == app.session.eyes[query.client] for query in rendered(app)),
         "a rendering stays behind its camera",
     )
-    assert not first.is_visible("/field")
+    first.page.bring_to_front()
+    first.until(lambda: not first.is_visible("/field"), "the surface covers the rendering")
 
 
 def test_a_click_into_the_scene_puts_an_end_there(serve: Serve, open_tab: OpenTab) -> None:
@@ -105,15 +120,14 @@ def test_planners_are_drawn_side_by_side(serve: Serve, open_tab: OpenTab) -> Non
     app = serve(small_work())
     tab = open_tab(app)
     tab.press("Compare planners")
-    tab.until(lambda: len(app.session.comparison) >= 2, "no planner has ended", timeout_s=60)
+    tab.until(lambda: len(app.session.comparison) >= 2, "no planner has ended", 300)
     tab.press("Stop now")
-    tab.until(lambda: app.session.job is None, "the comparison goes on", timeout_s=60)
+    tab.until_idle("the comparison goes on")
     for result in app.session.comparison[:2]:
         assert result.motion is not None
-        tab.until(lambda result=result: tab.is_visible(f"/plan/{result.planner}"), "a planner is not drawn")
-        np.testing.assert_allclose(
-            tab.line(f"/plan/{result.planner}"), result.motion.states.position.numpy(), atol=1e-5
-        )
+        line, points = f"/plan/{result.planner}", result.motion.states.position.numpy()
+        tab.until(lambda line=line: tab.is_visible(line), "a planner is not drawn")
+        tab.until(lambda line=line, points=points: tab.shows(line, points), "a planner is drawn elsewhere")
 
 
 def test_weights_and_duration_are_set_in_the_page_and_refused_where_they_make_no_sense(
@@ -147,3 +161,26 @@ def test_a_flight_is_slowed_pushed_and_charted(serve: Serve, open_tab: OpenTab) 
     tab.press("Stop now")
     tab.until(lambda: app.session.job is None, "it flies on")
     assert app.session.steps_reported < 2000
+
+
+def is_told(tab: Tab) -> bool:
+    """Whether the session knows where the page's camera is."""
+    viewed = tab.app.session.viewed
+    return viewed is not None and np.allclose(tab.page.evaluate(_EYE), viewed[0], atol=1e-3)
+
+
+def test_the_camera_is_where_it_was_left_when_the_server_is_started_again(serve: Serve, open_tab: OpenTab) -> None:
+    app = serve(small_work(), remembers=True)
+    tab = open_tab(app)
+    x, y = first = tab.resting(POINT)
+    tab.page.mouse.move(x - 100, y + 60)
+    for _ in range(3):
+        tab.page.mouse.wheel(0, -300)
+    tab.until(lambda: np.abs(np.subtract(tab.on_screen(POINT), first)).max() > 10, "the camera cannot be moved")
+    left = tab.resting(POINT)
+    tab.until(lambda: is_told(tab), "nobody was told where the camera is")
+    app.stop()
+    again = serve(small_work(), remembers=True)
+    tab = open_tab(again)
+    assert again.session.view == app.session.viewed
+    tab.until(lambda: np.abs(np.subtract(tab.on_screen(POINT), left)).max() < 3, "the camera is elsewhere")

@@ -1,25 +1,35 @@
 """Real jobs that are small enough for tests in a browser."""
 
+from collections.abc import Callable
 from functools import partial
 
 from app.jobs import open_place as scene
+from app.places.place import Place
 from app.worker.backend import NavigationBackend
 from nerfnav.estimator.descent import DescentConfig
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.pixels import PixelConfig
+from nerfnav.geometry import Box
 from nerfnav.navigation.mission import NavigateConfig
 from nerfnav.planner.fast import FastPlanConfig
 from tests.app.doubles import balls_place
 
 _CALM = StateNoise(0.002, 0.002, 0.002, 0.002)  # so that a filter of few iterations keeps up
+_ROOM = Box.of((-1.08, -1.08, -0.04), (1.08, 1.08, 0.84))
+"""So large that ends are found where there is room to drag them about, and balls between them."""
 
 
-def small_work() -> NavigationBackend:
-    """Real jobs among three balls, with few iterations."""
+def roomy_place() -> Place:
+    """Three balls, with room around them."""
+    return balls_place(_ROOM)
+
+
+def small_work(place: Callable[[], Place] = roomy_place) -> NavigationBackend:
+    """Real jobs in a place, among three balls where nothing is said, with few iterations."""
     pose_filter = FilterConfig(PixelConfig(count=64), DescentConfig(iterations=15), process_noise=_CALM)
     return NavigationBackend(
-        open=partial(scene.run, opener=lambda _: balls_place()),
+        open=partial(scene.run, opener=lambda _: place()),
         plans={"fast": FastPlanConfig()},
         navigate=NavigateConfig(filter=pose_filter, noise=_CALM, initial=_CALM),
     )

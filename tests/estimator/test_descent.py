@@ -54,6 +54,7 @@ def test_velocity_follows_position_through_the_cross_covariance():
     torch.testing.assert_close(moved[3], 0.9 * moved[0], atol=1e-3, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_in_a_single_tangent_plane_the_first_step_is_the_same_and_the_truth_is_found_too():
     prediction = near(HERE, 5)
     cost = cost_at(HERE, prediction)

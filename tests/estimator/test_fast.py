@@ -23,7 +23,7 @@ from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, balls, draws, picture, posterior, updated
 
 SMALL = StateNoise(0.01, 0.01, 0.01, 0.01)
-SEARCH = SearchConfig(candidates=12, starts=3, pixels=(60, 100, 480), iterations=(2, 3, 8))
+SEARCH = SearchConfig(candidates=12, starts=3, pixels=(60, 100), iterations=(2, 3, 8))
 PYRAMID = PyramidConfig(
     halvings=(1, 0), robust=(0.5, 0.1), iterations=(4, 10), candidates=12, starts=3, search=SEARCH
 )

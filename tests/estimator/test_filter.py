@@ -88,6 +88,7 @@ def test_the_covariance_is_honest():
     assert 7.6 < sum(nees) / len(nees) < 17.5
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_posterior():
     first, second = (posterior(update(3)[0][-1]) for _ in range(2))
     assert torch.equal(first.mean.position, second.mean.position)

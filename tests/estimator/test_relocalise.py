@@ -8,14 +8,15 @@ import torch
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.looks import Looks, LooksConfig
 from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseOutcome, Searcher, distinct
+from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseOutcome, distinct
+from nerfnav.estimator.searcher import Searcher
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, draws, picture, voxel_balls
 
 CONFIG = RelocaliseConfig(
-    LooksConfig(spacing=0.3, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
+    LooksConfig(spacing=0.12, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
 )
 NOISE = ColorNoise(std=COLOR_STD)
 TRUTH = RigidState.at_rest((-0.35, 0.05, 0.28), 0.1)

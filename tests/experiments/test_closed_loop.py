@@ -95,6 +95,11 @@ def test_wilsons_interval_is_that_of_the_books() -> None:
     assert wilson(0, 0) == (0.0, 1.0)
 
 
+def test_what_happened_always_or_never_is_between_its_bounds() -> None:
+    for total in range(1, 300):
+        assert wilson(total, total)[1] == 1.0 and wilson(0, total)[0] == 0.0
+
+
 def flight(outcome: str, state: str = "camera", ends: str = "tasks") -> dict:
     row = {"outcome": outcome, "state": state, "ends": ends, "touches": int(outcome == "collided"), "silent": False}
     steps = {"position_m": [0.01, 0.03], "nees": [10.0, 14.0], "inside_95": [True, False]}

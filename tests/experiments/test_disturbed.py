@@ -14,6 +14,7 @@ from tests.experiments.places import PAST, column
 AWAY = Task("Out of the box, with the back to the column", (0.6, 0.0, 0.5), (0.85, 0.0, 0.5), 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_flights_touch_nothing_and_always_see_something() -> None:
     arena = column()
     actions, states = disturbed_flight(arena, Trial(PAST, 3))

@@ -14,8 +14,10 @@ from nerfnav.export.formats import FORMATS
 from nerfnav.export.recording import Recording
 from nerfnav.export.replay import replay
 from nerfnav.export.surface import Surface
+from nerfnav.geometry import to_srgb
 from nerfnav.robots.quadrotor import Quadrotor
 from tests.export.flights import flight, flown, plan
+from tests.field.fields import painted
 
 
 def shown(recording: Recording) -> dict:
@@ -26,11 +28,13 @@ def shown(recording: Recording) -> dict:
     return json.loads(found[1])
 
 
-def ball() -> trimesh.Trimesh:
+BALL = trimesh.creation.icosphere(subdivisions=4)
+COLORS = (127 + 60 * BALL.vertices).astype(np.uint8)
+
+
+def surface_glb() -> bytes:
     """A coloured ball."""
-    mesh = trimesh.creation.icosphere(subdivisions=4)
-    mesh.visual.vertex_colors = np.uint8(127 + 127 * mesh.vertices)
-    return mesh
+    return unlit_glb(painted(BALL, COLORS))
 
 
 def test_the_page_shows_what_was_flown() -> None:
@@ -53,21 +57,22 @@ def test_a_page_needs_nothing_from_anywhere_and_names_cannot_break_out_of_its_sc
 
 
 def test_the_place_stands_in_the_page_as_it_is() -> None:
-    glb = unlit_glb(ball())
+    glb = surface_glb()
     packed = shown(flight().standing_in(glb))["surface"]
     assert set(packed) == {"points", "colors", "triangles", "low", "size"}
     surface = Surface.of_glb(glb)
-    np.testing.assert_allclose(surface.points, ball().vertices, atol=1e-6)
+    np.testing.assert_allclose(surface.points, BALL.vertices, atol=1e-6)
+    np.testing.assert_allclose(255 * to_srgb(surface.colors), COLORS, atol=8)
     assert shown(flight())["surface"] is None
 
 
 def test_a_thinned_surface_is_still_the_same_shape_and_colour() -> None:
-    surface = Surface.of_glb(unlit_glb(ball()))
+    surface = Surface.of_glb(surface_glb())
     thin = surface.thinned(400)
     assert 100 < len(thin.points) <= 400 and len(thin.triangles) > 200
     np.testing.assert_allclose(np.linalg.norm(thin.points, axis=-1), 1.0, atol=0.05)
     srgb = np.where(thin.colors <= 0.0031308, 12.92 * thin.colors, 1.055 * thin.colors ** (1 / 2.4) - 0.055)
-    np.testing.assert_allclose(srgb, (127 + 127 * thin.points) / 255, atol=0.08)
+    np.testing.assert_allclose(srgb, (127 + 60 * thin.points) / 255, atol=0.08)
     assert surface.thinned(10**6) is surface
 
 

@@ -1,14 +1,18 @@
 """Small fields that several tests look at."""
 
 import copy
+import math
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import torch
+import trimesh
 
 from nerfnav.field.analytic import BallsField
 from nerfnav.field.render import render_image
 from nerfnav.field.surroundings import Surroundings
+from nerfnav.field.texture import TexturedMesh
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, Pose, look_at
@@ -53,12 +57,33 @@ def photographs_of_ball(count: int, size: int = 48, turn: float = 0.0) -> PosedI
 
 @cache
 def _photographs_of_ball(count: int, size: int, turn: float) -> PosedImages:
-    camera = Camera.from_fov(size, size, 60)
+    camera, poses = _ring(count, size, turn)
+    images = [(render_image(ball(), camera, pose).color * 255).round().to(torch.uint8) for pose in poses]
+    return PosedImages(torch.stack(images), camera, Pose.stack(poses))
+
+
+def black_photographs(count: int, size: int) -> PosedImages:
+    """Pictures from the same ring that show nothing, for what asks only where they were taken: they cost nothing."""
+    camera, poses = _ring(count, size, 0.0)
+    return PosedImages(torch.zeros(count, size, size, 3, dtype=torch.uint8), camera, Pose.stack(poses))
+
+
+def _ring(count: int, size: int, turn: float) -> tuple[Camera, list[Pose]]:
     angles = torch.arange(count) * 2.399963 + turn  # the golden angle spreads them
     heights = torch.linspace(-0.4, 0.5, count)
     poses = [
         look_at(torch.tensor([0.95 * a.cos(), 0.95 * a.sin(), z]), torch.zeros(3))
         for a, z in zip(angles, heights, strict=True)
     ]
-    images = [(render_image(ball(), camera, pose).color * 255).round().to(torch.uint8) for pose in poses]
-    return PosedImages(torch.stack(images), camera, Pose.stack(poses))
+    return Camera.from_fov(size, size, 60), poses
+
+
+def painted(mesh: trimesh.Trimesh, colors: np.ndarray) -> TexturedMesh:
+    """The mesh with a picture of 8 x 8 texels for each vertex, of its sRGB colour (n, 3)."""
+    side = math.ceil(math.sqrt(len(colors)))
+    blocks = np.zeros((side * side, 3), np.uint8)
+    blocks[: len(colors)] = colors
+    picture = blocks.reshape(side, side, 3).repeat(8, axis=0).repeat(8, axis=1)
+    row, column = np.divmod(np.arange(len(colors)), side)
+    uv = (np.stack([column, row], 1) + 0.5) / side
+    return TexturedMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), uv, picture)

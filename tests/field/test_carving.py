@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.field.carving import carved, noise_of
+from nerfnav.field.carving import CarvingConfig, carved, in_company, noise_of
 from nerfnav.field.evidence import State, states_of
 from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.geometry.grid import node_positions
@@ -62,6 +62,15 @@ def test_fewer_pictures_and_finer_patterns_prove_less():
     assert not (few & ~many).any(), "what some of the pictures prove, all of them do"
     fine = carved(field, rooms.photographs(tile=0.0625).without_depth())
     assert share(fine, AIR) < share(many, AIR), "patterns finer than a voxel blur to one colour"
+
+
+def test_a_node_is_proven_in_the_company_of_those_before_a_wall_and_not_alone():
+    before_a_wall = torch.zeros(8, 8, 8, dtype=torch.bool)
+    before_a_wall[:5] = True
+    assert (in_company(before_a_wall, CarvingConfig.company) == before_a_wall).all()
+    lone = torch.zeros(8, 8, 8, dtype=torch.bool)
+    lone[2:4, 2:4, 2:4] = True
+    assert not in_company(lone, CarvingConfig.company).any()
 
 
 def test_what_no_camera_looks_at_is_unproven(free: torch.Tensor):

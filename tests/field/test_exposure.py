@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from nerfnav.field.calibration import calibrated
-from nerfnav.field.carving import carved
+from nerfnav.field.carving import CarvingConfig, carved
 from nerfnav.field.exposure import QUARTERS, common_gains, corrected, gains
 from nerfnav.field.exposure_looks import ExposureLooks
 from nerfnav.field.learner import GridLearner
@@ -123,8 +123,9 @@ def test_pictures_of_other_exposure_prove_no_plain_wall_to_be_free() -> None:
     grey = (127.5 * exposures[:, None, None].expand(views.images.shape)).to(torch.uint8)
     taken = replace(views, images=grey)
     field = replace(field, background=torch.zeros(3))
-    assert carved(field, taken).any()
-    assert not carved(field, corrected(taken, exposures)).any()
+    alone = CarvingConfig(company=0)
+    assert carved(field, taken, alone).any()
+    assert not carved(field, corrected(taken, exposures), alone).any()
 
 
 def test_common_gains_are_those_of_whole_pictures() -> None:

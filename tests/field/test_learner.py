@@ -7,14 +7,16 @@ import pytest
 import torch
 
 from nerfnav.field.field import uniform_samples
+from nerfnav.field.kernels.parts import parts_above
 from nerfnav.field.learned_place import Finish
 from nerfnav.field.learner import GridLearner, LearningRates
 from nerfnav.field.rays import RayBatch
 from nerfnav.field.render import render_rays
+from nerfnav.field.seen_points import PointBatch
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.torch_learner import TorchLearner
 from nerfnav.field.trained_grid import TrainedGrid, training_bytes
-from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.voxel import EMPTY_RAW, VoxelField, occupied_blocks
 from tests.field.fields import BOX, random_rays, random_voxels, random_voxels_in_a_room
 
 RATES = LearningRates(0.25, 0.03, 1e-3, 1e-6, 1e-5)
@@ -61,6 +63,35 @@ def test_the_torch_learner_has_the_kernels_gradient_with_jitter_sparsity_and_emp
         assert relative(grid.dense_gradient(), gradient) < 1e-3
 
 
+def points_of(count: int, seed: int = 5) -> PointBatch:
+    batch = batch_of(count, seed, jitter=1.0)
+    distances = 4 * torch.rand(count, generator=torch.Generator().manual_seed(seed)).numpy()
+    return PointBatch(batch.origins, batch.directions, distances, batch.jitter)
+
+
+@pytest.mark.parametrize("make", [random_voxels, random_voxels_in_a_room])
+def test_the_learners_agree_on_what_rays_to_points_tell(make):
+    field = make()
+    field.values[:12, :, :, 0] = EMPTY_RAW
+    compiled, batch = GridLearner.of(field, 1.0, workers=2), points_of(300)
+    compiled.add_points(batch, 0.7)
+    wanted = 0.7 * TorchLearner.of(compiled, CPU).points_gradient(batch)
+    assert (wanted[..., 0] > 0).any() and (wanted[..., 0] < 0).any() and not wanted[..., 1:].any()
+    assert relative(compiled.inner.dense_gradient(), wanted) < 1e-3
+
+
+def test_a_step_with_points_is_the_same_for_both_learners():
+    compiled = GridLearner.of(random_voxels_in_a_room(), 1.0, workers=2)
+    plain, rates = TorchLearner.of(compiled, CPU), replace(RATES, points=0.5)
+    for learner in (compiled, plain):
+        learner.step(batch_of(300, jitter=1.0), rates, points_of(300))
+    difference = (torch.from_numpy(compiled.inner.values) - plain.inner.values).abs()
+    assert (difference < 1e-3).float().mean() > 0.995
+    without = GridLearner.of(random_voxels_in_a_room(), 1.0, workers=2)
+    without.step(batch_of(300, jitter=1.0), rates)
+    assert not np.array_equal(without.inner.values, compiled.inner.values)
+
+
 def test_a_few_steps_lead_the_torch_learner_where_the_kernels_lead():
     compiled = GridLearner.of(random_voxels_in_a_room(), 1.0, workers=2)
     plain = TorchLearner.of(compiled, CPU)
@@ -75,6 +106,36 @@ def test_a_few_steps_lead_the_torch_learner_where_the_kernels_lead():
         assert (difference < 1e-3).float().mean() > 0.995
     empty = [learner.field(Finish()).values[..., 0] == EMPTY_RAW for learner in (compiled, plain)]
     assert torch.equal(*empty)
+
+
+def test_what_is_looked_at_is_told_in_parts_of_two_cells_as_torch_has_it():
+    field = random_voxels()
+    field.values[::2, 3:, 1:7, 0] = EMPTY_RAW
+    learner = GridLearner.of(field, 1.0, workers=1)
+    learner.inner.slots[0] = -1
+    threshold = float(field.values[..., 0].quantile(0.97))
+    parts_above(learner.inner.values, learner.inner.slots, np.float32(threshold), learner.occupied)
+    bits = np.unpackbits(learner.occupied[..., None], axis=-1, bitorder="little")
+    x, y, z = learner.occupied.shape
+    found = bits.reshape(x, y, z, 2, 2, 2).transpose(0, 3, 1, 4, 2, 5).reshape(2 * x, 2 * y, 2 * z) > 0
+    wanted = occupied_blocks(field.values[..., 0], threshold, 1)
+    wanted[:2] = False
+    nx, ny, nz = wanted.shape
+    assert 0.1 < wanted.float().mean() < 0.9
+    assert torch.equal(torch.from_numpy(found[:nx, :ny, :nz]), wanted)
+    assert found.sum() == wanted.sum()
+
+
+def test_the_learners_agree_where_parts_are_empty_and_light_runs_out():
+    field = random_voxels()
+    field.values[4:, ::3, :, 0] = EMPTY_RAW
+    field.values[14:16, :, :, 0] = 1.5
+    compiled = GridLearner.of(field, 1.0, workers=1)
+    plain, batch = TorchLearner.of(compiled, CPU), batch_of(300, jitter=1.0)
+    compiled.look_for_empty_parts()
+    plain.look_for_empty_parts()
+    assert abs(compiled.gradient(batch, 1e-3) / (wanted := plain.gradient(batch, 1e-3))[0] - 1) < 1e-4
+    assert relative(compiled.inner.dense_gradient(), wanted[1][0]) < 1e-3
 
 
 def test_only_blocks_that_are_looked_at_take_memory():

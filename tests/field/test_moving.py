@@ -47,12 +47,11 @@ def test_shifts_and_quarter_turns_lose_nothing(similarity: Similarity, outside: 
 
 
 @pytest.mark.parametrize("evidence", [True, False])
-@pytest.mark.parametrize("scale", [0.1, 0.5, 2.0, 30.0])
+@pytest.mark.parametrize("scale", [0.1, 0.5, 2.0, 10.0, 30.0])
 def test_scaled_places_look_the_same_and_stay_solid(scale: float, evidence: bool) -> None:
     field, similarity = room(evidence), change(scale=scale)
     now = after(field, similarity)
-    least = (25 if scale > 10 else 32) if evidence else (22 if scale > 10 else 28)  # else more is made dense
-    assert likeness(field, now, similarity) > least
+    assert likeness(field, now, similarity) > (40 if evidence else 32)  # else more is made dense
     won, lost = freed(field, now, similarity)
     assert won == 0 and lost < 0.15  # a voxel along all surfaces
     torch.testing.assert_close(now.box.size, scale * field.box.size)

@@ -11,7 +11,8 @@ from nerfnav.field.bricks import in_bricks
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.field import uniform_samples
 from nerfnav.field.grid_field import GridField
-from nerfnav.field.jacobian import colors_and_jacobian, jacobian_by_autograd
+from nerfnav.field.jacobian import colors_and_jacobian, glanced, jacobian_by_autograd
+from nerfnav.field.kernels import sight
 from nerfnav.field.render import render_rays
 from nerfnav.field.surroundings import Surroundings, uncontracted
 from nerfnav.field.train import train
@@ -26,6 +27,15 @@ from tests.field.fields import BOX, random_rays, random_voxels, random_voxels_in
 SMALL = Box.of((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4))
 
 
+def smooth_room() -> VoxelField:
+    """Voxels in a fog whose colour changes slowly, as surroundings of photographs do."""
+    field, nodes = random_voxels_in_a_room(), 64
+    u, v, w = torch.meshgrid(*[torch.linspace(-2, 2, nodes)] * 3, indexing="ij")
+    raw = torch.sin(2 * u) + torch.cos(1.5 * v + w) - 4
+    colors = torch.stack([0.5 + 0.4 * torch.sin(2 * part + 1) for part in (u, v, w)], -1)
+    return replace(field, outside=Surroundings(torch.cat([raw[..., None], colors], -1)))
+
+
 def test_compiled_surroundings_equal_the_reference():
     field, rays = random_voxels_in_a_room(), random_rays(300)
     reference = render_rays(field, *rays, uniform_samples(BOX, *rays, field.step))
@@ -33,6 +43,27 @@ def test_compiled_surroundings_equal_the_reference():
     assert (compiled.color - reference.color).abs().max() < 1e-4
     assert (compiled.opacity - reference.opacity).abs().max() < 1e-4
     assert ((compiled.depth - reference.depth).abs() / (1 + reference.depth)).max() < 1e-3
+
+
+def test_descents_ask_shells_in_pairs_and_see_nearly_the_same():
+    field, rays = smooth_room(), random_rays(400)
+    whole, seen = field.render_rays(*rays), glanced(field.sight_grid, *rays)
+    assert 0 < (whole.color - seen.color).abs().mean() < 0.01
+    assert seen.opacity.min() > 0.99 and field.sight_grid[7][2] == 2
+    one_by_one = glanced(field.whole_sight_grid, *rays)
+    for mine, theirs in ((one_by_one.color, whole.color), (one_by_one.opacity, whole.opacity)):
+        torch.testing.assert_close(mine, theirs, rtol=0, atol=5e-4)
+    colors, _ = sight.colors_and_jacobian(field.sight_grid, *(part.numpy() for part in rays))
+    torch.testing.assert_close(torch.from_numpy(colors), seen.color, rtol=0, atol=1e-4)
+
+
+def test_an_odd_number_of_shells_is_asked_in_pairs_too():
+    field = random_voxels_in_a_room()
+    assert field.outside is not None
+    odd = replace(field, outside=Surroundings(field.outside.values[:10, :10, :10].contiguous()))
+    assert odd.outside is not None and odd.outside.shells == 5
+    seen = glanced(odd.sight_grid, *random_rays(200))
+    assert seen.opacity.min() > 0.99 and seen.depth.isfinite().all() and seen.color.isfinite().all()
 
 
 def test_no_ray_ends_in_nothing():

@@ -70,6 +70,31 @@ def test_asking_to_stop_gives_the_field_so_far():
     assert last.field.info.psnr_db is None  # nothing was held out
 
 
+@pytest.mark.slow
+def test_fields_of_what_is_learned_so_far_can_be_planned_in_and_change_nothing():
+    brief = replace(CONFIG, iterations=60, rays=256, report_every=20)
+    plain, told = run(brief)[-1].field, run(replace(brief, field_every=1e-3))
+    on_the_way = [step.so_far for step in told[:-1] if step.so_far is not None]
+    assert len(on_the_way) >= 20 and told[-1].so_far is None
+    last = told[-1].field
+    assert plain is not None and last is not None and torch.equal(last.values, plain.values)
+    assert on_the_way[0].shape < on_the_way[-1].shape == last.shape
+    for field in on_the_way[::10]:
+        assert field.evidence is not None and field.info.psnr_db is not None and field.info.noise_std is not None
+    assert on_the_way[0].info.iterations < 10, "time counts from the end of the first step"
+
+
+@pytest.mark.slow
+def test_from_the_given_share_on_only_colours_are_learned():
+    config = replace(CONFIG, iterations=40, rays=256, firm_from=0.3, field_every=1e-3)
+    steps = [step for step in run(config) if step.fraction > 0.8]
+    fields = [field for step in steps if (field := step.so_far or step.field) is not None]
+    assert len(fields) > 5
+    assert all(torch.equal(field.values[..., 0], fields[0].values[..., 0]) for field in fields)
+    assert not torch.equal(fields[0].values[..., 1:], fields[-1].values[..., 1:])
+
+
+@pytest.mark.slow
 def test_a_budget_ends_training_in_time():
     last = run(TrainConfig(voxel=0.04, budget=1.0, rays=512))[-1]
     assert last.field is not None
@@ -96,3 +121,21 @@ def test_training_rays_are_those_of_the_camera():
         expected_origin, expected_color = known[tuple((torch.from_numpy(direction) * 1e4).round().tolist())]
         torch.testing.assert_close(torch.from_numpy(origin), expected_origin)
         torch.testing.assert_close(torch.from_numpy(target), expected_color)
+
+
+def test_patches_are_neighbouring_pixels_of_one_picture_that_hold_one_that_is_asked_for():
+    photographs = photographs_of_ball(3, size=8)
+    asked = torch.zeros(3, 8, 8, dtype=torch.bool)
+    asked[1, 0, 0] = asked[2, 5, 6] = True
+    generator = torch.Generator().manual_seed(0)
+    batch = RaySampler(photographs, generator, asked).draw(4 * 200 + 3, patch=2)
+    assert len(batch.targets) == 4 * 200
+    directions = [photographs.camera.rays(photographs.poses[index])[1].reshape(8, 8, 3) for index in range(3)]
+    corners = set()
+    for rays in torch.from_numpy(batch.directions).reshape(200, 4, 3):
+        image = 1 if (directions[1][:2, :2].reshape(4, 3) - rays).abs().max() < 1e-5 else 2
+        (top, left), *_ = ((directions[image] - rays[0]).abs().amax(-1) < 1e-5).nonzero().tolist()
+        assert (directions[image][top : top + 2, left : left + 2].reshape(4, 3) - rays).abs().max() < 1e-5
+        assert asked[image, top : top + 2, left : left + 2].any()
+        corners.add((image, top, left))
+    assert corners == {(1, 0, 0), (2, 4, 5), (2, 4, 6), (2, 5, 5), (2, 5, 6)}

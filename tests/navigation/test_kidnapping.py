@@ -7,7 +7,8 @@ from nerfnav.estimator.fast import FastFilter
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.looks import LooksConfig
 from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseStep, Searcher
+from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseStep
+from nerfnav.estimator.searcher import Searcher
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.replan import navigate
@@ -21,7 +22,7 @@ START, GOAL = RigidState.at_rest((-0.6, 0.0, 0.3)), RigidState.at_rest((-0.3, 0.
 ELSEWHERE = RigidState.at_rest((-0.6, -0.5, 0.3), 0.6)
 NOISE = ColorNoise(std=COLOR_STD)
 SEARCH = RelocaliseConfig(
-    LooksConfig(spacing=0.2, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
+    LooksConfig(spacing=0.08, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
 )
 
 

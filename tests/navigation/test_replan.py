@@ -10,6 +10,7 @@ import torch
 from nerfnav.errors import OccupiedError
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.geometry import so3
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.replan import navigate
@@ -19,6 +20,7 @@ from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import CALM, GOAL, MISSION, ROBOT, START, Oracle, StraightPlanner, draws, simulator
+from tests.planner.test_first_ends import field_of
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
 
@@ -199,6 +201,20 @@ def test_a_goal_that_moves_in_flight_is_flown_to():
     assert (steps[-1].truth.position - moved.position).norm() < CONFIG.goal_tolerance_m + 0.01
     assert planner.horizons[4] == MISSION.steps, "there is time for the whole way to the new goal"
     assert len(steps) > MISSION.steps
+
+
+@pytest.mark.parametrize(("in_sight", "headings"), [(0.4, (2.0, 3.2)), (0.0, (0.0, 0.01))])
+def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is_asked_for(
+    in_sight: float, headings: tuple[float, float]
+) -> None:
+    world, wall = simulator(), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
+    pilot = Pilot(StraightPlanner(), Oracle(world), seen=field_of(((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), wall))
+    steps = steps_of(list(navigate(MISSION, world, pilot, replace(CONFIG, in_sight=in_sight), draws(1))))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    for step in steps:
+        end = step.plan.states[-1]
+        assert headings[0] <= abs(so3.yaw_of(end.rotation).item()) <= headings[1]
+        torch.testing.assert_close(end.position, GOAL.position, atol=1e-4, rtol=0)
 
 
 def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():

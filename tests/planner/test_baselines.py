@@ -25,7 +25,7 @@ MAKERS = [MinSnapPlanner, partial(RRTPlanner, first=COARSE, again=COARSE)]
 
 @pytest.mark.parametrize("make", MAKERS, ids=["minsnap", "rrt"])
 def test_what_is_left_of_a_plan_is_planned_again_from_where_the_robot_is(make: Callable[..., Planner]) -> None:
-    problem = across(ball())
+    problem = across(ball(0.15), height=0.5)  # with room below and above
     planner = make(problem.field, ROBOT)
     assert isinstance(planner, Planner)
     *_, first = planner.plan(problem.route)

@@ -1,6 +1,7 @@
 """Start and goal that nobody has put anywhere."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from nerfnav.planner.ends import fits
 from nerfnav.planner.first_ends import Pair, first_ends, way_between
 from nerfnav.planner.free_regions import free_regions
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.spread import PAPERS_NOISE
 from nerfnav.robots import Robot, load
 
 _SOLID = 60.0 / DENSITY_SCALE
@@ -103,3 +105,13 @@ def test_roomier_regions_come_first_and_lie_in_the_others() -> None:
     for roomier, other in itertools.pairwise(regions):
         assert roomier.room > other.room and not np.any(roomier.inside & ~other.inside)
     assert not np.any(regions[-1].inside & occupancy.occupied.numpy())
+
+
+def test_ends_keep_clear_of_what_noise_pushes_a_robot_into_where_there_is_room() -> None:
+    field, robot = field_of(_HALL, _FLOOR, _PILLAR), load("quadrotor")
+    pair = found_in(field, robot)
+    assert pair is not None
+    push = 3 * PAPERS_NOISE.noise[0]
+    for end in pair:
+        for away in torch.cat([push * torch.eye(3), -push * torch.eye(3)]):
+            assert fits(field, robot.body, replace(end, position=end.position + away))

@@ -10,7 +10,7 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.grid import node_positions
 from nerfnav.planner import quasi_newton, terms
 from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.kernels.eigen import inverse_of_absolute
+from nerfnav.planner.kernels.eigen import inverse_of_absolute, inverse_of_shifted
 from nerfnav.planner.objective import Objective
 from nerfnav.planner.route import Route
 from nerfnav.planner.terms.term import CostTerm, TermContext
@@ -74,7 +74,7 @@ def test_one_call_gives_the_terms_of_a_motion_that_is_there():
 def test_both_ways_search_alike():
     scales, config = ROBOT.free_scales(torch.from_numpy(guess())).numpy(), quasi_newton.NewtonConfig(iterations=12)
     found, expected = (
-        [step.cost.total for step, _ in quasi_newton.minimise(one, guess(), scales, config)]
+        [step.cost.total for step, _ in quasi_newton.minimise(one, one(guess()), scales, config)]
         for one in (objective(), term_by_term())
     )
     np.testing.assert_allclose(found, expected, rtol=1e-5)
@@ -102,3 +102,12 @@ def test_the_inverse_of_the_absolute_value_is_that_by_eigenvectors(count: int):
     expected = vectors / (np.abs(values) + 1.0) @ vectors.T
     np.testing.assert_allclose(inverse_of_absolute(matrix, 1.0), expected, atol=1e-8 * np.abs(expected).max())
     np.testing.assert_allclose(inverse_of_absolute(np.zeros((count, count)), 2.0), 0.5 * np.eye(count))
+
+
+def test_a_matrix_without_strongly_negative_eigenvalues_is_shifted_and_inverted():
+    draws, inverse = np.random.default_rng(0).standard_normal((12, 12)), np.empty((12, 12))
+    vectors = np.linalg.qr(draws)[0]
+    matrix = vectors * np.linspace(-0.4, 300.0, 12) @ vectors.T
+    assert inverse_of_shifted(matrix, 1.0, inverse)
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrix + np.eye(12)), rtol=1e-8, atol=1e-10)
+    assert not inverse_of_shifted(matrix, 0.7, inverse)  # below half of the prior: its absolute value is wanted

@@ -81,7 +81,7 @@ def test_arrival_times_rise_and_span_the_horizon() -> None:
 
 
 def test_a_plan_meets_its_ends_and_obeys_the_dynamics() -> None:
-    problem = across(ball())
+    problem = across(ball(0.15), height=0.5)  # with room below and above
     (step,) = plan_minimum_snap(problem)
     assert step.outcome is PlanOutcome.CONVERGED
     state = problem.start

@@ -127,7 +127,7 @@ def test_the_preconditioner_inverts_a_quadratic_with_its_curvature_made_positive
 
 def test_every_step_of_the_search_lowers_the_cost_until_it_settles():
     scales = ROBOT.free_scales(torch.from_numpy(guess())).numpy()
-    steps = list(minimise(objective(), guess(), scales, NewtonConfig()))
+    steps = list(minimise(objective(), objective()(guess()), scales, NewtonConfig()))
     totals = [step.cost.total for step, _ in steps]
     assert totals == sorted(totals, reverse=True)
     assert [settled for _, settled in steps].index(True) == len(steps) - 1

@@ -46,7 +46,7 @@ def test_every_planner_is_made_from_its_entry_and_has_settings(name: str) -> Non
 
 def test_a_planner_from_outside_plans_under_its_name(mine: PlannerEntry) -> None:
     assert "mine" in planners.names()
-    problem = across(ball())
+    problem = across(ball(0.15), height=0.5)
     last = last_step(planners.load("mine").planner(problem.field, ROBOT).plan(problem.route))
     assert last.outcome is PlanOutcome.CONVERGED and len(last.motion.actions) == Route.steps
 

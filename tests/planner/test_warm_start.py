@@ -16,7 +16,7 @@ from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart, last_step
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.planner.warm_start import WarmStartConfig, carry_on
 from nerfnav.robots.state import Motion, RigidState
-from tests.planner.places import ROBOT, Wall, ball
+from tests.planner.places import ROBOT, Fog, Wall, ball
 
 START, GOAL = RigidState.at_rest((-0.7, 0.02, 0.4)), RigidState.at_rest((0.7, 0.0, 0.4))
 
@@ -67,7 +67,8 @@ def test_a_plan_that_has_become_dear_is_made_anew_and_the_better_one_is_kept(flo
     assert steps[-1].cost.total <= min(again(flown)[-1].cost.total, *(step.cost.total for step in steps)) + 1e-6
 
 
-def test_a_plan_through_what_turns_out_to_be_a_wall_is_made_anew(flown: Motion):
+def test_a_plan_through_what_turns_out_to_be_a_wall_is_made_anew():
+    flown = last_step(plan_fast(PlanProblem(Fog(rho=0.0), ROBOT, START, GOAL))).motion  # straight on
     last = again(flown, field=Wall(door=0.5))[-1]
     assert last.restart in (Restart.IN_COLLISION, Restart.COST_ROSE)
     assert last.outcome is PlanOutcome.CONVERGED
@@ -100,3 +101,12 @@ def test_the_planner_of_the_loop_says_why_it_planned_anew(flown: Motion):
     moved = RigidState.at_rest((0.0, -0.8, 0.4))
     assert last_step(planner.replan(flown, Route(flown.states[1], moved, 19), 1)).restart is Restart.GOAL_MOVED
     assert last_step(planner.replan(flown, Route(flown.states[1], GOAL, 19), 1)).restart is None
+
+
+def test_a_plan_that_is_made_anew_may_take_the_time_that_its_way_takes(flown: Motion):
+    far = RigidState.at_rest((0.75, 0.8, 0.4))
+    start = RigidState.at_rest((-0.8, -0.8, 0.4))
+    problem = PlanProblem(ball(), ROBOT, start, far, 6)
+    last = last_step(carry_on(problem, flown, 14, FastPlanConfig()))
+    assert last.restart is Restart.GOAL_MOVED and last.outcome is PlanOutcome.CONVERGED
+    assert len(last.motion.actions) > 10

@@ -146,6 +146,7 @@ def test_walls_stand_in_the_way_of_most_flights(apartment: Scene):
     assert sum(touches(task.start_state, task.goal_state) for task in flights) >= 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "task",
     [

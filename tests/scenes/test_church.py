@@ -58,6 +58,7 @@ def test_there_are_tasks_for_every_robot_of_the_paper(church: Scene):
     assert count == {"quadrotor": 10, "couch": 5, "diffdrive": 5}
 
 
+@pytest.mark.slow
 def test_couches_must_turn_at_the_screen(church: Scene):
     for task in church.tasks:
         if task.robot == "couch":

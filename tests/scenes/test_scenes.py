@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -6,6 +7,7 @@ import torch
 import scenes
 from nerfnav import robots
 from nerfnav.errors import UnknownNameError
+from nerfnav.estimator import StateNoise
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from nerfnav.world.contact import judge
@@ -95,3 +97,14 @@ def test_the_first_task_of_blocks_is_blocked_and_the_second_is_not():
     scene = scenes.load("blocks")
     straight = [RigidState.stack([task.start_state, task.goal_state]) for task in scene.tasks]
     assert [judge(scene, _BODY, states).first_touched_step for states in straight] == [0, None]
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_no_push_of_three_deviations_of_the_papers_noise_brings_a_quadrotor_into_anything_at_an_end(name: str):
+    """What the first step's noise does no action can answer: where it touches, no flight is safe."""
+    touches = ground(scenes.load(name)).touches
+    away = 3 * StateNoise().position_m * torch.eye(3)
+    flown = [task for task in scenes.tasks_of(name) if task.robot == "quadrotor"]
+    for end in (state for task in flown for state in (task.start_state, task.goal_state)):
+        pushed = [replace(end, position=end.position + push) for push in (*away, *-away)]
+        assert not touches(robots.load("quadrotor").body, RigidState.stack(pushed)).any(), end.position

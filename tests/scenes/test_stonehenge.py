@@ -22,7 +22,7 @@ def stonehenge() -> Scene:
 
 def test_the_tasks_are_the_authors_ten_and_their_headline(stonehenge: Scene):
     assert [task.robot for task in stonehenge.tasks] == ["quadrotor"] * 11 + ["diffdrive"] * 5
-    assert (stonehenge.tasks[0].start, stonehenge.tasks[0].goal) == ((0.55, -0.02, 0.05), (-0.72, 0.17, 0.19))
+    assert (stonehenge.tasks[0].start, stonehenge.tasks[0].goal) == ((0.55, -0.02, 0.1), (-0.72, 0.17, 0.19))
     assert (stonehenge.tasks[9].start, stonehenge.tasks[9].goal) == ((-0.72, -0.42, 0.1), (0.49, 0.23, 0.16))
     assert (stonehenge.tasks[10].start, stonehenge.tasks[10].goal) == ((0.39, -0.67, 0.2), (-0.4, 0.55, 0.16))
 

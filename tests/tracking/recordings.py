@@ -24,8 +24,8 @@ def picture(index: int = 0) -> np.ndarray:
     return np.random.default_rng(index).integers(0, 256, (24, 32, 3), np.uint8)
 
 
-def header(time: float) -> dict[str, Any]:
-    return {"stamp": {"sec": int(time), "nanosec": round(1e9 * (time - int(time)))}, "frame_id": "camera"}
+def header(time: float, frame: str = "camera") -> dict[str, Any]:
+    return {"stamp": {"sec": int(time), "nanosec": round(1e9 * (time - int(time)))}, "frame_id": frame}
 
 
 def image(time: float, pixels: np.ndarray, encoding: str = "rgb8", padding: int = 0) -> dict[str, Any]:
@@ -56,10 +56,19 @@ def camera_info(**changed: Any) -> dict[str, Any]:
 def imu(time: float, rate: Iterable[float], force: Iterable[float]) -> dict[str, Any]:
     rate, force = (dict(zip("xyz", map(float, part), strict=True)) for part in (rate, force))
     return {
-        "header": header(time), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+        "header": header(time, "imu"), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
         "orientation_covariance": np.zeros(9), "angular_velocity": rate, "angular_velocity_covariance": np.zeros(9),
         "linear_acceleration": force, "linear_acceleration_covariance": np.zeros(9),
     }  # fmt: skip
+
+
+def static_frames(*told: tuple[str, str, tuple[float, ...], tuple[float, ...]]) -> dict[str, Any]:
+    """A TFMessage: of each frame its parent, name, place and quaternion (x, y, z, w)."""
+    transforms = []
+    for parent, child, place, turn in told:
+        moved = {"translation": dict(zip("xyz", place, strict=True)), "rotation": dict(zip("xyzw", turn, strict=True))}
+        transforms.append({"header": header(0, parent), "child_frame_id": child, "transform": moved})
+    return {"transforms": transforms}
 
 
 @contextmanager

@@ -22,8 +22,10 @@ from tests.tracking.recordings import (
     camera_info,
     compressed,
     image,
+    imu,
     mcap_file,
     picture,
+    static_frames,
 )
 
 IMAGE, COMPRESSED, INFO = (f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "CameraInfo"))
@@ -64,6 +66,39 @@ def test_pictures_camera_and_inertial_measurements_are_read_with_their_times(rec
     np.testing.assert_allclose(measured.times[:3], [10, 10.01, 10.02], atol=1e-6)
     np.testing.assert_allclose(measured.specific_forces[11], [1, 1, 9.81], rtol=1e-6)
     np.testing.assert_allclose(measured.body_rates[5], [0.1, 0.2, 0.3], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("times", "rate", "complaint"),
+    [((1.0, 1.1), np.nan, "of .*a.mcap has measurements that are no finite numbers"),
+     ((1.0, 0.9), 0.1, "time must go on: measurement 1 of /imu")],
+)  # fmt: skip
+def test_inertial_measurements_that_cannot_be_used_are_told(
+    tmp_path: Path, times: tuple[float, ...], rate: float, complaint: str
+) -> None:
+    messages = [("/imu", "sensor_msgs/msg/Imu", 1 + index, imu(time, (0, rate, 0), (0, 0, 9.81)))
+                for index, time in enumerate(times)]  # fmt: skip
+    source = open_bag(written(tmp_path / "a.mcap", ("/image", IMAGE, 1.0, image(1.0, picture())), *messages))
+    with pytest.raises(InvalidInputError, match=complaint):
+        assert source.inertial
+
+
+def test_how_the_camera_is_mounted_on_the_unit_is_read_from_the_static_frames(tmp_path: Path) -> None:
+    frames = static_frames(
+        ("base", "imu", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), ("base", "mast", (0.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.0)),
+        ("mast", "camera", (0.0, 3.0, 0.0), (0.0, 0.0, 0.5**0.5, 0.5**0.5)),
+    )  # fmt: skip
+    messages = [
+        ("/image", IMAGE, 1.0, image(1.0, picture())),
+        ("/imu", "sensor_msgs/msg/Imu", 1.0, imu(1.0, (0, 0, 0), (0, 0, 9.81))),
+    ]
+    tf = "/tf_static", "tf2_msgs/msg/TFMessage", 0.5, frames
+    told = open_bag(written(tmp_path / "a.mcap", *messages, tf)).inertial
+    assert told is not None and told.mount is not None
+    np.testing.assert_allclose(told.mount.position, [-1, 3, 2], atol=1e-6)
+    np.testing.assert_allclose(told.mount.rotation, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-6)
+    told = open_bag(written(tmp_path / "b.mcap", *messages)).inertial
+    assert told is not None and told.mount is None
 
 
 @pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8"])

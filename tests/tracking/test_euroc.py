@@ -8,6 +8,8 @@ import pytest
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera
+from nerfnav.tracking import ImuConfig, InertialMotion
+from nerfnav.tracking.frame import ImuNoise
 from nerfnav.tracking.sources.euroc import EurocSource, is_euroc, open_euroc
 from tests.tracking.recordings import picture
 
@@ -111,3 +113,64 @@ def test_a_grey_picture_and_one_that_is_cut_off_are_refused(folder: Path) -> Non
     first.write_bytes(first.read_bytes()[:50])
     with pytest.raises(InvalidInputError, match="no whole JPEG or PNG"):
         next(opened(folder).frames())
+
+
+def test_the_cameras_mount_on_the_unit_is_read_from_both_sensors(folder: Path) -> None:
+    camera, unit = (folder / "mav0" / name / "sensor.yaml" for name in ("cam0", "imu0"))
+    told = opened(folder).inertial
+    assert told is not None and told.mount is not None
+    np.testing.assert_allclose(told.mount.rotation, np.diag([1, -1, -1]), atol=1e-6)
+    matrices = "[0, -1, 0, 1, 1, 0, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1]", "[1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]"
+    camera.write_text(SENSOR.replace("[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", matrices[0]))
+    unit.write_text(f"%YAML:1.0\nT_BS:\n  data: {matrices[1]}\n")
+    told = opened(folder).inertial
+    assert told is not None and told.mount is not None
+    np.testing.assert_allclose(told.mount.position, [0.5, 2, 3], atol=1e-6)
+    np.testing.assert_allclose(told.mount.rotation, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-6)
+    camera.write_text(SENSOR.replace("T_BS", "T_SB"))
+    told = opened(folder).inertial
+    assert told is not None and told.mount is None
+
+
+@pytest.mark.parametrize(
+    ("data", "complaint"), [("[1, 2, 3]", "no T_BS of 16"), ("[2" + 15 * ", 0" + "]", "no turn and shift")]
+)
+def test_a_mount_that_is_none_is_told(folder: Path, data: str, complaint: str) -> None:
+    file = folder / "mav0" / "cam0" / "sensor.yaml"
+    file.write_text(SENSOR.replace("[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", data))
+    with pytest.raises(InvalidInputError, match=complaint):
+        opened(folder)
+
+
+NOISE = """%YAML:1.0
+gyroscope_noise_density: 1.6968e-04     # [ rad / s / sqrt(Hz) ]
+gyroscope_random_walk: 1.9393e-05
+accelerometer_noise_density: 2e-3
+"""
+
+
+def test_the_noise_of_the_unit_is_used_as_far_as_its_file_tells_it(folder: Path) -> None:
+    sensor = folder / "mav0" / "imu0" / "sensor.yaml"
+    told = opened(folder).inertial
+    assert told is not None and told.noise == ImuNoise()
+    sensor.write_text(NOISE)
+    told = opened(folder).inertial
+    assert told is not None and told.noise == ImuNoise(gyro=1.6968e-4, accel=2e-3, gyro_walk=1.9393e-5)
+    used = InertialMotion(told).config
+    assert (used.gyro, used.accel, used.gyro_walk) == (1.6968e-4, 2e-3, 1.9393e-5)
+    assert used.accel_walk == ImuConfig().accel_walk
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("gyroscope_noise_density: 0", "gyroscope_noise_density in .* finite number of more than 0, not 0"),
+        ("accelerometer_noise_density: .nan", "accelerometer_noise_density in .* not nan"),
+        ("gyroscope_random_walk: -1.0e-5", "gyroscope_random_walk in .* at least 0, not -1e-05"),
+        ("accelerometer_random_walk: [3.0e-3]", r"accelerometer_random_walk in .* not \[0.003\]"),
+    ],
+)
+def test_noise_that_cannot_be_is_told_in_one_sentence(folder: Path, line: str, complaint: str) -> None:
+    (folder / "mav0" / "imu0" / "sensor.yaml").write_text(line + "\n")
+    with pytest.raises(InvalidInputError, match=complaint):
+        opened(folder)

@@ -2,15 +2,20 @@
 
 from dataclasses import replace
 
+import cv2
 import pytest
 import torch
+from jaxtyping import UInt8
+from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import Belief
-from nerfnav.geometry import FORWARD_MOUNT, Camera, so3
+from nerfnav.field.evidence import DENSITY_SCALE
+from nerfnav.field.levels import raw_of
+from nerfnav.geometry import FORWARD_MOUNT, Box, Camera, Pose, so3
 from nerfnav.robots import RigidState
 from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
-from tests.tracking.walks import CAMERA, every, field, picture, pose, walk
+from tests.tracking.walks import CAMERA, DT, every, field, picture, pose, walk
 
 CONFIG = TrackerConfig()
 CONFIG = replace(CONFIG, filter=CONFIG.filter.for_field(0.01))
@@ -25,6 +30,10 @@ def errors(tracked: Tracked) -> tuple[float, float]:
     true, found = pose(tracked.time), tracked.pose
     assert found is not None
     return float((found.position - true.position).norm()), float(so3.local(true.rotation, found.rotation).norm())
+
+
+def blur(image: UInt8[Tensor, "height width 3"]) -> UInt8[Tensor, "height width 3"]:
+    return torch.from_numpy(cv2.GaussianBlur(image.numpy(), (0, 0), 3.0))
 
 
 def well_tracked(tracked: Tracked) -> bool:
@@ -62,6 +71,7 @@ def test_pictures_of_another_resolution_of_the_camera_are_tracked() -> None:
     assert all(well_tracked(one.observe(frame)) for frame in frames)
 
 
+@pytest.mark.slow
 def test_black_frames_lose_the_track_and_a_picture_finds_it_again() -> None:
     one, frames = tracker(), walk(every(16))
     dark = [replace(frame, picture=torch.zeros_like(frame.picture)) for frame in frames[3:13]]
@@ -71,16 +81,43 @@ def test_black_frames_lose_the_track_and_a_picture_finds_it_again() -> None:
     assert again.status is TrackStatus.FOUND_AGAIN and errors(again)[0] < 0.02
 
 
-def test_a_jump_is_noticed_and_the_camera_found_where_it_is() -> None:
+def test_a_jump_is_never_followed_elsewhere_and_the_camera_soon_where_it_is() -> None:
     one = tracker()
     for frame in walk(every(4)):
         one.observe(frame)
     there = RigidState.at_rest((-0.45, 0.25, 0.3), -0.5).pose.compose(FORWARD_MOUNT)
     seen = picture(field(), CAMERA, there)
     track = [one.observe(Frame(time, seen, "there")) for time in every(8, first=4 / 15)]
-    assert TrackStatus.FOUND_AGAIN in [tracked.status for tracked in track]
-    last = track[-1].pose
-    assert last is not None and (last.position - there.position).norm() < 0.02
+    assert all(one.status.updated for one in track[3:])
+    assert any(one.pose is not None for one in track)
+    for told in (one.pose for one in track if one.pose is not None):
+        assert (told.position - there.position).norm() < 0.02
+
+
+def test_a_picture_that_was_not_taken_around_tells_no_pose_and_the_next_one_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one, frames = tracker(), walk(every(8))
+    for frame in frames[:4]:
+        one.observe(frame)
+    monkeypatch.setattr(Tracker, "_look_everywhere", lambda *_: None)
+    covered = one.observe(replace(frames[4], picture=frames[4].picture.flip(0, 1)))
+    assert covered.status is TrackStatus.LOST and covered.pose is None and covered.covariance is None
+    track = [one.observe(frame) for frame in frames[5:]]
+    assert [tracked.status for tracked in track] == [TrackStatus.FOUND_AGAIN, *[TrackStatus.FOLLOWED] * 2]
+    assert all(map(well_tracked, track))
+
+
+def test_a_pose_that_shows_most_of_a_picture_is_believed_where_no_other_place_fits_better() -> None:
+    one, frames = tracker(), walk(every(10))
+    for frame in frames[:4]:
+        one.observe(frame)
+    sharp = one._usual.difference
+    blurred = [replace(frame, picture=blur(frame.picture)) for frame in frames[4:]]
+    track = [one.observe(frame) for frame in blurred]
+    assert track[0].difference is not None and track[0].difference > CONFIG.suspicious * sharp
+    assert {tracked.status for tracked in track} == {TrackStatus.FOLLOWED}
+    assert max(errors(tracked)[0] for tracked in track) < 0.03
 
 
 def test_an_excursion_of_15_cm_is_noticed() -> None:
@@ -91,6 +128,34 @@ def test_an_excursion_of_15_cm_is_noticed() -> None:
     away = one._belief.mean.retract(torch.tensor([0.1, 0.1, 0.05] + 9 * [0.0]))
     one._belief = Belief(away, one._belief.covariance)
     assert errors([one.observe(frame) for frame in frames[5:]][-1])[0] < 0.02
+
+
+@pytest.mark.slow
+def test_an_excursion_is_over_with_the_next_picture_and_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, frames = tracker(), walk(every(8))
+    for frame in frames[:5]:
+        one.observe(frame)
+    monkeypatch.setattr(Tracker, "_search", lambda *_: pytest.fail("the picture was looked for everywhere"))
+    assert one._belief is not None
+    away = one._belief.mean.retract(torch.tensor([0.06, 0.06, 0.03, *[0.0] * 9]))
+    one._belief = Belief(away, one._belief.covariance)
+    assert all(well_tracked(one.observe(frame)) for frame in frames[5:])
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_a_place_of_any_size_is_tracked_alike(scale: float) -> None:
+    place, density = field(), DENSITY_SCALE * torch.nn.functional.softplus(field().values[..., 0]) / scale
+    box = Box(scale * place.box.lower, scale * place.box.upper)
+    values = torch.cat([raw_of(density)[..., None], place.values[..., 1:]], -1)
+    one = Tracker(replace(place, box=box, values=values), CAMERA, config=CONFIG)
+    frames = walk(every(6))
+    body = pose(0.0).compose(Pose(FORWARD_MOUNT.rotation.T, torch.zeros(3)))
+    state = replace(RigidState.at_rest((0.0, 0.0, 0.0)), position=scale * body.position, rotation=body.rotation)
+    one._belief, one._time = Belief(state, one.config.found.covariance()), -DT
+    for frame in frames:
+        tracked = one.observe(frame)
+        assert tracked.status is TrackStatus.FOLLOWED and tracked.pose is not None
+        assert (tracked.pose.position / scale - pose(frame.time).position).norm() < 0.01
 
 
 def test_what_does_not_average_out_stays_in_the_covariance() -> None:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.jobs.validation import require_positive
-from nerfnav.errors import InvalidInputError
+from app.jobs.training_data.quality import QualityName
+from nerfnav.errors import InvalidInputError, require_positive
 from nerfnav.field import TrainConfig
 from nerfnav.importers import MeshOptions, Placement
 from nerfnav.world import CaptureConfig
@@ -81,12 +81,20 @@ class TrainRequest:
     """How else to take pictures of scenes and meshes."""
     depth: bool | None = None
     """Whether to learn with depth; None: where there is any, but for bundled scenes, which show what pictures do."""
+    quality: QualityName = "good"
+    """How fine and how long, by what the source asks for; voxel, iterations and budget go before."""
+    save_every: float | None = None
+    """Time between two fields of what is learned so far, kept in `out` until the next [s]; None: the last alone."""
     neural: NeuralOptions | None = None
     """The networks of a neural field; None: a voxel field is trained."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no training can have."""
-        require_positive(iterations=self.iterations, budget=self.budget, voxel=self.voxel)
+        require_positive(
+            iterations=self.iterations, budget=self.budget, voxel=self.voxel, save_every=self.save_every
+        )
+        if self.neural is not None and self.save_every is not None:
+            raise InvalidInputError("save-every is for voxel fields: networks in training cannot be planned in")
 
     def require_unset(self, kind: str, **options: object) -> None:
         """Raise InvalidInputError, which names it, for an option that was given although a `kind` has no use for it."""

@@ -7,8 +7,9 @@ import viser
 
 from app.page.theme import night
 from app.queries.field_view import FieldView, FieldViewQuery
-from app.state.actions import Command, Left, Looked
+from app.state.actions import Command
 from app.state.session import Session
+from app.state.tab_actions import Left, Looked
 from app.state.view_settings import Backdrop, Eye
 
 

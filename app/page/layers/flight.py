@@ -9,6 +9,7 @@ from app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternio
 from app.page.layers.shapes import ball, body_shape, robot_shape
 from app.page.theme import BELIEF, HIT, PLAN, TRUTH
 from app.places.place import Place
+from app.state.records import FlightRecord
 from app.state.session import Session
 from app.text import number
 from nerfnav.estimator import Belief
@@ -44,14 +45,14 @@ class FlightLayer:
         self._robot = Bodies(server, "/flight/robot", shape, TRUTH, opacity=None)
         self._ghost = Bodies(server, "/flight/ghost", shape, BELIEF, opacity=0.5)
         self._shaped: Robot | None = None
-        self._shown: tuple[int, float] | None = None
+        self._shown: tuple[FlightRecord | None, float] | None = None
 
     def show(self, session: Session) -> None:
         """Draw the flight as far as it has gone."""
         flight, scale = session.shown_flight, session.view_settings.ellipsoid
-        if self._shown == (id(flight), scale):
+        if self._shown is not None and self._shown[0] is flight and self._shown[1] == scale:
             return
-        self._shown = id(flight), scale
+        self._shown = flight, scale
         if session.place is not None and self._shaped is not session.place.robot:
             self._shaped = session.place.robot
             shape = body_shape(self._shaped.body)

@@ -14,6 +14,8 @@ from app.page.layers.placing import PlacingLayer
 from app.page.layers.plan import PlanLayer
 from app.page.layers.search import SearchLayer
 from app.page.layers.splats import SplatsLayer
+from app.page.layers.track import TrackLayer
+from app.page.layers.viewpoint import ViewpointLayer
 from app.page.panels.panel import Page, Panel
 
 
@@ -28,8 +30,10 @@ def layers(page: Page) -> tuple[Panel, ...]:
         PlanLayer(server),
         FlightLayer(server),
         CameraModesLayer(server),
+        ViewpointLayer(server, page.post),
         ComparisonLayer(server),
         SearchLayer(server),
+        TrackLayer(server),
         PlacingLayer(server),
         NoticesLayer(server),
     )

@@ -6,6 +6,8 @@ import viser
 from app.page.panels.camera_images import beside, difference, with_pixels
 from app.queries.robot_view import RobotView, RobotViewQuery
 from app.state.session import Session
+from app.state.tracks import TrackedFrame
+from nerfnav.importers.stored_picture import read_picture
 from nerfnav.navigation import NavigationStep
 
 _FLYING = "camera · as believed · difference × 3"
@@ -23,12 +25,16 @@ class CameraPanel:
         self._folder = server.gui.add_folder("Camera", visible=False)
         with self._folder:
             self._picture = server.gui.add_image(_NOTHING, label=_FROM_THE_ENDS, jpeg_quality=85)
-        self._shown: tuple[RobotView, int] | None = None
+        self._shown: tuple[RobotView | TrackedFrame, int] | None = None
 
     def show(self, session: Session) -> None:
         """Show the last picture, once the field's answer to it is there."""
         if session.place is None:  # what the robot saw elsewhere is no picture of what is being opened
             self._folder.visible, self._shown = False, None
+        track = session.shown_track
+        if track is not None and track.steps:
+            self._show_frame(track.steps[-1])
+            return
         query, view = RobotViewQuery.asked_in(session), RobotViewQuery.result_in(session)
         if query is None or view is None:
             return
@@ -38,6 +44,20 @@ class CameraPanel:
         self._shown = view, steps
         self._picture.label, self._picture.image = compose(view, query.step_of(session.shown_flight))
         self._folder.visible = True
+
+    def _show_frame(self, frame: TrackedFrame) -> None:
+        """Show a frame of a track."""
+        if self._shown is None or self._shown[0] is not frame:
+            self._shown = frame, 0
+            self._picture.label, self._picture.image = _FLYING, tracked_pictures(frame)
+            self._folder.visible = True
+
+
+def tracked_pictures(frame: TrackedFrame) -> np.ndarray:
+    """The picture of a track's frame, and beside it what the field shows from there, where that is known."""
+    seen = read_picture(frame.seen).pixels
+    believed = np.zeros_like(seen) if frame.shown is None else read_picture(frame.shown).pixels
+    return beside(seen, believed, difference(seen, believed))
 
 
 def compose(view: RobotView, step: NavigationStep | None) -> tuple[str, np.ndarray]:

@@ -138,12 +138,12 @@ def _hold(session: Session) -> Command | None:
 
 
 def _may_look_back(session: Session) -> bool:
-    return session.flight is not None and len(session.flight.steps) > 1 and not session.in_flight
+    return session.timed is not None and len(session.timed.steps) > 1 and not session.growing
 
 
 def _look(by: int) -> Callable[[Session], Command | None]:
     def ask(session: Session) -> Command | None:
-        shown = session.shown_flight
+        shown = session.runs.shown(session.timed)
         return Scrub(len(shown.steps) - 1 + by) if _may_look_back(session) and shown is not None else None
 
     return ask

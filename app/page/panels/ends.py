@@ -1,5 +1,6 @@
 """Start and goal in numbers, and the scene's tasks."""
 
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +14,8 @@ from app.state.session import Session
 from app.text import capital, sentence
 
 _BY_HAND = "my own"
+_HELD_S = 0.25
+"""How often numbers change while a hand drags an end: forms cost a browser more than the plan that follows."""
 
 
 class EndsPanel:
@@ -21,6 +24,7 @@ class EndsPanel:
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
         self._post = post
+        self._told_at = 0.0
         self._tasks: dict[str, str] = {}
         self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
@@ -57,8 +61,10 @@ class EndsPanel:
         if self._task.options != (_BY_HAND, *self._tasks):
             self._task.options = (_BY_HAND, *self._tasks)
         self._task.value = next((title for title, name in self._tasks.items() if name == session.task), _BY_HAND)
-        for which, numbers in self._numbers.items():
-            numbers.show(session.outside.get(which) or session.ends.of(which))
+        if not session.held or time.monotonic() - self._told_at > _HELD_S:
+            self._told_at = time.monotonic()
+            for which, numbers in self._numbers.items():
+                numbers.show(session.outside.get(which) or session.ends.of(which))
         self._said.content = describe(session)
         for which, offer in self._offers.items():
             offer.show(session.offers.get(which))

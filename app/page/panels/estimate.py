@@ -54,4 +54,5 @@ class EstimatePanel:
         self._found.visible = session.search is not None
         if session.search is not None:
             self._found.content = found(session.search.step)
+        self._numbers.visible = session.track is None
         self._numbers.content = describe(session.shown_flight)

@@ -9,8 +9,7 @@ import viser
 from app.page.html import note
 from app.page.theme import night
 from app.state.actions import Command, Tell
-from app.state.download_actions import TakeTrajectory
-from app.state.downloads import TrajectoryWish
+from app.state.downloads import TakeTrajectory, TrajectoryWish
 from app.state.session import Session
 from app.state.taken_away import ended, file_name, recording_of, subject
 from app.text import sentence

@@ -7,8 +7,8 @@ import viser
 
 from app.page.panels.binder import Binder
 from app.state.actions import Command, Settings
-from app.state.flight_settings import LARGEST_SEED
 from app.state.session import Session
+from app.state.settings import LARGEST_SEED
 from nerfnav.navigation import WorldName
 
 _SPEEDS = {"as fast as it can": 0.0, "real time": 1.0, "half": 0.5, "a quarter": 0.25}

@@ -10,7 +10,8 @@ import viser
 
 from app.page.html import note, table
 from app.page.panels.delete_dialog import ask_to_delete
-from app.places.library import KeptPlace, PlaceLibrary
+from app.places.kept_place import KeptPlace
+from app.places.library import PlaceLibrary
 from app.queries.place_list import PlaceListQuery
 from app.state.actions import Command, ListPlaces, OpenPlace, Tell
 from app.state.session import Session

@@ -7,8 +7,7 @@ import viser
 
 from app.page.html import note
 from app.state.actions import Command
-from app.state.download_actions import TakeMap
-from app.state.downloads import Download, MapWish
+from app.state.downloads import Download, MapWish, TakeMap
 from app.state.job import JobKind
 from app.state.session import Session
 

@@ -8,11 +8,12 @@ import scenes
 from app.page.html import note
 from app.page.panels.dropdown import ChoiceList
 from app.places.derived import unproven_of
+from app.places.learning import BUDGETS_S, QualityName
 from app.places.library import PlaceLibrary
 from app.places.sources import SUFFIXES, title_of
 from app.places.uploads import UploadError
 from app.queries.place_list import PlaceListQuery
-from app.state.actions import Cancel, Command, OpenPlace, Tell
+from app.state.actions import Cancel, ChooseQuality, Command, OpenPlace, Tell
 from app.state.session import Session
 from nerfnav import robots
 
@@ -40,11 +41,19 @@ class PlacePanel:
             hint="A field, a mesh (glb, obj, ...), Gaussian splats (ply, spz, sog, ...), a capture in a zip, a video",
         )
         self._upload.on_upload(self._take)
+        self._quality: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+            "Learn it", tuple(_QUALITIES), hint="How well meshes and captures are learned; other files open at once"
+        )
         self._doing = server.gui.add_html("", visible=False)
         self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
         self._unproven = server.gui.add_html("", visible=False)
         known = (*robots.names(), *map(str, library.robots.files()))
         self._robots = ChoiceList(server, "robot", known, "What moves: its body and its dynamics", post)
+
+        @self._quality.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                post(ChooseQuality(_QUALITIES[self._quality.value]))
 
         @self._stop.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -67,6 +76,7 @@ class PlacePanel:
         """Show what is open and chosen."""
         self._session = session
         self._list(session)
+        self._quality.value = _words(session.quality)
         self._doing.visible = session.place is None
         self._doing.content = note(doing(session))
         self._stop.visible = session.place is None and session.before is not None
@@ -103,3 +113,11 @@ def doing(session: Session) -> str:
 def in_words_s(seconds: float) -> str:
     """A time to wait."""
     return f"{max(1, round(seconds / 5)) * 5} s" if seconds < 90 else f"{round(seconds / 60)} min"
+
+
+def _words(quality: QualityName) -> str:
+    """A quality with the time that it takes."""
+    return f"{quality}: about {in_words_s(BUDGETS_S[quality])}"
+
+
+_QUALITIES: dict[str, QualityName] = {_words(quality): quality for quality in BUDGETS_S}

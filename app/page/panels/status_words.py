@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from app.page.html import fine, note, warning
 from app.page.panels.plan_words import duration_of, outcome_in_words, percent
+from app.page.panels.track_words import ended as track_ended
 from app.places.ends import Which
 from app.queries.more_time import MoreTimeQuery
 from app.state.actions import Cancel, Command, StartFlight, StartPlan
@@ -38,6 +39,9 @@ def status(session: Session) -> Status:
         return Status(activity(session))
     if flight is not None and session.flight_is_shown and flight.outcome is not None:
         return Status(landed(flight), fine if flight.outcome is EpisodeOutcome.REACHED else warning)
+    if session.track is not None and session.track.steps:
+        known = session.track.steps[-1].tracked.status.knows
+        return Status(f"{track_ended(session.track)}.", fine if known else warning)
     if session.outside:
         return Status(outside(session), warning)
     blocked = [which.value for which in Which if session.problems.get(which) is not None]
@@ -152,6 +156,8 @@ def activity(session: Session) -> str:
     if job.kind is JobKind.FLY and session.flight is not None and session.flight.steps:
         doing = f": {session.flight.doing}" if session.flight.doing else ""
         return f"Flying, time step {session.steps_reported}{doing}"
+    if job.kind is JobKind.TRACK and session.track is not None and session.track.steps:
+        return f"Tracking, frame {len(session.track.steps)}: {job.label}"
     done = "" if job.fraction is None else f" {100 * job.fraction:.0f} %"
     default = {
         JobKind.OPEN: "Opening",
@@ -163,5 +169,7 @@ def activity(session: Session) -> str:
         JobKind.MAP: "Making the map",
         JobKind.EXPORT: "Judging what is to be flown",
         JobKind.PLACE: "Putting the place right",
+        JobKind.TRACK: "Tracking the camera",
     }[job.kind]
-    return capital(job.label or default) + done
+    planned = "; then the way is planned" if job.then_plan else ""
+    return capital(job.label or default) + done + planned

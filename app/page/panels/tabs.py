@@ -5,46 +5,53 @@ A new panel is a file beside this one and a line in PANELS; `register` adds one 
 
 import viser
 
-from app.page.panels.camera import CameraPanel
-from app.page.panels.command_palette import CommandPalette
-from app.page.panels.ends import EndsPanel
-from app.page.panels.estimate import EstimatePanel
-from app.page.panels.experiments import ExperimentsPanel
-from app.page.panels.export import ExportPanel
-from app.page.panels.flight import FlightPanel
-from app.page.panels.kept_places import KeptPlacesPanel
-from app.page.panels.map import MapPanel
+from app.page.panels import (
+    camera,
+    command_palette,
+    ends,
+    estimate,
+    experiments,
+    export,
+    flight,
+    kept_places,
+    place,
+    placing,
+    plan,
+    robot,
+    runs,
+    status,
+    timeline,
+    track,
+    view_settings,
+)
+from app.page.panels import map as map_panel
 from app.page.panels.panel import Page, Panel, PanelEntry
-from app.page.panels.place import PlacePanel
-from app.page.panels.placing import PlacingPanel
-from app.page.panels.plan import PlanPanel
-from app.page.panels.robot import RobotPanel
-from app.page.panels.runs import RunsPanel
-from app.page.panels.status import StatusPanel
-from app.page.panels.timeline import TimelinePanel
-from app.page.panels.view_settings import ViewSettingsPanel
+from app.places.track_sources import TrackSources
 from nerfnav.registry import Registry
 
 _ICON = viser.Icon
 
 PANELS: Registry[PanelEntry] = Registry("panel", (
-    PanelEntry("status", lambda page: StatusPanel(page.server, page.post)),
-    PanelEntry("timeline", lambda page: TimelinePanel(page.server, page.post)),
-    PanelEntry("camera", lambda page: CameraPanel(page.server)),
-    PanelEntry("command palette", lambda page: CommandPalette(page.server, page.post)),
-    PanelEntry("place", lambda page: PlacePanel(page.server, page.post, page.library), "Scene", _ICON.MAP_2),
-    PanelEntry("kept places", lambda page: KeptPlacesPanel(page.server, page.post, page.library), "Scene"),
-    PanelEntry("ends", lambda page: EndsPanel(page.server, page.post), "Scene"),
-    PanelEntry("robot", lambda page: RobotPanel(page.server, page.post, page.library), "Scene"),
-    PanelEntry("placing", lambda page: PlacingPanel(page.server, page.post), "Scene"),
-    PanelEntry("view settings", lambda page: ViewSettingsPanel(page.server, page.post), "Scene"),
-    PanelEntry("plan", lambda page: PlanPanel(page.server, page.post), "Plan", _ICON.ROUTE),
-    PanelEntry("flight", lambda page: FlightPanel(page.server, page.post), "Fly", _ICON.DRONE),
-    PanelEntry("estimate", lambda page: EstimatePanel(page.server, page.post), "Estimate", _ICON.FOCUS_2),
-    PanelEntry("runs", lambda page: RunsPanel(page.server, page.post), "Runs", _ICON.HISTORY),
-    PanelEntry("experiments", lambda page: ExperimentsPanel(page.server, page.post), "Experiments", _ICON.FLASK),
-    PanelEntry("export", lambda page: ExportPanel(page.server, page.post), "Export", _ICON.DOWNLOAD),
-    PanelEntry("map", lambda page: MapPanel(page.server, page.post), "Export"),
+    PanelEntry("status", lambda page: status.StatusPanel(page.server, page.post)),
+    PanelEntry("timeline", lambda page: timeline.TimelinePanel(page.server, page.post)),
+    PanelEntry("camera", lambda page: camera.CameraPanel(page.server)),
+    PanelEntry("command palette", lambda page: command_palette.CommandPalette(page.server, page.post)),
+    PanelEntry("place", lambda page: place.PlacePanel(page.server, page.post, page.library), "Scene", _ICON.MAP_2),
+    PanelEntry("kept places", lambda page: kept_places.KeptPlacesPanel(page.server, page.post, page.library), "Scene"),
+    PanelEntry("ends", lambda page: ends.EndsPanel(page.server, page.post), "Scene"),
+    PanelEntry("robot", lambda page: robot.RobotPanel(page.server, page.post, page.library), "Scene"),
+    PanelEntry("placing", lambda page: placing.PlacingPanel(page.server, page.post), "Scene"),
+    PanelEntry("view settings", lambda page: view_settings.ViewSettingsPanel(page.server, page.post), "Scene"),
+    PanelEntry("plan", lambda page: plan.PlanPanel(page.server, page.post), "Plan", _ICON.ROUTE),
+    PanelEntry("flight", lambda page: flight.FlightPanel(page.server, page.post), "Fly", _ICON.DRONE),
+    PanelEntry("estimate", lambda page: estimate.EstimatePanel(page.server, page.post), "Estimate", _ICON.FOCUS_2),
+    PanelEntry("track", lambda page: track.TrackPanel(page.server, page.post, TrackSources()), "Estimate"),
+    PanelEntry("runs", lambda page: runs.RunsPanel(page.server, page.post), "Runs", _ICON.HISTORY),
+    PanelEntry(
+        "experiments", lambda page: experiments.ExperimentsPanel(page.server, page.post), "Experiments", _ICON.FLASK
+    ),
+    PanelEntry("export", lambda page: export.ExportPanel(page.server, page.post), "Export", _ICON.DOWNLOAD),
+    PanelEntry("map", lambda page: map_panel.MapPanel(page.server, page.post), "Export"),
 ))  # fmt: skip
 """Name to panel, in the order of the page; a tab is where its first panel is."""
 

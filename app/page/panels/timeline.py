@@ -1,14 +1,15 @@
-"""The timeline of a flight: which time of it the scene, the pictures and the charts show."""
+"""The timeline of a flight or a track: which time of it the scene, the pictures and the charts show."""
 
+from bisect import bisect
 from collections.abc import Callable
 
 import viser
 from viser._messages import GuiSliderMark
 
-from app.page.panels.flight_marks import marks_of
+from app.page.panels.flight_marks import marks_of, spaced
 from app.state.actions import Command
-from app.state.records import FlightRecord
 from app.state.run_actions import PlayBack, Scrub
+from app.state.runs import Timed
 from app.state.session import Session
 
 _PLAY, _PAUSE = "Play back", "Hold"
@@ -24,8 +25,8 @@ class TimelinePanel:
             "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Which moment of the flight is shown"
         )
         self._button = server.gui.add_button(_PLAY, icon=viser.Icon.PLAYER_PLAY, color="gray", visible=False)
-        self._flight: FlightRecord | None = None
-        self._dt = 0.1
+        self._flight: Timed | None = None
+        self._times: tuple[float, ...] = (0.0,)
         self._asked: int | None = None
         self._playing = False
         self._slider.on_update(self._scrub)
@@ -37,18 +38,18 @@ class TimelinePanel:
     async def _scrub(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return  # the session wrote it
-        self._asked = round(self._slider.value / self._dt)
+        self._asked = nearest(self._times, float(self._slider.value))
         self._post(Scrub(self._asked))
 
     def show(self, session: Session) -> None:
         """Show where in time the flight is, and what has happened in it; while it flies, that is its last step."""
-        flight, shown = session.flight, session.shown_flight
+        flight, shown = session.timed, session.runs.shown(session.timed)
         visible = flight is not None and len(flight.steps) > 1
         self._slider.visible = visible
-        self._button.visible = visible and not session.in_flight
+        self._button.visible = visible and not session.growing
         if not visible or flight is None or shown is None:
             return
-        self._slider.disabled = session.in_flight
+        self._slider.disabled = session.growing
         if flight is not self._flight:
             self._flight, self._asked = flight, None
             self._span(flight)
@@ -56,19 +57,25 @@ class TimelinePanel:
         # a hand that holds the slider is ahead of the session: it must not be pulled back
         if self._asked in (None, at) or session.runs.timeline.playing:
             self._asked = None
-            self._slider.value = round(at * self._dt, 3)
+            self._slider.value = round(self._times[at], 3)
         if self._playing != session.runs.timeline.playing:
             self._playing = session.runs.timeline.playing
             self._button.label = _PAUSE if self._playing else _PLAY
             self._button.icon = viser.Icon.PLAYER_PAUSE if self._playing else viser.Icon.PLAYER_PLAY
 
-    def _span(self, flight: FlightRecord) -> None:
+    def _span(self, flight: Timed) -> None:
         """Reach over all of the flight, with a mark at each event."""
-        self._dt = flight.steps[0].plan.dt
-        end = round((len(flight.steps) - 1) * self._dt, 3)
-        marks = ((0.0, "0"), *marks_of(flight), (end, f"{end:g}"))
+        self._times = flight.times
+        end = round(self._times[-1], 3)
+        marks = spaced(marks_of(flight), end)
         with self._server.atomic():
-            self._slider.step, self._slider.max = self._dt, end
-            self._slider.precision = max(0, len(f"{self._dt:.6g}".partition(".")[2]))
+            self._slider.step, self._slider.max = flight.tick, end
+            self._slider.precision = max(0, len(f"{flight.tick:.6g}".partition(".")[2]))
             # viser takes marks where a slider is made, and has only an inner name for them later
-            self._slider._marks = tuple(GuiSliderMark(value, label) for value, label in marks)
+            self._slider._marks = tuple(GuiSliderMark(value, label or None) for value, label in marks)
+
+
+def nearest(times: tuple[float, ...], time: float) -> int:
+    """Which of the times, in order, is nearest to another [s]."""
+    after = bisect(times, time)
+    return min(range(max(0, after - 1), min(after + 1, len(times))), key=lambda index: abs(times[index] - time))

@@ -13,8 +13,9 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel
-from nerfnav.estimator.kernels.linear import multiply, solve_positive
-from nerfnav.field.kernels.sight import see_ray
+from nerfnav.estimator.kernels.glance import center, turn
+from nerfnav.field.kernels.sight import ray_scratch, see_ray
+from nerfnav.geometry.kernels.linear import multiply, solve_positive
 from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product, turned
 
 NEAR = 3.0
@@ -29,14 +30,15 @@ def descend(grid, sight, prior, settings, trace, held, moved):
     """Improve n poses from those in the first stage of `trace`; returns how many stages the longest descent has.
 
     `grid` as `see_ray` has it; `sight` is (directions in the camera (m, 3), colours (m, 3), R and p of the mount);
-    `prior` (information (8, 8), mean rotation, mean position, whether there is a mean, kappa); `settings` (iterations,
-    damping, robust, settled); `trace` (rotations, positions, exposures, cost, process, residual, change, seen, known,
-    slope), each (iterations + 1, n, ...), what was tried in each stage. `held` (iterations + 1, n) is filled with the
-    stage whose trial each pose holds then, and `moved` with how far the last step went.
+    `prior` (information (8, 8), mean rotation, mean position, whether there is a mean, kappa, slack); `settings`
+    (iterations, damping, robust, settled); `trace` (rotations, positions, exposures, cost, process, residual, change,
+    seen, known, slope), each (iterations + 1, n, ...), what was tried in each stage. `held` (iterations + 1, n) is
+    filled with the stage whose trial each pose holds then, and `moved` with how far the last step went.
     """
     iterations, damping, _, settled = settings
     pixels = sight[0].shape[0]
     rows, first = np.empty((9, 3 * pixels), np.float32), np.empty(pixels, np.float32)
+    trust = np.empty(3 * pixels, np.float32)
     anchor, step, longest, length = np.empty((4, 3)), np.empty(8), 0, 0.0
     for n in range(held.shape[1]):
         weight, best, stage, going = damping, 0, 0, True
@@ -46,15 +48,15 @@ def descend(grid, sight, prior, settings, trace, held, moved):
             held[later, n], moved[later, n] = 0, 0.0
         while going:
             if stage > 0:
-                _step(trace, (best, n), weight, step)
-                _move(trace, (best, stage, n), step)
+                damped_step(trace[7][best, n], trace[8][best, n], trace[9][best, n], weight, step)
+                move(trace, (best, n), step, (stage, n))
                 for i in range(6):
                     length = abs(step[i]) if i == 0 else max(length, abs(step[i]))
                 if length < settled:
                     _settle(trace, (best, stage, n), prior)
                     held[stage, n], moved[stage, n], best, stage = stage, length, stage, stage + 1
                     break
-            _evaluate(grid, sight, prior, settings[2], (trace, stage, n), (rows, first, anchor))
+            _evaluate(grid, sight, prior, settings[2], (trace, stage, n), (rows, first, anchor, trust))
             if stage > 0:
                 if trace[3][stage, n] < trace[3][best, n]:
                     best, weight = stage, max(0.2 * weight, LEAST_DAMPING)
@@ -72,29 +74,28 @@ def descend(grid, sight, prior, settings, trace, held, moved):
 
 
 @kernel(inline=True)
-def _step(trace, place, weight, step):
-    """The damped Gauss-Newton step (8)."""
-    best, n = place
+def damped_step(seen, known, slope, weight, step):
+    """Fill the damped Gauss-Newton step (8); returns whether there is one: where not, it is 0."""
     damped = np.empty((8, 8))
     for i in range(8):
         for j in range(8):
-            damped[i, j] = trace[7][best, n, i, j] + trace[8][best, n, i, j]
+            damped[i, j] = seen[i, j] + known[i, j]
     for i in range(8):
         damped[i, i] += weight * max(damped[i, i], 1e-9)
-    found = solve_positive(damped, trace[9][best, n], step)
+    found = solve_positive(damped, slope, step)
     for i in range(8):
         step[i] = -step[i] if found else 0.0
+    return found
 
 
 @kernel(inline=True)
-def _move(trace, place, step):
-    """The guess to try: the best (+) step."""
-    best, stage, n = place
-    turned(trace[0][best, n], step[3], step[4], step[5], trace[0][stage, n])
+def move(guesses, held, step, trial):
+    """The guess to try: that which is held (+) step. `held` and `trial` are places in `guesses`."""
+    turned(guesses[0][held], step[3], step[4], step[5], guesses[0][trial])
     for axis in range(3):
-        trace[1][stage, n, axis] = trace[1][best, n, axis] + step[axis]
+        guesses[1][trial][axis] = guesses[1][held][axis] + step[axis]
     for side in range(2):
-        trace[2][stage, n, side] = trace[2][best, n, side] + step[6 + side]
+        guesses[2][trial][side] = guesses[2][held][side] + step[6 + side]
 
 
 @kernel(inline=True)
@@ -113,40 +114,37 @@ def _evaluate(grid, sight, prior, robust, place, scratch):
     """Fill cost, residual, curvature and slope of a stage from its guess."""
     trace, stage, n = place
     rotation, position, exposure = trace[0][stage, n], trace[1][stage, n], trace[2][stage, n]
-    rows, first, anchor = scratch
-    loss = look(grid, sight, rotation, position, exposure, robust, trace[5][stage, n], rows, first, anchor)
+    guess, bounds = (rotation, position, exposure), (robust, prior[5] if stage == 0 else -1.0)
+    loss = look(grid, sight, guess, bounds, trace[5][stage, n], scratch)
     seen, known, slope = trace[7][stage, n], trace[8][stage, n], trace[9][stage, n]
-    sums(rows, rotation, sight[3], prior[4], seen, slope)
+    sums(scratch[0], rotation, sight[3], prior[4], seen, slope)
     process = pulled(prior, rotation, position, exposure, trace[6][stage, n], known, slope)
     trace[3][stage, n], trace[4][stage, n] = prior[4] * loss + process, process
 
 
 @kernel()
-def look(grid, sight, rotation, position, exposure, robust, residuals, rows, first, anchor):
+def look(grid, sight, guess, bounds, residuals, scratch):
     """Follow the rays of all pixels: fill residuals (m, 3) and rows (9, 3 m); returns the sum of the robust squares.
 
-    Rows hold sqrt(w) times the derivatives by the camera's motion (6), by gain and bias, and the residual.
+    Rows hold sqrt(w) times the derivatives by the camera's motion (6), by gain and bias, and the residual. `bounds` are
+    Huber's and the slack from which trust w is made (see newton.py); where that is negative, trust is that of before.
     """
     directions, colors = sight[0], sight[1]
+    rotation, position, exposure = guess
+    rows, first, anchor, trust = scratch
+    bound, slack = np.float32(bounds[0]), np.float32(bounds[1])
     camera = np.empty((3, 3))
     product(rotation, sight[2], camera)
-    gain, bias, bound = np.float32(1.0 + exposure[0]), np.float32(exposure[1]), np.float32(robust)
-    origin, way = np.empty(3, np.float32), np.empty(3, np.float32)
+    gain, bias = np.float32(1.0 + exposure[0]), np.float32(exposure[1])
+    origin, way, march = np.empty(3, np.float32), np.empty(3, np.float32), ray_scratch()
     color, jacobian = np.empty(3, np.float32), np.empty((3, 6), np.float32)
-    for axis in range(3):
-        arm = rotation[axis, 0] * sight[3][0] + rotation[axis, 1] * sight[3][1] + rotation[axis, 2] * sight[3][2]
-        origin[axis] = position[axis] + arm
+    center(rotation, position, sight[3], origin)
     fresh, moved, swung = _moved(grid, rotation, position, anchor)
     step, loss = grid[5], 0.0
     for pixel in range(directions.shape[0]):
-        for axis in range(3):
-            way[axis] = (
-                camera[axis, 0] * directions[pixel, 0]
-                + camera[axis, 1] * directions[pixel, 1]
-                + camera[axis, 2] * directions[pixel, 2]
-            )
+        turn(camera, directions[pixel], way)
         begin = first[pixel] - np.float32(LEEWAY) * (moved + swung * first[pixel]) - np.float32(2.0) * step
-        met = see_ray(grid, origin, way, np.float32(0.0) if fresh else begin, color, jacobian)
+        met = see_ray(grid, (origin, way), np.float32(0.0) if fresh else begin, color, jacobian, march)
         if fresh:
             first[pixel] = met
         for channel in range(3):
@@ -155,12 +153,32 @@ def look(grid, sight, rotation, position, exposure, robust, residuals, rows, fir
             size = abs(error)
             residuals[pixel, channel] = error
             near = size <= bound
-            loss += error * error if near else bound * (np.float32(2.0) * size - bound)
-            root = np.float32(1.0) if near else np.float32(math.sqrt(bound / size))
+            if slack >= np.float32(0.0):
+                steep = slack * gain
+                steep *= steep * (jacobian[channel, 0] ** 2 + jacobian[channel, 1] ** 2 + jacobian[channel, 2] ** 2)
+                trust[row] = np.float32(1.0) / (np.float32(1.0) + steep)
+            loss += trust[row] * (error * error if near else bound * (np.float32(2.0) * size - bound))
+            root = np.float32(math.sqrt(trust[row] if near else trust[row] * bound / size))
             for i in range(6):
                 rows[i, row] = root * gain * jacobian[channel, i]
             rows[6, row], rows[7, row], rows[8, row] = root * color[channel], root, root * error
-    return loss
+    return loss * _evened(trust, rows) if slack >= np.float32(0.0) else loss
+
+
+@kernel(inline=True)
+def _evened(trust, rows):
+    """Make the mean of `trust` 1, and rows what they are with that; returns by how much trust grew."""
+    total = np.float32(0.0)
+    for row in range(trust.shape[0]):
+        total += trust[row]
+    growth = np.float32(trust.shape[0]) / total
+    root = np.float32(math.sqrt(growth))
+    for row in range(trust.shape[0]):
+        trust[row] *= growth
+    for i in range(rows.shape[0]):
+        for row in range(rows.shape[1]):
+            rows[i, row] *= root
+    return growth
 
 
 @kernel(inline=True)
@@ -216,7 +234,7 @@ def sums(rows, rotation, mount, kappa, seen, slope):
 @kernel()
 def pulled(prior, rotation, position, exposure, change, known, slope):
     """Fill how far a guess is from what is known, and add what that pulls; returns the process term."""
-    information, mean_rotation, mean_position, has_mean, _ = prior
+    information, mean_rotation, mean_position, has_mean = prior[:4]
     derivative, turn, unit, column = np.zeros((8, 8)), np.zeros(3), np.zeros(3), np.empty(3)
     for i in range(8):
         change[i], derivative[i, i] = 0.0, 1.0

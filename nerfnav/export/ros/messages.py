@@ -8,6 +8,7 @@ from the start, 0 s.
     /odometry    nav_msgs/Odometry                      pose in `map`, velocities in the axes of `base_link`
     /tf          tf2_msgs/TFMessage                     the same pose as the transform from `map` to `base_link`
     /estimate    geometry_msgs/PoseWithCovarianceStamped   of a flight: what the robot believed, with its covariance
+    /picture     sensor_msgs/CompressedImage            of a flight: what its camera saw, JPEG
 
 /about and /path come once, latched: their durability is transient_local. The odometry of a flight is what truly
 happened in the simulation, that of a plan what is intended: both are exact, which the zeros of their covariance say.
@@ -21,10 +22,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+from jaxtyping import UInt8
+from torch import Tensor
 
 from nerfnav.export.recording import Recording
 from nerfnav.extras import from_extra
-from nerfnav.geometry import so3
+from nerfnav.geometry import picture_file, so3
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION
 
@@ -40,8 +43,11 @@ TOPICS = {
     "/odometry": "nav_msgs/msg/Odometry",
     "/tf": "tf2_msgs/msg/TFMessage",
     "/estimate": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "/picture": "sensor_msgs/msg/CompressedImage",
 }
 """What is said under which name."""
+_OF_FLIGHTS = ("/estimate", "/picture")
+_QUALITY = 90
 _LATCHED = ("/about", "/path")
 _FOREVER_S, _FOREVER_NS = 9223372036, 854775807
 
@@ -71,8 +77,8 @@ def definition(message_type: str) -> str:
 
 
 def topics(recording: Recording) -> dict[str, str]:
-    """Topics of a recording and their message types; plans have no estimate."""
-    return {topic: kind for topic, kind in TOPICS.items() if recording.steps or topic != "/estimate"}
+    """Topics of a recording and their message types; plans have neither an estimate nor pictures."""
+    return {topic: kind for topic, kind in TOPICS.items() if recording.steps or topic not in _OF_FLIGHTS}
 
 
 def about(recording: Recording) -> dict[str, str]:
@@ -108,6 +114,9 @@ def messages(recording: Recording) -> Iterator[RosMessage]:
         yield made.message("/tf", row, made.transform(row))
         if recording.steps:
             yield made.message("/estimate", row, made.estimate(row))
+            seen = recording.steps[row].image
+            if seen is not None:
+                yield made.message("/picture", row, compressed(seen, made.header(row, BODY)))
 
 
 class _Maker:
@@ -128,15 +137,15 @@ class _Maker:
 
     def path(self) -> Any:
         rows = range(len(self._times))
-        poses = [_new("geometry_msgs/msg/PoseStamped", self._header(row), self._pose(row)) for row in rows]
-        return _new("nav_msgs/msg/Path", self._header(0), poses)
+        poses = [_new("geometry_msgs/msg/PoseStamped", self.header(row), self._pose(row)) for row in rows]
+        return _new("nav_msgs/msg/Path", self.header(0), poses)
 
     def odometry(self, row: int) -> Any:
         exact = np.zeros(36)
         twist = _new("geometry_msgs/msg/Twist", _vector(self._velocity_body[row]), _vector(self._rate[row]))
         return _new(
             "nav_msgs/msg/Odometry",
-            self._header(row),
+            self.header(row),
             BODY,
             _new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), exact),
             _new("geometry_msgs/msg/TwistWithCovariance", twist, exact),
@@ -146,17 +155,17 @@ class _Maker:
         pose = self._pose(row)
         moved = _vector([pose.position.x, pose.position.y, pose.position.z])
         transform = _new("geometry_msgs/msg/Transform", moved, pose.orientation)
-        stamped = _new("geometry_msgs/msg/TransformStamped", self._header(row), BODY, transform)
+        stamped = _new("geometry_msgs/msg/TransformStamped", self.header(row), BODY, transform)
         return _new("tf2_msgs/msg/TFMessage", [stamped])
 
     def estimate(self, row: int) -> Any:
         believed = self._believed[row]  # whose quaternions have no sign flips
         covariance = pose_covariance(self._steps[row])
         pose = _new("geometry_msgs/msg/PoseWithCovariance", _pose(believed[:3], believed[3:]), covariance)
-        return _new("geometry_msgs/msg/PoseWithCovarianceStamped", self._header(row), pose)
+        return _new("geometry_msgs/msg/PoseWithCovarianceStamped", self.header(row), pose)
 
-    def _header(self, row: int) -> Any:
-        return _header(self._times[row])
+    def header(self, row: int, frame: str = WORLD) -> Any:
+        return header(round(1e9 * self._times[row]), frame)
 
     def _pose(self, row: int) -> Any:
         return _pose(self._position[row], self._quaternion[row])
@@ -178,10 +187,16 @@ def _new(name: str, *values: Any) -> Any:
     return typestore().types[name](*values)
 
 
-def _header(seconds: float) -> Any:
-    nanoseconds = round(1e9 * seconds)
+def header(nanoseconds: int, frame: str) -> Any:
+    """A std_msgs/Header at a time [ns]."""
     stamp = _new("builtin_interfaces/msg/Time", nanoseconds // 10**9, nanoseconds % 10**9)
-    return _new("std_msgs/msg/Header", stamp, WORLD)
+    return _new("std_msgs/msg/Header", stamp, frame)
+
+
+def compressed(picture: UInt8[Tensor, "height width 3"], header: Any) -> Any:
+    """A picture as sensor_msgs/CompressedImage."""
+    data = np.frombuffer(picture_file(picture.numpy(), _QUALITY), np.uint8)
+    return _new("sensor_msgs/msg/CompressedImage", header, "jpeg", data)
 
 
 def _vector(values: list[float]) -> Any:

@@ -13,14 +13,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.export.ros.messages import WORLD, definition, typestore
+from nerfnav.export.ros.messages import WORLD, compressed, definition, header, typestore
 from nerfnav.export.track import placed
 from nerfnav.extras import from_extra
-from nerfnav.geometry import picture_file, so3
+from nerfnav.geometry import so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.tracking import Tracked
 
@@ -31,7 +30,6 @@ _TOPICS = {
     "/field_picture": "sensor_msgs/msg/CompressedImage",
 }
 _CAMERA = "camera"
-_QUALITY = 90
 
 
 class TrackRecorder:
@@ -67,9 +65,9 @@ class TrackRecorder:
         if self._empty:
             self._write("/about", nanoseconds, _new("std_msgs/msg/String", json.dumps(self._about)))
             self._empty = False
-        self._write("/picture", nanoseconds, _picture(nanoseconds, picture))
+        self._write("/picture", nanoseconds, compressed(picture, header(nanoseconds, _CAMERA)))
         if shown is not None:
-            self._write("/field_picture", nanoseconds, _picture(nanoseconds, shown))
+            self._write("/field_picture", nanoseconds, compressed(shown, header(nanoseconds, _CAMERA)))
         if tracked.status.updated:
             self._write("/pose", nanoseconds, _pose(nanoseconds, tracked))
 
@@ -86,21 +84,10 @@ def _new(name: str, *values: Any) -> Any:
     return typestore().types[name](*values)
 
 
-def _header(nanoseconds: int, frame: str) -> Any:
-    stamp = _new("builtin_interfaces/msg/Time", nanoseconds // 10**9, nanoseconds % 10**9)
-    return _new("std_msgs/msg/Header", stamp, frame)
-
-
-def _picture(nanoseconds: int, picture: Tensor) -> Any:
-    data = np.frombuffer(picture_file(picture.numpy(), _QUALITY), np.uint8)
-    return _new("sensor_msgs/msg/CompressedImage", _header(nanoseconds, _CAMERA), "jpeg", data)
-
-
 def _pose(nanoseconds: int, tracked: Tracked) -> Any:
     pose, covariance = placed(tracked, Similarity.identity())
     w, x, y, z = so3.quaternion_from_matrix(pose.rotation).tolist()
     point = _new("geometry_msgs/msg/Point", *pose.position.tolist())
     posed = _new("geometry_msgs/msg/Pose", point, _new("geometry_msgs/msg/Quaternion", x, y, z, w))
     with_covariance = _new("geometry_msgs/msg/PoseWithCovariance", posed, covariance.numpy().reshape(-1))
-    header = _header(nanoseconds, WORLD)
-    return _new("geometry_msgs/msg/PoseWithCovarianceStamped", header, with_covariance)
+    return _new("geometry_msgs/msg/PoseWithCovarianceStamped", header(nanoseconds, WORLD), with_covariance)

@@ -83,6 +83,41 @@ def interpolate(values, channel, i, j, k, weights):
 
 
 @kernel(inline=True)
+def between(values, channel, i, j, k, x, y, z):
+    """Value of a channel at a fraction (x, y, z) of a cell."""
+    near00, near01 = values[i, j, k, channel], values[i, j + 1, k, channel]
+    near10, near11 = values[i + 1, j, k, channel], values[i + 1, j + 1, k, channel]
+    edge00 = near00 + z * (values[i, j, k + 1, channel] - near00)
+    edge01 = near01 + z * (values[i, j + 1, k + 1, channel] - near01)
+    edge10 = near10 + z * (values[i + 1, j, k + 1, channel] - near10)
+    edge11 = near11 + z * (values[i + 1, j + 1, k + 1, channel] - near11)
+    face0, face1 = edge00 + y * (edge01 - edge00), edge10 + y * (edge11 - edge10)
+    return face0 + x * (face1 - face0)
+
+
+@kernel(inline=True)
+def slopes_between(values, channel, i, j, k, x, y, z):
+    """Value of a channel at a fraction (x, y, z) of a cell, and its gradient [1 / node].
+
+    Indices are made unsigned: numba then need not ask of each whether it counts from the end.
+    """
+    one, next_one = np.float32(1.0), np.uint64(1)
+    i, j, k = np.uint64(i), np.uint64(j), np.uint64(k)
+    up, right, on = i + next_one, j + next_one, k + next_one
+    near00, far00 = values[i, j, k, channel], values[i, j, on, channel]
+    near01, far01 = values[i, right, k, channel], values[i, right, on, channel]
+    near10, far10 = values[up, j, k, channel], values[up, j, on, channel]
+    near11, far11 = values[up, right, k, channel], values[up, right, on, channel]
+    edge00, edge01 = near00 + z * (far00 - near00), near01 + z * (far01 - near01)
+    edge10, edge11 = near10 + z * (far10 - near10), near11 + z * (far11 - near11)
+    face0, face1 = edge00 + y * (edge01 - edge00), edge10 + y * (edge11 - edge10)
+    by_y = (one - x) * (edge01 - edge00) + x * (edge11 - edge10)
+    along0 = (one - y) * (far00 - near00) + y * (far01 - near01)
+    along1 = (one - y) * (far10 - near10) + y * (far11 - near11)
+    return face0 + x * (face1 - face0), face1 - face0, by_y, (one - x) * along0 + x * along1
+
+
+@kernel(inline=True)
 def slab(start, slope, count, enter, leave):
     """Narrow the interval [enter, leave] of a ray to one axis of the grid; coordinates run from 0 to count - 1."""
     if abs(slope) < np.float32(1e-9):
@@ -94,13 +129,12 @@ def slab(start, slope, count, enter, leave):
 
 
 @kernel(inline=True)
-def block_exit(start, slope, cell):
-    """Distance along the ray at which it leaves, along one axis, the block that holds `cell`."""
+def cube_exit(start, slope, cell, shift):
+    """Distance along a ray at which it leaves, along one axis, the cube of 2^shift cells a side that holds `cell`."""
     if abs(slope) < np.float32(1e-9):
         return np.float32(np.inf)
-    block = cell >> BLOCK_SHIFT
-    border = (block + 1) << BLOCK_SHIFT if slope > np.float32(0.0) else block << BLOCK_SHIFT
-    return (np.float32(border) - start) / slope
+    cube = (cell >> shift) + (1 if slope > np.float32(0.0) else 0)
+    return (np.float32(cube << shift) - start) / slope
 
 
 @kernel(inline=True)

@@ -7,7 +7,8 @@ import numpy as np
 
 from nerfnav.compiled import kernel, prange
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, node_counts, part_of
-from nerfnav.field.kernels.march import CHUNK, STOPPED, grid_ray, locate, next_sample, sample_count, scratch
+from nerfnav.field.kernels.light import STOPPED
+from nerfnav.field.kernels.march import CHUNK, grid_ray, locate, next_sample, sample_count, scratch
 from nerfnav.field.kernels.ray_sums import add_sample, finish_ray, values_and_slopes
 from nerfnav.field.kernels.shell_slopes import add_shells
 
@@ -16,7 +17,7 @@ from nerfnav.field.kernels.shell_slopes import add_shells
 def colors_and_jacobian(values, occupied, lower, per_meter, origins, directions, scale, step, background, outer):
     """Colours (n, 3) of rays and their derivatives (n, 3, 6) by d(centre) [1/m] and d(turn) [1/rad].
 
-    `outer` (m, m, m, 4) are the surroundings, m = 0: none.
+    `outer` are the `Shells` around (see kernels/shells.py).
     """
     count = origins.shape[0]
     shape = node_counts(values, lower)
@@ -42,7 +43,7 @@ def colors_and_jacobian(values, occupied, lower, per_meter, origins, directions,
                 values_and_slopes(part, (i, j, k), fraction, per_meter, mixed)
                 if mixed[0, 0] >= NEGLIGIBLE_RAW:
                     light = add_sample(mixed, scale, step, distance, light, sums)
-            if outer.shape[0] > 0 and light > STOPPED:
+            if outer[0].shape[0] > 0 and light > STOPPED:
                 through = (start, slope, directions[ray], shape, per_meter)
                 light, _ = add_shells(outer, through, np.float32(0.0), light, np.float32(0.0), sums)
             finish_ray(sums, light, background, directions[ray], colors[ray], jacobians[ray])

@@ -2,11 +2,11 @@
 
 For a ray with colour C = sum_i w_i c_i + T_end b and loss L with g = dL/dC:
 
-    dL/dc_i   = w_i g
-    dL/drho_i = step (T_{i+1} c_i . g  -  sum_{j>i} w_j c_j . g  -  T_end b . g)
+    dL/dc_i = w_i g
+    dL/do_i = T_{i+1} c_i . g  -  sum_{j>i} w_j c_j . g  -  T_end b . g
 
-(the second line because all light behind sample i shrinks by exp(-rho_i step)). The shells of the surroundings are
-further samples behind those in the box, with an optical depth in place of rho_i step. Each thread adds up gradients
+(the second line because all light behind sample i, of optical depth o_i = rho_i step, shrinks by exp(-o_i)). The shells
+of the surroundings are further samples behind those in the box. Each thread adds up gradients
 in an array of its own, always for the same rays and in the same order: the result is the same bit for bit whenever
 the number of threads is the same. Gradients and moments exist for those blocks only that have a slot.
 """
@@ -20,13 +20,42 @@ from nerfnav.field.kernels.cells import (
     BLOCK_SHIFT,
     NEGLIGIBLE_RAW,
     corner_weights,
-    interpolate,
+    cube_exit,
     node_in_block,
     sigmoid,
     softplus,
 )
-from nerfnav.field.kernels.march import STOPPED, grid_ray, locate, next_sample, sample_count, scratch
+from nerfnav.field.kernels.light import STOPPED, column_at, entry_at, tabled
+from nerfnav.field.kernels.march import grid_ray, locate, sample_count
+from nerfnav.field.kernels.parts import empty_side
 from nerfnav.field.kernels.shells import RAW_TO_DEPTH, cross_shell, shell_count
+
+DARK = np.float32(1e-3)
+"""Transmittance below which nothing is learned: Adam would move what nobody sees as far as what everybody does."""
+FAINT = np.float32(1e-4)
+"""Share of the light that a sample must stop to be learned from: about what density that is taken for none stops."""
+
+_OPAQUE_RAW = np.float32(-np.inf)
+"""Raw density that has no slope: that of what is opaque whatever is learned."""
+
+
+def depth_table(scale: float, step: float, unit: float) -> np.ndarray:
+    """1 - exp(-o), do/draw and what sparsity adds to dL/draw (entries, 3), by raw density from NEGLIGIBLE_RAW on.
+
+    Samples stand for `step` [m]. Sparsity is the integral of log(1 + 2 rho^2) with rho in 1 / unit and lengths in
+    units, so that a place may be of any size; it drives thin fog away (Hedman et al., "Baking neural radiance fields",
+    ICCV 2021).
+    """
+    raw = tabled()
+    density, slope = scale * np.logaddexp(0.0, raw), scale * step / (1.0 + np.exp(-raw))
+    thinning = slope * 4 * unit * density / (1 + 2 * (unit * density) ** 2)
+    return np.stack([-np.expm1(-step * density), slope, thinning], -1).astype(np.float32)
+
+
+@kernel(inline=True)
+def between_entries(table, raw, column):
+    """A column of `depth_table` at a raw density."""
+    return column_at(table, entry_at(table, raw), column)
 
 
 @kernel(inline=True)
@@ -67,114 +96,160 @@ def scatter(gradient, touched, slots, cell, weights, by_value):
         touched[block] = 1
 
 
+@kernel(inline=True)
+def keep(nodes, first, along, weights, passing, row):
+    """Fill `row` with colour (3), weight and light behind of a sample; returns the latter.
+
+    `passing` is the light before it, and the share of it that the sample stops.
+    """
+    light, stopped = passing
+    row[3], row[4] = light * stopped, light * (np.float32(1.0) - stopped)
+    for channel in range(3):
+        row[channel] = mixed(nodes, channel + 1, first, along, weights)
+    return row[4]
+
+
+@kernel(inline=True)
+def keep_in_box(grid, march, table, sample, kept):
+    """Keep what a ray meets in the box: how many samples, and the light that is left.
+
+    `march` = (start, slope, enter, samples, step), `sample` = (cell, fraction), `kept` = (rows, raws, cells, corners):
+    rows as `keep` fills them, raw densities, cells and the weights of their corners.
+    """
+    values, parts = grid[0], grid[1]
+    start, slope, enter, samples, step = march
+    cell, fraction = sample
+    rows, raws, cells, corners = kept
+    shape = values.shape
+    nodes = values.reshape((-1, 4))
+    along = np.uint64(shape[1] * shape[2]), np.uint64(shape[2]), np.uint64(1)
+    most = 4 * (shape[0] + shape[1] + shape[2])
+    light, index, found = np.float32(1.0), 0, 0
+    while index < samples and light > DARK and found < most:
+        distance = locate(index, enter, step, start, slope, shape, cell, fraction)
+        i, j, k = cell[0], cell[1], cell[2]
+        side = empty_side(parts, i, j, k)
+        if side > 0:
+            leave = np.float32(np.inf)
+            for axis in range(3):
+                leave = min(leave, cube_exit(start[axis], slope[axis], cell[axis], side))
+            index += max(1, int((leave - distance) / step) + 1)
+            continue
+        index += 1
+        weights = corners[found]
+        corner_weights(fraction[0], fraction[1], fraction[2], weights)
+        first = np.uint64((i * shape[1] + j) * shape[2] + k)
+        raw = mixed(nodes, 0, first, along, weights)
+        if raw < NEGLIGIBLE_RAW:
+            continue
+        stopped = between_entries(table, raw, 0)
+        if stopped < FAINT:
+            continue
+        light = keep(nodes, first, along, weights, (light, stopped), rows[found])
+        raws[found], cells[found, 0], cells[found, 1], cells[found, 2] = raw, i, j, k
+        found += 1
+    return found, light
+
+
+@kernel(inline=True)
+def keep_shells(outer_values, march, passed, sample, kept):
+    """Keep what a ray meets in the shells of the surroundings, behind what it `passed` in the box, as `keep_in_box`.
+
+    `march` = (start, slope, jitter, shape of the inner grid).
+    """
+    start, slope, jitter, shape = march
+    cell, fraction = sample
+    rows, raws, cells, corners = kept
+    nodes_along = outer_values.shape[0]
+    shells = shell_count(nodes_along)
+    nodes = outer_values.reshape((-1, 4))
+    along = np.uint64(nodes_along * nodes_along), np.uint64(nodes_along), np.uint64(1)
+    found, light = passed
+    for shell in range(shells):
+        if light <= STOPPED:
+            break
+        position = np.float32(shell) + np.float32(0.98) * jitter
+        if cross_shell(position, nodes_along, start, slope, shape, cell, fraction) < np.float32(0.0):
+            continue
+        weights = corners[found]
+        corner_weights(fraction[0], fraction[1], fraction[2], weights)
+        first = np.uint64((cell[0] * nodes_along + cell[1]) * nodes_along + cell[2])
+        raw, stopped = mixed(nodes, 0, first, along, weights), np.float32(1.0)
+        if shell + 1 < shells:
+            stopped = np.float32(1.0) - np.float32(math.exp(-RAW_TO_DEPTH * softplus(raw)))
+        light = keep(nodes, first, along, weights, (light, stopped), rows[found])
+        # the last shell is opaque, whatever its raw density
+        raws[found] = raw if shell + 1 < shells else _OPAQUE_RAW
+        cells[found, 0], cells[found, 1], cells[found, 2] = cell[0], cell[1], cell[2]
+        found += 1
+    return found, light
+
+
+@kernel(inline=True)
+def color_error(rows, found, light, background, target, pull):
+    """Squared colour error of a ray; fills `pull` (3) with g = dL/dC, and returns T_end b . g besides."""
+    error = behind = np.float32(0.0)
+    for channel in range(3):
+        difference = light * background[channel] - target[channel]
+        for index in range(found):
+            difference += rows[index, 3] * rows[index, channel]
+        error += difference * difference
+        pull[channel] = np.float32(2.0) * difference
+        behind += light * background[channel] * pull[channel]
+    return error, behind
+
+
+@kernel(inline=True)
+def sample_gradient(row, pull, behind, by_value):
+    """Fill colours' part of a sample's gradient (4), and dL/do in place of that of its raw density.
+
+    `behind` is what of C . g comes from behind it; returns that with the sample.
+    """
+    along = row[0] * pull[0] + row[1] * pull[1] + row[2] * pull[2]
+    by_value[0] = row[4] * along - behind
+    for channel in range(3):
+        by_value[channel + 1] = row[3] * pull[channel]
+    return behind + row[3] * along
+
+
 @kernel(parallel=True)
 def loss_and_gradient(grid, rays, scales, background, inner, outer):
     """Summed squared colour error of rays; adds its derivative to gradients[t] and marks touched[t] of thread t.
 
-    `grid` = (values, occupied, lower, per_meter); `rays` = (origins, directions, jitter, targets), of which jitter (n)
-    moves all samples of a ray by a share of a step, from -0.5 to 0.5; `scales` = (scale, step, sparsity, unit).
-    `inner` = (slots, gradients, touched) of the box, `outer` = (values, slots, gradients, touched) of the surroundings,
-    whose values have the shape (0, 0, 0, 4) where there are none. Per-ray errors (n) are returned.
-    `sparsity` weighs the integral of log(1 + 2 rho^2) along the visible ray, with rho in 1 / unit and lengths in
-    units, so that a place may be of any size; it drives thin fog away (Hedman et
-    al., "Baking neural radiance fields", ICCV 2021); it counts in the gradient, not in the errors.
+    `grid` = (values, parts, lower, per_meter), see parts.py; `rays` = (origins, directions, jitter, targets), of which
+    jitter (n) moves all samples of a ray by a share of a step, from -0.5 to 0.5; `scales` = (step, sparsity, table),
+    see `depth_table`. `inner` = (slots, gradients, touched) of the box, `outer` = (values, slots, gradients, touched)
+    of the surroundings, whose values have the shape (0, 0, 0, 4) where there are none. Per-ray errors (n) are returned.
+    `sparsity` weighs what drives fog away: it counts in the gradient, not in the errors.
     """
-    values, occupied, lower, per_meter = grid
     origins, directions, jitter, targets = rays
-    scale, step, sparsity, unit = scales
+    step, sparsity, table = scales
     slots, gradients, touched = inner
-    outer_values, outer_slots, outer_gradients, outer_touched = outer
-    count, workers, shape = origins.shape[0], gradients.shape[0], values.shape
-    nodes = outer_values.shape[0]
-    shells = shell_count(nodes)
-    most_inside = 4 * (shape[0] + shape[1] + shape[2])
-    longest = most_inside + shells
-    nodes_of = values.reshape((-1, 4))
-    strides = np.uint64(shape[1] * shape[2]), np.uint64(shape[2]), np.uint64(1)
+    around, outer_slots, outer_gradients, outer_touched = outer
+    count, workers, shape = origins.shape[0], gradients.shape[0], grid[0].shape
+    longest = 4 * (shape[0] + shape[1] + shape[2]) + shell_count(around.shape[0])
     errors = np.zeros(count, np.float32)
     for worker in prange(workers):
-        start, slope, cell, fraction, weights = scratch()
-        kept = np.empty(longest, np.int64)
-        kept_light = np.empty(longest, np.float32)
-        kept_weight = np.empty(longest, np.float32)
-        kept_raw = np.empty(longest, np.float32)
-        kept_color = np.empty((longest, 3), np.float32)
-        by_value = np.empty(4, np.float32)
+        start, slope = np.empty(3, np.float32), np.empty(3, np.float32)
+        sample = np.empty(3, np.int64), np.empty(3, np.float32)
+        rows, raws = np.empty((longest, 5), np.float32), np.empty(longest, np.float32)
+        cells, corners = np.empty((longest, 3), np.int64), np.empty((longest, 8), np.float32)
+        kept = rows, raws, cells, corners
+        pull, by_value = np.empty(3, np.float32), np.empty(4, np.float32)
         for ray in range(worker * count // workers, (worker + 1) * count // workers):
-            enter, leave = grid_ray(origins[ray], directions[ray], lower, per_meter, shape, start, slope)
-            samples = sample_count(enter, leave, step)
-            enter += jitter[ray] * step
-            color = np.zeros(3, np.float32)
-            light = np.float32(1.0)
-            index, found = 0, 0
-            while index < samples and light > STOPPED and found < most_inside:
-                locate(index, enter, step, start, slope, shape, cell, fraction)
-                following = next_sample(index, enter, step, start, slope, cell, occupied)
-                if following > index:
-                    index = following
-                    continue
-                i, j, k = cell[0], cell[1], cell[2]
-                corner_weights(fraction[0], fraction[1], fraction[2], weights)
-                node = np.uint64((i * shape[1] + j) * shape[2] + k)
-                raw = mixed(nodes_of, 0, node, strides, weights)
-                if raw > NEGLIGIBLE_RAW:
-                    through = np.float32(math.exp(-scale * softplus(raw) * step))
-                    weight = light * (np.float32(1.0) - through)
-                    light *= through
-                    for channel in range(3):
-                        shade = mixed(nodes_of, channel + 1, node, strides, weights)
-                        kept_color[found, channel] = shade
-                        color[channel] += weight * shade
-                    kept[found], kept_light[found] = index, light
-                    kept_weight[found], kept_raw[found] = weight, raw
-                    found += 1
-                index += 1
-            inside, shell = found, 0
-            while shell < shells and light > STOPPED:
-                position = np.float32(shell) + np.float32(0.98) * jitter[ray]
-                if cross_shell(position, nodes, start, slope, shape, cell, fraction) >= np.float32(0.0):
-                    i, j, k = cell[0], cell[1], cell[2]
-                    corner_weights(fraction[0], fraction[1], fraction[2], weights)
-                    raw = interpolate(outer_values, 0, i, j, k, weights)
-                    through = np.float32(0.0)
-                    if shell + 1 < shells:
-                        through = np.float32(math.exp(-RAW_TO_DEPTH * softplus(raw)))
-                    weight = light * (np.float32(1.0) - through)
-                    light *= through
-                    for channel in range(3):
-                        shade = interpolate(outer_values, channel + 1, i, j, k, weights)
-                        kept_color[found, channel] = shade
-                        color[channel] += weight * shade
-                    kept[found], kept_light[found] = shell, light
-                    kept_weight[found], kept_raw[found] = weight, raw
-                    found += 1
-                shell += 1
-            behind = np.float32(0.0)
-            for channel in range(3):
-                difference = color[channel] + light * background[channel] - targets[ray, channel]
-                errors[ray] += difference * difference
-                color[channel] = np.float32(2.0) * difference  # from here on g = dL/dC
-                behind += light * background[channel] * color[channel]
-            for sample in range(found - 1, -1, -1):
-                along = np.float32(0.0)
-                for channel in range(3):
-                    along += kept_color[sample, channel] * color[channel]
-                    by_value[channel + 1] = kept_weight[sample] * color[channel]
-                raw = kept_raw[sample]
-                by_depth = kept_light[sample] * along - behind
-                behind += kept_weight[sample] * along
-                if sample >= inside:
-                    last = kept[sample] + 1 == shells  # opaque, whatever its raw density
-                    by_value[0] = np.float32(0.0) if last else by_depth * RAW_TO_DEPTH * sigmoid(raw)
-                    position = np.float32(kept[sample]) + np.float32(0.98) * jitter[ray]
-                    cross_shell(position, nodes, start, slope, shape, cell, fraction)
-                    corner_weights(fraction[0], fraction[1], fraction[2], weights)
-                    scatter(outer_gradients[worker], outer_touched[worker], outer_slots, cell, weights, by_value)
-                else:
-                    density = unit * scale * softplus(raw)
-                    thinning = sparsity * np.float32(4.0) * density / (np.float32(1.0) + np.float32(2.0) * density**2)
-                    by_value[0] = step * (by_depth + thinning) * scale * sigmoid(raw)
-                    locate(kept[sample], enter, step, start, slope, shape, cell, fraction)
-                    corner_weights(fraction[0], fraction[1], fraction[2], weights)
+            enter, leave = grid_ray(origins[ray], directions[ray], grid[2], grid[3], shape, start, slope)
+            march = start, slope, enter + jitter[ray] * step, sample_count(enter, leave, step), step
+            inside, light = keep_in_box(grid, march, table, sample, kept)
+            found, light = keep_shells(around, (start, slope, jitter[ray], shape), (inside, light), sample, kept)
+            errors[ray], behind = color_error(rows, found, light, background, targets[ray], pull)
+            for index in range(found - 1, -1, -1):
+                raw, cell, weights = raws[index], cells[index], corners[index]
+                behind = sample_gradient(rows[index], pull, behind, by_value)
+                if index < inside:
+                    by_value[0] *= between_entries(table, raw, 1)
+                    by_value[0] += sparsity * between_entries(table, raw, 2)
                     scatter(gradients[worker], touched[worker], slots, cell, weights, by_value)
+                else:
+                    by_value[0] *= RAW_TO_DEPTH * sigmoid(raw)
+                    scatter(outer_gradients[worker], outer_touched[worker], outer_slots, cell, weights, by_value)
     return errors

@@ -13,19 +13,18 @@ from nerfnav.field.field import LAST_SAMPLE as _LAST_SAMPLE
 from nerfnav.field.kernels.cells import (
     BLOCK_SHIFT,
     NEGLIGIBLE_RAW,
-    block_exit,
     cell_of,
     corner_weights,
+    cube_exit,
     interpolate,
     node_counts,
     part_of,
     slab,
     softplus,
 )
+from nerfnav.field.kernels.light import STOPPED
 from nerfnav.field.kernels.shells import see_shells
 
-STOPPED = np.float32(3e-5)
-"""Transmittance below which the rest of a ray cannot be seen."""
 LAST_SAMPLE = np.float32(_LAST_SAMPLE)
 CHUNK = 64
 """Rays that share one set of scratch arrays."""
@@ -50,7 +49,7 @@ def next_sample(index, enter, step, start, slope, cell, occupied):
     distance = enter + (np.float32(index) + np.float32(0.5)) * step
     leave = np.float32(np.inf)
     for axis in range(3):
-        leave = min(leave, block_exit(start[axis], slope[axis], cell[axis]))
+        leave = min(leave, cube_exit(start[axis], slope[axis], cell[axis], BLOCK_SHIFT))
     return index + max(1, int((leave - distance) / step) + 1)
 
 
@@ -83,7 +82,7 @@ def scratch():
 
 @kernel(parallel=True)
 def render(values, occupied, lower, per_meter, origins, directions, scale, step, background, outer):
-    """Colour (n, 3), opacity (n) and mean depth (n) of rays; `outer` (m, m, m, 4) are the surroundings, m = 0: none."""
+    """Colour (n, 3), opacity (n) and mean depth (n) of rays; `outer` are the `Shells` around (kernels/shells.py)."""
     count = origins.shape[0]
     shape = node_counts(values, lower)
     colors = np.empty((count, 3), np.float32)
@@ -116,7 +115,7 @@ def render(values, occupied, lower, per_meter, origins, directions, scale, step,
                 depth += weight * distance
                 light *= through
             seen[0], seen[1], seen[2], seen[3] = red, green, blue, depth
-            if outer.shape[0] > 0 and light > STOPPED:
+            if outer[0].shape[0] > 0 and light > STOPPED:
                 light = see_shells(outer, start, slope, shape, light, (cell, fraction, weights), seen)
             for channel in range(3):
                 colors[ray, channel] = seen[channel] + light * background[channel]

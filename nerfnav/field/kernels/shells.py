@@ -1,20 +1,46 @@
-"""Rays through the shells around the box: twin of field/surroundings.py, whose notation and equations hold here."""
+"""Rays through the shells around the box: twin of field/surroundings.py, whose notation and equations hold here.
 
-import math
+Shells are half a node of their grid apart. Descents of poses ask them in pairs: once, between the two, for twice the
+optical depth. With that and what is faint left out, colours in two fields of photographs, whose walls are half in the
+surroundings, differed by 0.2 and 0.5 % in the mean and by 1.2 and 3.6 % at the 99th percentile; these fields differ
+from their photographs by 10 and 7 %.
+"""
 
 import numpy as np
 
 from nerfnav.compiled import kernel
-from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, cell_of, corner_weights, interpolate, softplus
+from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, cell_of, corner_weights, interpolate
+from nerfnav.field.kernels.light import DIM, STOPPED, column_at, entry_at, faint_raw, light_table
 
 RAW_TO_DEPTH = np.float32(2.5)
 """d: optical depth of a shell at a softplus of 1; one shell suffices for a wall."""
+
+Shells = tuple[np.ndarray, np.ndarray, int, np.float32, np.float32]
+"""Values (m, m, m, 4), m = 0: there are none; table of light (light.py); how many shells are asked at once; least raw
+density that counts; light below which a ray ends."""
+
+
+def whole_shells(values: np.ndarray) -> Shells:
+    """All that is seen of surroundings (m, m, m, 4)."""
+    return values, light_table(float(RAW_TO_DEPTH), 1.0), 1, NEGLIGIBLE_RAW, STOPPED
+
+
+def paired_shells(values: np.ndarray) -> Shells:
+    """The same for descents of poses: in pairs, and without what is faint."""
+    depth = 2 * float(RAW_TO_DEPTH)
+    return values, light_table(depth, 1.0), 2, faint_raw(depth, 1.0), DIM
 
 
 @kernel(inline=True)
 def shell_count(nodes):
     """How many shells a grid of `nodes` nodes along each edge is asked at."""
     return nodes // 2
+
+
+@kernel(inline=True)
+def middle_of(shell, at_once, shells):
+    """The position among all at which so many shells from one on are asked; the last is asked where it is."""
+    return min(np.float32(shell) + np.float32(0.5) * np.float32(at_once - 1), np.float32(shells - 1))
 
 
 @kernel(inline=True)
@@ -52,28 +78,30 @@ def cross_shell(position, nodes, start, slope, shape, cell, fraction):
 def see_shells(outer, start, slope, shape, light, scratch, seen):
     """Add colour and depth (4) of all shells, seen through `light`, to `seen`; returns the light that is left.
 
-    `scratch` is (cell, fraction, weights).
+    `outer` are `Shells`; `scratch` is (cell, fraction, weights).
     """
+    values, table, at_once, least, stopped = outer
     cell, fraction, weights = scratch
-    nodes = outer.shape[0]
+    nodes = values.shape[0]
     shells = shell_count(nodes)
-    for shell in range(shells):
-        distance = cross_shell(np.float32(shell), nodes, start, slope, shape, cell, fraction)
+    for shell in range(0, shells, at_once):
+        position = middle_of(shell, at_once, shells)
+        distance = cross_shell(position, nodes, start, slope, shape, cell, fraction)
         if distance < np.float32(0.0):
             continue
         i, j, k = cell[0], cell[1], cell[2]
         corner_weights(fraction[0], fraction[1], fraction[2], weights)
         through = np.float32(0.0)
-        if shell + 1 < shells:
-            raw = interpolate(outer, 0, i, j, k, weights)
-            if raw < NEGLIGIBLE_RAW:
+        if shell + at_once < shells:
+            raw = interpolate(values, 0, i, j, k, weights)
+            if raw < least:
                 continue
-            through = np.float32(math.exp(-RAW_TO_DEPTH * softplus(raw)))
+            through = column_at(table, entry_at(table, raw), 0)
         weight = light * (np.float32(1.0) - through)
         for channel in range(3):
-            seen[channel] += weight * interpolate(outer, channel + 1, i, j, k, weights)
+            seen[channel] += weight * interpolate(values, channel + 1, i, j, k, weights)
         seen[3] += weight * distance
         light *= through
-        if light < np.float32(3e-5):
+        if light < stopped:
             break
     return light

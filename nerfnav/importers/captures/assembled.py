@@ -6,13 +6,13 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from nerfnav.geometry import Box, PosedImages
+from nerfnav.geometry import Box, PosedImages, Sightings
 from nerfnav.importers.captures import depths, pictures
 from nerfnav.importers.captures.boxing import guessed_box
 from nerfnav.importers.captures.imported import CaptureReport, ImportConfig, ImportedCapture
 from nerfnav.importers.captures.photographs import parted, photographs_of
 from nerfnav.importers.captures.pictures import Picture
-from nerfnav.importers.captures.views import View, Views
+from nerfnav.importers.captures.views import Tracks, View, Views
 from nerfnav.importers.captures.world import CameraWorld, world_of
 from nerfnav.importers.placement import Placement
 
@@ -32,6 +32,8 @@ def assembled(
     photographs = photographs_of(shots, world.poses)
     if known is not None:
         photographs = replace(photographs, depth=known, depth_noise=depths.NOISE)
+    if found.tracks is not None:
+        photographs = replace(photographs, sightings=_sightings(found.tracks, views, world))
     box, guesses = _box(photographs, world, config.placement)
     if config.downscale is None and downscale > 1:
         guesses += (f"downscale: photographs are made {downscale} times smaller, to {LONGEST} pixels at most",)
@@ -47,6 +49,7 @@ def assembled(
         (photographs.camera.width, photographs.camera.height),
         downscale,
         sum(depth is not None for depth in maps),
+        0 if found.tracks is None else len(found.tracks.points),
         world.scale,
         _rounded(world.up),
         (_rounded(box.lower.numpy()), _rounded(box.upper.numpy())),
@@ -81,6 +84,14 @@ def _depths(
     assert known is not None, "some picture has a depth map"
     depths.require_units(known, world.poses[:, :3, 3])
     return known
+
+
+def _sightings(tracks: Tracks, views: list[View], world: CameraWorld) -> Sightings:
+    """Where the points of tracks are in the world, and which of the `views` show them."""
+    index = {view.name: number for number, view in enumerate(views)}
+    image = torch.tensor([index.get(name, -1) for name in tracks.names])
+    points = world.placed(torch.from_numpy(tracks.points)).float()
+    return Sightings(points, image[image >= 0], torch.from_numpy(tracks.numbers)[image >= 0])
 
 
 def _box(photographs: PosedImages, world: CameraWorld, placement: Placement) -> tuple[Box, tuple[str, ...]]:

@@ -28,7 +28,8 @@ def guessed_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> 
     cut = None if photographs.silhouettes is None else placing.box_of_silhouettes(photographs, cameras)
     if cut is not None:
         return cut, "what the pictures do not leave clear"
-    points = agreed_points(photographs)
+    found = photographs.sightings
+    points = agreed_points(photographs) if found is None else found.points.double().numpy()
     if len(points) < _ENOUGH:
         return cameras, "the cameras and what they look at"
     held = float(cameras.contains(torch.from_numpy(points).float()).float().mean())

@@ -31,7 +31,7 @@ def import_capture(source: Path, config: ImportConfig) -> Iterator[ImportStep]:
     maps: list[np.ndarray | None] = []
     downscale, held = config.downscale, 0
     for index, view in enumerate(found.views):
-        pixels = pictures.read_pixels(view.path) if view.exists else None
+        pixels = pictures.read_pixels(view.path, view.lens) if view.exists else None
         if pixels is not None:
             downscale = downscale or max(1, -(-max(pixels.shape[:2]) // LONGEST))
             views.append(view)

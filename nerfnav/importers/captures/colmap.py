@@ -1,4 +1,4 @@
-"""COLMAP's sparse models, text and binary: cameras and images, as its format description lays them out.
+"""COLMAP's sparse models, text and binary: cameras, images and points, as its format description lays them out.
 
 COLMAP gives T_camera_world with OpenCV axes (x right, y down, looking along z) and pixel centres at half numbers.
 """
@@ -12,15 +12,19 @@ import torch
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import ColmapBytes, ColmapCamera, colmap_cameras, colmap_lines, so3
-from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, View, Views
+from nerfnav.importers.captures.colmap_points import read_points
+from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, Tracks, View, Views
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
 """Where a capture keeps its model."""
+_MOVED = 1e-3
+"""How far cameras may be from where a model has them, as a share of how far they are apart."""
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
 class _Image:
+    number: int
     name: str
     camera: int
     quaternion: tuple[float, ...]  # camera_world, wxyz
@@ -38,11 +42,11 @@ def read_colmap(folder: Path) -> Views:
     model = model_folder(folder)
     if model is None:
         raise CaptureError(f"{folder} has no COLMAP model")
-    binary = (model / "cameras.bin").is_file() and (model / "images.bin").is_file()
     try:
-        cameras = colmap_cameras(model / ("cameras.bin" if binary else "cameras.txt"))
+        cameras = colmap_cameras(model / ("cameras.bin" if _is_binary(model) else "cameras.txt"))
         lenses = {camera.number: _lens(camera) for camera in cameras}
-        images = list(_binary_images(model / "images.bin") if binary else _text_images(model / "images.txt"))
+        images = _images(model)
+        tracks = read_points(model, {image.number: image.name for image in images})
     except InvalidInputError as error:
         raise CaptureError(str(error)) from error
     pictures = folder / "images" if (folder / "images").is_dir() else folder
@@ -53,7 +57,40 @@ def read_colmap(folder: Path) -> Views:
         views.append(View(image.name, pictures / image.name, lenses[image.camera], _pose(image)))
     if not views:
         raise CaptureError(f"the COLMAP model in {model} has no images")
-    return Views("COLMAP", tuple(sorted(views, key=lambda view: view.name)))
+    return Views("COLMAP", tuple(sorted(views, key=lambda view: view.name)), tracks)
+
+
+def tracks_beside(folder: Path, views: tuple[View, ...]) -> Tracks | None:
+    """The points of the COLMAP model from which other files of a capture were made, as nerfstudio leaves it there.
+
+    None where there is no model, or the cameras of `views` were moved since. Raises CaptureError for a broken one.
+    """
+    model = folder / MODEL_FOLDERS[-1]
+    if not _has_model(model):
+        return None
+    called = {Path(view.name).name: view for view in views}
+    try:
+        images = {image.number: image for image in _images(model) if Path(image.name).name in called}
+        taken = {number: called[Path(image.name).name] for number, image in images.items()}
+        if not taken or not _alike([_pose(image) for image in images.values()], list(taken.values())):
+            return None
+        return read_points(model, {number: view.name for number, view in taken.items()})
+    except InvalidInputError as error:
+        raise CaptureError(str(error)) from error
+
+
+def _alike(poses: list[np.ndarray], views: list[View]) -> bool:
+    """Whether cameras are where poses (4, 4) have them, but for rounding."""
+    there, here = (np.stack(each)[:, :3, 3] for each in (poses, [view.pose for view in views]))
+    return bool(np.abs(there - here).max() <= _MOVED * np.ptp(there, axis=0).max())
+
+
+def _is_binary(model: Path) -> bool:
+    return (model / "cameras.bin").is_file() and (model / "images.bin").is_file()
+
+
+def _images(model: Path) -> list[_Image]:
+    return list(_binary_images(model / "images.bin") if _is_binary(model) else _text_images(model / "images.txt"))
 
 
 def _has_model(folder: Path) -> bool:
@@ -82,9 +119,10 @@ def _text_images(path: Path) -> Iterator[_Image]:
         if not line.strip() or line.startswith("#"):
             continue
         try:
-            _, qw, qx, qy, qz, tx, ty, tz, camera, name = line.strip().split(maxsplit=9)
+            number, qw, qx, qy, qz, tx, ty, tz, camera, name = line.strip().split(maxsplit=9)
             quaternion, translation = (qw, qx, qy, qz), (tx, ty, tz)
-            yield _Image(name, int(camera), tuple(map(float, quaternion)), tuple(map(float, translation)))
+            pose = tuple(map(float, quaternion)), tuple(map(float, translation))
+            yield _Image(int(number), name, int(camera), *pose)
         except ValueError as error:
             raise CaptureError(f"{path} has a line that describes no image: {line[:60]!r}") from error
         next(lines, None)
@@ -93,7 +131,6 @@ def _text_images(path: Path) -> Iterator[_Image]:
 def _binary_images(path: Path) -> Iterator[_Image]:
     data = ColmapBytes(path)
     for _ in range(data.integer("Q")):
-        data.skip(4)  # the image's own number
-        pose, camera, name = data.numbers("7d"), data.integer("i"), data.text()
+        number, pose, camera, name = data.integer("i"), data.numbers("7d"), data.integer("i"), data.text()
         data.skip(24 * data.integer("Q"))  # the points that were seen
-        yield _Image(name, camera, pose[:4], pose[4:])
+        yield _Image(number, name, camera, pose[:4], pose[4:])

@@ -46,6 +46,8 @@ class CaptureReport:
     """How many times smaller they were made."""
     images_with_depth: int
     """Photographs with a depth map."""
+    points: int
+    """Points that structure from motion found in three photographs or more, which the capture brings."""
     scale: float
     """Metres in one unit of the capture."""
     up: tuple[float, ...]

@@ -81,7 +81,7 @@ def moved(views: Views, run: Run) -> Views:
     by_colmap = file.is_file() and (file.parent / "colmap" / "sparse" / "0").is_dir()
     if by_colmap and not read_json(file).get("applied_transform"):
         similarity = similarity @ np.linalg.inv(_COLMAP)
-    return replace(views, kind="nerfstudio run", views=tuple(view.moved(similarity) for view in views.views))
+    return replace(views.moved(similarity), kind="nerfstudio run")
 
 
 def _config(path: Path) -> Path:

@@ -12,10 +12,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from PIL import Image
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera, fisheye_points
 from nerfnav.importers.captures.views import CaptureError, Lens
+from nerfnav.importers.stored_picture import read_picture
 
 _LEAST_PIXELS = 8
 """Along each side of what all photographs show."""
@@ -53,21 +54,12 @@ class _Window:
     bottom: float
 
 
-def read_pixels(path: Path) -> np.ndarray | None:
-    """The photograph in a file (height, width, 3 or 4), RGB, 0 to 255; None where the file is no whole image.
-
-    Turning by EXIF is left undone: lenses and poses belong to the pixels as they are stored.
-    """
+def read_pixels(path: Path, lens: Lens | None = None) -> np.ndarray | None:
+    """The photograph that a lens took (height, width, 3 or 4), RGB, 0 to 255; None where the file is no whole image."""
     try:
-        with Image.open(path) as image:
-            image.load()
-            if image.mode.startswith(("I", "F")):
-                deep = np.asarray(image, np.float32)
-                gray = np.clip(deep * (255 / max(65535.0, float(deep.max()))), 0, 255).astype(np.uint8)
-                return np.repeat(gray[..., None], 3, axis=2)
-            return np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB"))
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return None  # what Pillow raises for files that are cut off, broken, huge or no images
+        return read_picture(path.read_bytes(), None if lens is None else lens.aspect).pixels
+    except (OSError, InvalidInputError):
+        return None
 
 
 def shrunk(pixels: np.ndarray, lens: Lens, downscale: int) -> Picture:

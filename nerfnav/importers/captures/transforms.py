@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from nerfnav.importers.captures.colmap import tracks_beside
 from nerfnav.importers.captures.json_files import read_json
 from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, rigid_pose
 
@@ -34,7 +35,8 @@ def is_blender(folder: Path) -> bool:
 def read_transforms(path: Path) -> Views:
     """What a transforms.json, or that of a folder, says. Raises CaptureError where it says nothing that can be used."""
     path = path / "transforms.json" if path.is_dir() else path
-    return Views("transforms.json", _views(path))
+    views = _views(path)
+    return Views("transforms.json", views, tracks_beside(path.parent, views))
 
 
 def read_blender(folder: Path) -> Views:

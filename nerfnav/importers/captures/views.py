@@ -123,6 +123,22 @@ class View:
         return replace(self, pose=pose)
 
 
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Points that structure from motion found, and which photographs show each of them."""
+
+    points: np.ndarray
+    """Where they are (m, 3), in the capture's own world and units."""
+    names: tuple[str, ...]
+    """Of each sighting (k), what the capture calls the photograph."""
+    numbers: np.ndarray
+    """Of each sighting (k), which of the points it shows."""
+
+    def moved(self, similarity: np.ndarray) -> "Tracks":
+        """The same points in a world that a 4 x 4 similarity maps this one into."""
+        return replace(self, points=self.points @ similarity[:3, :3].T + similarity[:3, 3])
+
+
 @dataclass(frozen=True)
 class Views:
     """A capture as its files tell it."""
@@ -131,6 +147,13 @@ class Views:
     """Which kind of files: "transforms.json", "Blender", "COLMAP"."""
     views: tuple[View, ...]
     """Every photograph that is named, whether it exists or not."""
+    tracks: Tracks | None = None
+    """Points that were found in them; None where the capture brings none."""
+
+    def moved(self, similarity: np.ndarray) -> "Views":
+        """The same in a world that a 4 x 4 similarity maps this one into."""
+        tracks = None if self.tracks is None else self.tracks.moved(similarity)
+        return replace(self, views=tuple(view.moved(similarity) for view in self.views), tracks=tracks)
 
 
 def rigid_pose(matrix: Any, name: str) -> np.ndarray:

@@ -1,13 +1,4 @@
-"""Inertial measurements, and the strapdown mechanisation: a state moved on by them instead of by a model of its forces.
-
-    R' = R hat(w),   v' = R a + g,   p' = v
-
-with the gyroscopes' w and the accelerometers' a (specific force), both in the body's axes. Over an interval they come
-to increments that do not depend on the state at its beginning (preintegration: Forster et al., "On-manifold
-preintegration for real-time visual-inertial odometry", 2017),
-
-    R+ = R D,   v+ = v + g t + R dv,   p+ = p + v t + 1/2 g t^2 + R dp
-"""
+"""Inertial measurements, and states moved on by them; notation and equations are those of robots/strapdown.py."""
 
 from dataclasses import dataclass, field
 
@@ -19,7 +10,7 @@ from torch import Tensor
 from nerfnav.geometry import so3
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.rigid_body import BodyState, rotation_of
-from nerfnav.robots import Quadrotor, RigidState
+from nerfnav.robots import Increments, Quadrotor, RigidState, advanced, moved_on
 
 
 @dataclass
@@ -48,12 +39,10 @@ class InertialUnit:
 
 def mechanised(state: BodyState, body_rate: np.ndarray, force: np.ndarray, gravity: float, dt: float) -> BodyState:
     """The state `dt` [s] later by a measured angular velocity [rad/s] and specific force [m/s^2] in the body."""
-    middle = state.rotation @ rotation_of(0.5 * dt * body_rate)
-    acceleration = middle @ force - (0.0, 0.0, gravity)
-    position = state.position + (state.velocity + 0.5 * dt * acceleration) * dt
-    return BodyState(
-        position, state.velocity + dt * acceleration, state.rotation @ rotation_of(dt * body_rate), body_rate
-    )
+    at = state.rotation, state.velocity, state.position
+    turns = rotation_of(0.5 * dt * body_rate), rotation_of(dt * body_rate)
+    rotation, velocity, position = advanced(at, turns, force, np.array([0.0, 0.0, -gravity]), dt)
+    return BodyState(position, velocity, rotation, body_rate)
 
 
 def increments(before: BodyState, after: BodyState, gravity: float, time: float) -> Float[Tensor, "12"]:
@@ -77,14 +66,5 @@ class Strapdown(Quadrotor):
     def step(self, state: RigidState, action: Float[Tensor, "*batch 12"], dt: float) -> RigidState:
         """See above; `dt` [s] is the time that was measured."""
         turn, speed, way, rate = action.unflatten(-1, (4, 3)).unbind(-2)
-        fall = action.new_tensor([0.0, 0.0, -self.config.gravity]) * dt
-
-        def turned(vector: Tensor) -> Tensor:
-            return (state.rotation @ vector[..., None])[..., 0]
-
-        return RigidState(
-            state.position + (state.velocity + 0.5 * fall) * dt + turned(way),
-            state.velocity + fall + turned(speed),
-            so3.retract(state.rotation, turn),
-            rate + torch.zeros_like(state.body_rate),
-        )
+        measured = Increments(so3.exp(turn), speed, way, rate + torch.zeros_like(state.body_rate))
+        return moved_on(state, measured, action.new_tensor([0.0, 0.0, -self.config.gravity]), dt)

@@ -81,15 +81,3 @@ def control(action, gamma, by_action):
             total += gamma[a] * action[t, a] ** 2
             by_action[t, a] += 2.0 * gamma[a] * action[t, a]
     return total
-
-
-@kernel()
-def outside(position, lower, upper, weight, by_position):
-    """`weight` times the squared distance of the positions from the box; adds its derivative."""
-    total = 0.0
-    for t in range(position.shape[0]):
-        for axis in range(3):
-            over = max(position[t, axis] - upper[axis], 0.0) - max(lower[axis] - position[t, axis], 0.0)
-            total += weight * over * over
-            by_position[t, axis] += 2.0 * weight * over
-    return total

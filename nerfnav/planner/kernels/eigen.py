@@ -1,4 +1,4 @@
-"""The absolute value of a symmetric matrix by one-sided Jacobi rotations (Hestenes, 1958).
+"""The inverse of a symmetric matrix's absolute value by one-sided Jacobi rotations (Hestenes, 1958), or by Cholesky.
 
 Rotations V make the rows of V A orthogonal: V A = S U with S diagonal, so that |A| = (A A)^1/2 = V' S V. A library's
 eigenvectors would come from a pool of threads that wait for each other.
@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel
+from nerfnav.geometry.kernels.linear import root_of
 
 SWEEPS = 30
 EXACT = 1e-11
@@ -54,3 +55,30 @@ def inverse_of_absolute(matrix, prior):
             for j in range(count):
                 result[i, j] += share * turns[p, i] * turns[p, j]
     return result
+
+
+@kernel()
+def inverse_of_shifted(matrix, prior, out):
+    """Fill `out` with (A + prior I)^-1 of a symmetric matrix A (k, k), by Cholesky's method.
+
+    Returns whether A + prior / 2 I is positive definite; where not, `out` holds nothing of use.
+    """
+    root = np.empty_like(matrix)
+    if not (root_of(matrix, 0.5 * prior, root) and root_of(matrix, prior, root)):
+        return False
+    count = matrix.shape[0]
+    inverse = np.zeros((count, count))  # of the root, its columns as rows
+    for j in range(count):
+        inverse[j, j] = 1.0 / root[j, j]
+        for i in range(j + 1, count):
+            total = 0.0
+            for k in range(j, i):
+                total -= root[i, k] * inverse[j, k]
+            inverse[j, i] = total / root[i, i]
+    for i in range(count):
+        for j in range(i, count):
+            total = 0.0
+            for k in range(j, count):
+                total += inverse[i, k] * inverse[j, k]
+            out[i, j] = out[j, i] = total
+    return True

@@ -5,7 +5,8 @@ through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 
 `task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at which
 densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
-`chance_at` asks for, and its `by_way`); `weights` those of collision, limits, leaving the box and risk.
+`chance_at` asks for, its `by_way`, and the body's half edges for `outside`); `weights` those of collision, limits,
+leaving the box and risk.
 """
 
 import math
@@ -14,7 +15,8 @@ import numpy as np
 
 from nerfnav.compiled import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
-from nerfnav.planner.kernels.collision import STANDSTILL, control, outside
+from nerfnav.planner.kernels.border import outside
+from nerfnav.planner.kernels.collision import STANDSTILL, control
 from nerfnav.planner.kernels.danger import endangered
 from nerfnav.robots.kernels.quadrotor import adjoint, motion
 from nerfnav.robots.kernels.quadrotor_limits import limits
@@ -190,7 +192,7 @@ def _terms(motion, slopes, task, body, space, weights):
     over = limits(
         velocity, rotation, rate, action, bounds, weights[1], constants[5], by_position, by_rotation, by_action
     )
-    over += outside(position[: steps + 1], space[5], space[6], weights[2], by_position)
+    over += outside(position, rotation, (space[5], space[6], space[9]), weights[2], by_position, by_rotation)
     return met, effort, over, risked
 
 

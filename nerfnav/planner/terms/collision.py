@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import FastDensity, density_and_gradient
-from nerfnav.planner.costs import collision_per_step
+from nerfnav.planner import costs
 from nerfnav.planner.kernels import collision as kernels
 from nerfnav.planner.terms.term import Adjoint, CostTerm, TermContext
 from nerfnav.robots import FlatMap, Motion
@@ -16,7 +16,7 @@ from nerfnav.robots import FlatMap, Motion
 
 def collision(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
     """Density met by the body points on their ways [1]."""
-    return collision_per_step(context.field, motion, context.body, context.weights.samples_per_step).sum(-1)
+    return costs.collision(context.field, motion, context.body, context.weights.samples_per_step)
 
 
 @final

@@ -1,26 +1,28 @@
-"""The penalty that keeps a motion in the field's box, outside which every density is 0."""
+"""The penalty that keeps the body in the field's box, all of it, see border.py: beyond, every density is 0."""
 
+import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.planner import costs
-from nerfnav.planner.kernels import collision as kernels
+from nerfnav.planner import border
+from nerfnav.planner.kernels import border as kernels
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion
 
 
 def outside(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-    """Squared distance of the positions from the box [m^2], summed over time."""
-    return costs.outside(context.field.box, motion)
+    """Squared distance by which the body reaches beyond the box [m^2], summed over time."""
+    return border.outside(context.field.box, motion, context.body)
 
 
 def outside_kernel(context: TermContext, weight: float) -> Kernel:
     """The compiled twin."""
-    box = context.field.box
+    box, reach = context.field.box, border.reach_of(context.body)
     lower, upper = (edge.double().cpu().numpy() for edge in (box.lower, box.upper))
 
     def weighed(flat: FlatMap, by: Adjoint) -> float:
-        return kernels.outside(flat.position, lower, upper, weight, by.position)
+        space: tuple[np.ndarray, ...] = (lower, upper, reach)
+        return kernels.outside(flat.position, flat.rotation, space, weight, by.position, by.rotation)
 
     return weighed
 

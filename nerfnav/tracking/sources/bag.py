@@ -1,7 +1,8 @@
 """Recordings of ROS 2: MCAP files, and rosbag2 in SQLite or MCAP.
 
-Read are sensor_msgs/Image or CompressedImage, CameraInfo of the same namespace and Imu. A message's time is that of its
-header, or, where its header has none, that of the recording.
+Read are sensor_msgs/Image or CompressedImage, CameraInfo of the same namespace and Imu, and in /tf_static how the
+camera is mounted on the inertial measurement unit. A message's time is that of its header, or, where its header has
+none, that of the recording.
 """
 
 from collections.abc import Iterator
@@ -16,12 +17,14 @@ import torch
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.extras import from_extra
-from nerfnav.geometry import Camera
-from nerfnav.tracking.frame import Frame, Inertial
+from nerfnav.geometry import Camera, Pose
+from nerfnav.tracking.frame import Frame, Inertial, mount_of
 from nerfnav.tracking.sources.in_order import after
 from nerfnav.tracking.sources.ros_pictures import COMPRESSED, IMAGE, camera_of, picture_of
+from nerfnav.tracking.sources.static_frames import between, tree_of
 
 CAMERA_INFO, IMU = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Imu"
+_STATIC = "/tf_static"
 _USER = "reading a recording of ROS"
 
 
@@ -46,13 +49,13 @@ class BagSource:
         for index, (time, message) in enumerate(_messages(self.path, self.topic)):
             name = f"frame {index}"
             last = after(time, last, f"{name} of {self.topic} in {self.path}")
-            yield Frame(time, _picture(self.path, name, message), name)
+            yield Frame(time, _picture(self.path, name, message, self.camera), name)
 
     @property
     def inertial(self) -> Inertial | None:
         """What an inertial measurement unit said; read when it is first asked for, which goes through the whole file.
 
-        Raises InvalidInputError where time runs backwards.
+        Raises InvalidInputError where time runs backwards, and for what is no number.
         """
         return self._measured
 
@@ -60,8 +63,9 @@ class BagSource:
     def _measured(self) -> Inertial | None:
         if self.imu is None:
             return None
-        times, rates, forces = [], [], []
+        times, rates, forces, frame = [], [], [], ""
         for time, message in _messages(self.path, self.imu):
+            frame = message.header.frame_id
             last = times[-1] if times else None
             times.append(after(time, last, f"measurement {len(times)} of {self.imu} in {self.path}"))
             rate, force = message.angular_velocity, message.linear_acceleration
@@ -69,7 +73,18 @@ class BagSource:
             forces.append((force.x, force.y, force.z))
         if not times:
             return None
-        return Inertial(torch.tensor(times, dtype=torch.float64), torch.tensor(rates), torch.tensor(forces))
+        taken = torch.tensor(times, dtype=torch.float64)
+        measured = Inertial(taken, torch.tensor(rates), torch.tensor(forces), self._mount(frame))
+        return measured.finite(f"{self.imu} of {self.path}")
+
+    def _mount(self, unit: str) -> Pose | None:
+        """T_imu_camera, where /tf_static knows the frames of both, that of the unit and that of the pictures."""
+        first = next(_messages(self.path, self.topic), None)
+        tree = tree_of(message for _, message in _read(self.path, _STATIC))
+        camera = "" if first is None else first[1].header.frame_id
+        known = {*tree, *(parent for parent, _ in tree.values())}
+        told = between(tree, unit, camera) if {unit, camera} <= known else None
+        return None if told is None else mount_of(told)
 
 
 def is_bag(path: Path) -> bool:
@@ -89,9 +104,9 @@ def open_bag(path: Path, topic: str | None = None) -> BagSource:
     first = next(_messages(path, topic), None)
     if first is None:
         raise InvalidInputError(f"{path} has no pictures in {topic}")
-    picture = _picture(path, "frame 0", first[1])
     told = _nearest([name for name, kind in kinds.items() if kind == CAMERA_INFO and _is_above(name, topic)], topic)
     camera = None if told is None else _camera(path, told, topic)
+    picture = _picture(path, "frame 0", first[1], camera)
     if camera is not None:
         camera = camera.for_picture(picture.shape[1], picture.shape[0])
     imu = _nearest([name for name, kind in kinds.items() if kind == IMU and counts[name]], topic)
@@ -134,22 +149,27 @@ def _camera(path: Path, told: str, topic: str) -> Camera | None:
         raise InvalidInputError(f"{told} of {path} tells no camera that is known here: {error}") from error
 
 
-def _picture(path: Path, name: str, message: Any) -> Any:
+def _picture(path: Path, name: str, message: Any, camera: Camera | None) -> Any:
     try:
-        return picture_of(message)
+        return picture_of(message, None if camera is None else camera.aspect)
     except InvalidInputError as error:
         raise InvalidInputError(f"{name} of {path} cannot be used: {error}") from error
 
 
 def _messages(path: Path, topic: str) -> Iterator[tuple[float, Any]]:
     """Time [s] and content of each message of a topic."""
+    for written_ns, message in _read(path, topic):
+        stamp = message.header.stamp
+        taken_ns = 10**9 * stamp.sec + stamp.nanosec
+        yield 1e-9 * (taken_ns or written_ns), message
+
+
+def _read(path: Path, topic: str) -> Iterator[tuple[int, Any]]:
+    """When each message of a topic was written [ns], and what it is; none, where there is no such topic."""
     with _opened(path) as reader:
         wanted = [connection for connection in reader.connections if connection.topic == topic]
-        for connection, written_ns, data in reader.messages(wanted):
-            message: Any = _typestore().deserialize_cdr(data, connection.msgtype)
-            stamp = message.header.stamp
-            taken_ns = 10**9 * stamp.sec + stamp.nanosec
-            yield 1e-9 * (taken_ns or written_ns), message
+        for connection, written_ns, data in reader.messages(wanted) if wanted else ():
+            yield written_ns, _typestore().deserialize_cdr(data, connection.msgtype)
 
 
 @contextmanager

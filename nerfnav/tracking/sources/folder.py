@@ -27,18 +27,21 @@ class FolderSource:
     """Unknown."""
     inertial: Inertial | None = None
     """There is none."""
+    aspect: float | None = None
+    """Width over height of the camera, where that is known after all."""
 
     @classmethod
-    def of(cls, folder: Path, fps: float | None = None) -> "FolderSource":
+    def of(cls, folder: Path, fps: float | None = None, aspect: float | None = None) -> "FolderSource":
         """All pictures of a folder; with `fps` [1/s] in the order of their names, whatever those say.
 
         Raises InvalidInputError where a name tells no time.
         """
         files = _pictures_in(folder)
         if fps is not None:
-            return cls(tuple((index / fps, path) for index, path in enumerate(sorted(files, key=_counted))))
+            counted = enumerate(sorted(files, key=_counted))
+            return cls(tuple((index / fps, path) for index, path in counted), aspect=aspect)
         times = [(_time_of(path), path) for path in files]
-        return cls(tuple(sorted(times)))
+        return cls(tuple(sorted(times)), aspect=aspect)
 
     @property
     def count(self) -> int:
@@ -47,7 +50,7 @@ class FolderSource:
 
     def frames(self) -> Iterator[Frame]:
         """See FrameSource."""
-        return pictures_of(self.listed)
+        return pictures_of(self.listed, self.aspect)
 
 
 def is_folder_of_pictures(path: Path) -> bool:

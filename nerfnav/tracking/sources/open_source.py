@@ -22,6 +22,8 @@ class SourceOptions:
     """Pictures in a second, for those that tell no times."""
     topic: str | None = None
     """Name of the pictures that are meant, where there are several."""
+    aspect: float | None = None
+    """Width over height of the camera's pictures, where that is known and the source does not say."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a rate that no camera has."""
@@ -45,11 +47,11 @@ KINDS: list[SourceKind] = [
     SourceKind("an MCAP file or a rosbag2", is_bag, lambda path, options: open_bag(path, options.topic)),
     SourceKind("an EuRoC (ASL) folder", is_euroc, lambda path, options: open_euroc(path, options.topic)),
     SourceKind("a video", is_video, lambda path, options: VideoSource.of(path, options.fps)),
-    SourceKind("a folder with rgb.txt (TUM)", is_list, lambda path, _: ListSource.of(path)),
+    SourceKind("a folder with rgb.txt (TUM)", is_list, lambda path, options: ListSource.of(path, options.aspect)),
     SourceKind("a capture with time_s in its transforms.json", is_capture_with_times,
                lambda path, _: PosedSource.of(path)),
     SourceKind("a folder of pictures named by their times [s with a point, or ns]", is_folder_of_pictures,
-               lambda path, options: FolderSource.of(path, options.fps)),
+               lambda path, options: FolderSource.of(path, options.fps, options.aspect)),
 ]  # fmt: skip
 """What is known, the special before the general."""
 

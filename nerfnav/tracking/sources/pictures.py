@@ -12,8 +12,8 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp")
 """How the names of pictures end."""
 
 
-def pictures_of(listed: Sequence[tuple[float, Path]]) -> Iterator[Frame]:
-    """Read pictures one at a time: time [s] and file of each, in order.
+def pictures_of(listed: Sequence[tuple[float, Path]], aspect: float | None) -> Iterator[Frame]:
+    """Read pictures one at a time: time [s] and file of each, in order; `aspect` as `decoded` has it.
 
     Raises InvalidInputError where a time does not go on, or a file is missing or no picture.
     """
@@ -21,7 +21,7 @@ def pictures_of(listed: Sequence[tuple[float, Path]]) -> Iterator[Frame]:
     for seconds, path in listed:
         last = after(seconds, last, path.name)
         try:
-            yield Frame(seconds, decoded(path.read_bytes()), path.name)
+            yield Frame(seconds, decoded(path.read_bytes(), aspect=aspect), path.name)
         except OSError as error:
             raise InvalidInputError(f"the picture {path} cannot be read: {error.strerror}") from error
         except InvalidInputError as error:

@@ -40,7 +40,7 @@ class PosedSource:
 
     def frames(self) -> Iterator[Frame]:
         """See FrameSource."""
-        return pictures_of(self.listed)
+        return pictures_of(self.listed, None if self.camera is None else self.camera.aspect)
 
 
 def is_capture_with_times(path: Path) -> bool:

@@ -26,9 +26,11 @@ class ListSource:
     """Unknown."""
     inertial: Inertial | None = None
     """There is none."""
+    aspect: float | None = None
+    """Width over height of the camera, where that is known after all."""
 
     @classmethod
-    def of(cls, path: Path) -> "ListSource":
+    def of(cls, path: Path, aspect: float | None = None) -> "ListSource":
         """The pictures of a folder's rgb.txt, or of a list itself. Raises InvalidInputError for an unreadable line."""
         path = path / _NAME if path.is_dir() else path
         try:
@@ -42,7 +44,7 @@ class ListSource:
         ]
         if not listed:
             raise InvalidInputError(f"the list {path} names no pictures")
-        return cls(tuple(listed))
+        return cls(tuple(listed), aspect=aspect)
 
     @property
     def count(self) -> int:
@@ -51,7 +53,7 @@ class ListSource:
 
     def frames(self) -> Iterator[Frame]:
         """See FrameSource."""
-        return pictures_of(self.listed)
+        return pictures_of(self.listed, self.aspect)
 
 
 def is_list(path: Path) -> bool:

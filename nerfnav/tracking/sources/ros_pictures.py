@@ -21,12 +21,14 @@ _GREY = ("mono8", "8UC1", "mono16", "16UC1")
 _RECTIFIED = "image_rect"
 
 
-def picture_of(message: Any) -> UInt8[Tensor, "height width 3"]:
-    """The picture of an Image or CompressedImage, RGB.
+def picture_of(message: Any, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
+    """The picture of an Image or CompressedImage, RGB; `aspect` as `decoded` has it.
 
     Grey pictures are refused: fields are compared in colour. Raises InvalidInputError, which does not name the file.
     """
-    return _raw(message) if hasattr(message, "encoding") else decoded(message.data, "compressed rgb" in message.format)
+    if hasattr(message, "encoding"):
+        return _raw(message)
+    return decoded(message.data, "compressed rgb" in message.format, aspect)
 
 
 def _raw(message: Any) -> UInt8[Tensor, "height width 3"]:

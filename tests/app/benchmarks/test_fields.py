@@ -26,6 +26,7 @@ def test_pictures_are_rendered_alike_and_both_ways_are_timed(arena: Arena):
     assert torch.get_num_threads() == before
 
 
+@pytest.mark.slow
 def test_a_training_step_has_the_same_gradient_and_both_ways_are_timed(arena: Arena):
     found = train_step.measure(arena, rays=128, rounds=1, fast_per_round=3)
     assert found.ratio == found.paper_ms / found.fast_ms > 0

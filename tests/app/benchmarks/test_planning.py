@@ -6,7 +6,7 @@ import pytest
 import torch
 
 import scenes
-from app.benchmarks import busy, plan, replan, scaling
+from app.benchmarks import busy, cold, plan, replan, scaling
 from nerfnav.experiments.arena import Arena
 from nerfnav.field.checkpoint import load_field
 
@@ -52,3 +52,10 @@ def test_all_parts_of_the_loop_are_timed_alone_and_beside_busy_processes(arena: 
     for row in found.values():
         assert row["ratio"] == row["busy_ms"] / row["quiet_ms"] > 0
     assert os.sched_getaffinity(0) == before
+
+
+@pytest.mark.slow
+def test_the_first_plan_of_a_new_process_is_timed_apart_from_what_comes_before_it():
+    found = cold.measure("stonehenge", rounds=1)
+    assert set(found) == {"import_s", "open_s", "first_plan_s", "first_plan_cpu_s"}
+    assert all(seconds > 0 for seconds in found.values())

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.main import main
-from app.cli.parsing import parse
+from app.cli.main import main, parse
 from app.jobs.experiment_catalog import EXPERIMENTS
 
 

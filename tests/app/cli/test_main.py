@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from app.cli.catalog import COMMANDS
-from app.cli.main import main
-from app.cli.parsing import parse
+from app.cli.main import COMMANDS, main, parse
 from app.jobs.events import JobEvents
 from app.jobs.fly_request import FlyRequest
 from app.places.place import Place
@@ -95,11 +93,11 @@ def test_scenes_lists_the_ten_tasks_of_the_authors_and_the_headline(capsys: Capt
     tasks = listed["stonehenge"]["tasks"]
     assert len(tasks) == 16
     assert [tasks[10]["robot"], tasks[11]["robot"]] == ["quadrotor", "diffdrive"]
-    assert tasks[0]["start"] == [0.55, -0.02, 0.05]
+    assert tasks[0]["start"] == [0.55, -0.02, 0.1]
     assert tasks[10]["goal"] == [-0.4, 0.55, 0.16]
     code, out, _ = run(["scenes"], capsys)
     assert code == 0
-    assert "0.55 -0.02 0.05" in out
+    assert "0.55 -0.02 0.1" in out
 
 
 def test_info_tells_what_a_field_holds(field_file: Path, capsys: Capture) -> None:
@@ -262,6 +260,7 @@ def test_without_json_a_plan_is_told_in_words(field_file: Path, capsys: Capture)
     assert err == "", "no progress bar where nobody watches"
 
 
+@pytest.mark.slow
 def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
     field_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:

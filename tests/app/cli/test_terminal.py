@@ -41,6 +41,12 @@ def test_a_job_is_followed_to_its_end() -> None:
     assert follow(counting(3)).summary == {"done": 3}
 
 
+def test_rows_of_numbers_are_told_one_by_one(capsys: pytest.CaptureFixture[str]) -> None:
+    show("bench", {"runs": [{"budget_s": 30.0, "psnr_db": 26.5}, {"budget_s": 120.0, "psnr_db": None}]}, False)
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()[1:]]
+    assert lines == ["runs 1 budget 30 s", "runs 1 psnr 26.5 dB", "runs 2 budget 120 s", "runs 2 psnr none"]
+
+
 def test_an_interrupt_asks_a_job_that_can_stop_early_to_do_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert follow(counting(9, interrupt_at=2), can_stop_early=True).summary == {"done": 3}
     assert "keeping what was done so far" in capsys.readouterr().err

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.main import main
-from app.cli.parsing import parse
+from app.cli.main import main, parse
 from nerfnav.errors import NerfnavError
 from nerfnav.importers.placement import Placement
 from tests.importers.captures.synthetic import changed, write_transforms

@@ -24,8 +24,8 @@ from nerfnav.export.tum import poses_of_tum
 from nerfnav.field.analytic import BallsField
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry import Box
 from nerfnav.robots.state import Motion
-from tests.app.doubles import balls_place
 from tests.app.following import result_of
 from tests.app.storage.stored_runs import put
 from tests.export.flights import flown, hover_to_hover
@@ -93,12 +93,11 @@ def test_what_a_vehicle_is_to_fly_is_judged_in_the_field_of_its_plan_as_long_as_
 
 
 def test_a_page_gets_what_was_judged_or_one_sentence() -> None:
-    place = balls_place()
-    recording = hover_to_hover()
-    away = recording.planned_in(BallsField(place.field.box, torch.tensor([[9.0, 9.0, 9.0]]), torch.tensor([0.1])))
+    box, recording = Box.of((-2.0, -2.0, -1.0), (2.0, 2.0, 2.0)), hover_to_hover()
+    away = recording.planned_in(BallsField(box, torch.tensor([[9.0, 9.0, 9.0]]), torch.tensor([0.1])))
     (made,) = [event for event in download(away, "px4", "mine.csv", force=False) if isinstance(event, FileMade)]
     assert made.name == "mine.csv" and made.content.startswith(b"# px4_msgs")
-    there = recording.planned_in(BallsField(place.field.box, recording.position[:1].float(), torch.tensor([0.3])))
+    there = recording.planned_in(BallsField(box, recording.position[:1].float(), torch.tensor([0.3])))
     with pytest.raises(InvalidInputError, match="export it by force"):
         list(download(there, "px4", "mine.csv", force=False))
     assert [event for event in download(there, "px4", "mine.csv", force=True) if isinstance(event, FileMade)]

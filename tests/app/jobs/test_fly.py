@@ -9,11 +9,10 @@ import torch
 from app.jobs.events import JobEvent, JobEvents, JobResult
 from app.jobs.fly import run
 from app.jobs.fly_request import FlyRequest
+from app.jobs.plan import PlanRequest
 from app.jobs.plan import run as plan_job
-from app.jobs.plan_request import PlanRequest
 from app.places.ends import End, Ends
-from app.places.opening import open_place
-from app.places.place import Place
+from app.places.place import Place, open_place
 from app.storage.run_metadata import RunMetadata
 from app.storage.stored_steps import read_steps
 from nerfnav.errors import UnknownNameError

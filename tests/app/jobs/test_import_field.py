@@ -12,7 +12,7 @@ from app.jobs import make_field as adopt
 from app.jobs.events import Progress
 from app.jobs.import_field import imports, run
 from app.jobs.import_request import ImportRequest
-from app.places.opening import open_place
+from app.places.place import open_place
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.neural import NeuralField

@@ -42,6 +42,7 @@ def request_here(tmp_path_factory: pytest.TempPathFactory) -> LocalizeRequest:
     return LocalizeRequest(str(folder / "balls.npz"), folder / "photo.png", GivenCamera(fov_deg=80))
 
 
+@pytest.mark.slow
 def test_a_picture_is_found_in_a_field_file(request_here: LocalizeRequest) -> None:
     events, finished = followed(run(request_here))
     fractions = [event.fraction for event in events if isinstance(event, Progress)]
@@ -53,6 +54,7 @@ def test_a_picture_is_found_in_a_field_file(request_here: LocalizeRequest) -> No
     assert sum(one["weight"] for one in summary["candidates"]) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_a_picture_of_the_robots_own_camera_is_found_in_an_open_place() -> None:
     place, truth = balls_place(), RigidState.at_rest((-0.45, 0.25, 0.3), -0.5)
     field = cast(VoxelField, place.field)

@@ -10,7 +10,7 @@ import torch
 from app.jobs.import_field import ImportRequest
 from app.jobs.import_field import run as import_run
 from app.jobs.place_field import PlaceRequest, run
-from app.places.opening import open_place
+from app.places.place import open_place
 from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field, save_field
@@ -40,6 +40,7 @@ def test_a_measured_place_is_as_long_as_it_was_measured(tmp_path: Path) -> None:
     assert summary["changed"] == ["a metre of before is 2 m now, and the place is 2.4 m long"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("find", [False, True])
 def test_a_tilted_place_stands_on_its_floor_and_looks_the_same(find: bool, tmp_path: Path) -> None:
     tilt = change((0.1, -0.06, 0.0), shift=0.3)

@@ -5,11 +5,9 @@ from pathlib import Path
 import pytest
 
 from app.jobs.events import Progress
-from app.jobs.plan import run
-from app.jobs.plan_request import PlanRequest
+from app.jobs.plan import PlanRequest, run
 from app.places.ends import End, Ends
-from app.places.opening import open_place
-from app.places.place import Place
+from app.places.place import Place, open_place
 from nerfnav.errors import InvalidInputError, OccupiedError, UnknownNameError
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep

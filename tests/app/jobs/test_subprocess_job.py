@@ -36,6 +36,7 @@ def broken() -> JobEvents:
     os._exit(3)
 
 
+@pytest.mark.slow
 def test_the_events_come_from_another_process_in_their_order(tmp_path: Path) -> None:
     events, finished = followed(in_subprocess(partial(told, tmp_path)))
     assert finished.summary["process"] != os.getpid() and finished.files == (tmp_path / "result",)
@@ -43,11 +44,13 @@ def test_the_events_come_from_another_process_in_their_order(tmp_path: Path) -> 
     assert told_here[0] == Progress("half", 0.5) and set(told_here) == {Progress("half", 0.5)}
 
 
+@pytest.mark.slow
 def test_what_the_job_refuses_is_told_in_its_words() -> None:
     with pytest.raises(NerfnavError, match=r"^there are no such trials$"):
         list(in_subprocess(partial(refused, "there are no such trials")))
 
 
+@pytest.mark.slow
 def test_a_job_in_the_middle_of_a_long_step_goes_on_telling_and_ends_when_it_is_closed(tmp_path: Path) -> None:
     job = in_subprocess(partial(endless, tmp_path))
     end = time.monotonic() + PATIENCE_S
@@ -60,6 +63,7 @@ def test_a_job_in_the_middle_of_a_long_step_goes_on_telling_and_ends_when_it_is_
         os.kill(process, 0)
 
 
+@pytest.mark.slow
 def test_a_process_that_ends_too_early_is_told() -> None:
     with pytest.raises(NerfnavError, match="ended before it was done"):
         list(in_subprocess(broken))

@@ -63,6 +63,7 @@ def largest_errors(out: Path) -> tuple[float, float]:
     return max(moved), max(turned)
 
 
+@pytest.mark.slow
 def test_a_folder_becomes_a_trajectory_in_the_captures_own_frame(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

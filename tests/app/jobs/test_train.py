@@ -9,7 +9,8 @@ from app.jobs.events import Progress
 from app.jobs.train import run
 from app.jobs.training_data.bundled import images_for, iterations_for
 from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
-from app.places.opening import NoTrainedFieldError, field_file, open_place
+from app.jobs.training_data.request import NeuralOptions
+from app.places.place import NoTrainedFieldError, field_file, open_place
 from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.checkpoint import load_field
@@ -45,6 +46,25 @@ def test_a_training_tells_its_pictures_and_steps_and_stores_a_field_that_knows_i
     place = open_place(str(out))
     assert place.scene is not None
     assert place.scene.name == "blocks"
+
+
+def test_what_is_learned_so_far_is_a_place_to_plan_in_while_training_goes_on(tmp_path: Path) -> None:
+    out = tmp_path / "blocks.npz"
+    job = run(request(out, save_every=1e-3))
+    event = next(job)
+    while not isinstance(event, TrainStep):
+        event = next(job)
+    assert event.so_far is not None and event.fraction < 1
+    place = open_place(str(out))
+    assert place.scene is not None and place.scene.name == "blocks"
+    assert place.field.info.iterations == event.iteration
+    assert place.field.unknown is not None
+    job.close()
+
+
+def test_networks_are_not_stored_before_they_are_trained(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="save-every"):
+        request(tmp_path / "f.npz", save_every=1.0, neural=NeuralOptions())
 
 
 def test_a_training_that_is_asked_to_stop_keeps_what_was_learned(tmp_path: Path) -> None:

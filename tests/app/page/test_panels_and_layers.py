@@ -18,7 +18,7 @@ from app.page.panels import plan_charts, plan_words
 from app.page.panels.status_words import activity
 from app.page.theme import branded, linear
 from app.places.ends import End, Ends
-from app.places.surface_glb import dressed, unlit_glb, without_specks
+from app.places.surface_glb import BRIGHTEST, colored_glb, dressed, unlit_glb, without_specks
 from app.state.job import Job, JobKind
 from app.state.records import CostHistory, FlightRecord, PlanRecord
 from app.state.session import Session
@@ -26,11 +26,13 @@ from app.state.taken_away import recording_of, subject
 from app.state.view_settings import CameraMode
 from app.text import number
 from nerfnav.estimator.belief import Belief
-from nerfnav.geometry import so3
+from nerfnav.geometry import so3, to_linear, to_srgb, tone_mapped
+from nerfnav.glb import parts
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost
 from nerfnav.robots.state import RigidState
 from tests.app.doubles import balls_place, flight_step, plan_step
+from tests.field.fields import painted
 
 ENDS = Ends(End((-0.7, 0.0, 0.4)), End((0.7, 0.1, 0.4)))
 
@@ -115,30 +117,46 @@ def _mesh(shape: Shape) -> trimesh.Trimesh:
     return trimesh.Trimesh(shape.vertices, shape.faces, process=False)
 
 
-def test_the_surface_reads_back_as_the_same_mesh_with_linear_colours_and_no_light() -> None:
+def test_the_surface_reads_back_as_the_same_mesh_with_a_picture_that_is_displayed_in_its_colours() -> None:
     mesh = trimesh.creation.box((1, 2, 3))
-    colors = np.random.default_rng(0).integers(0, 256, (8, 3), dtype=np.uint8)
-    mesh.visual.vertex_colors = colors
-    glb = unlit_glb(mesh)
+    colors = np.random.default_rng(0).integers(60, 190, (8, 3), dtype=np.uint8)
+    glb = unlit_glb(painted(mesh, colors))
     back = trimesh.load(trimesh.util.wrap_as_stream(glb), file_type="glb", force="mesh", process=False)
     np.testing.assert_allclose(back.vertices, mesh.vertices, atol=1e-6)
     assert sorted(back.faces.tolist()) == sorted(mesh.faces.tolist())
-    start = len(glb) - 4 * mesh.faces.size - 8 * len(mesh.vertices)
-    stored = np.frombuffer(glb[start : start + 8 * len(mesh.vertices)], "<u2").reshape(-1, 4)
-    np.testing.assert_allclose(stored[:, :3] / 257, linear(colors), atol=0.51)
-    assert (stored[:, 3] == 65535).all()
+    picture = np.asarray(back.visual.material.baseColorTexture)
+    u, v = back.visual.uv.T / 65535
+    v = (65537 - 65535 * v) % 65536 / 65535  # which trimesh has turned over within 16 bits
+    row, column = (v * picture.shape[0]).astype(int), (u * picture.shape[1]).astype(int)
+    displayed = to_srgb(tone_mapped(BRIGHTEST * to_linear(picture[row, column] / 255)))
+    np.testing.assert_allclose(255 * displayed, colors, atol=6)
     assert b"KHR_materials_unlit" in glb and len(glb) % 4 == 0
 
 
+def test_a_surface_without_a_texture_is_displayed_in_the_colours_of_its_corners() -> None:
+    mesh = trimesh.creation.box((1, 2, 3))
+    colors = np.random.default_rng(0).integers(60, 190, (8, 3), dtype=np.uint8)
+    mesh.visual.vertex_colors = colors
+    document, binary = parts(colored_glb(mesh, ([0, 0, 0], [1, 2, 3])))
+    view = document["bufferViews"][1]
+    light = np.frombuffer(binary, "<u2", 32, view["byteOffset"]).reshape(8, 4) / 65535
+    displayed = to_srgb(tone_mapped(BRIGHTEST * light[:, :3]))
+    np.testing.assert_allclose(255 * displayed, colors, atol=1)
+    assert (light[:, 3] == 1).all() and document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][0] == 2
+    assert dressed(colored_glb(mesh), 0.5, 0.5)
+
+
 def test_a_surface_can_be_cut_at_a_height_and_made_transparent() -> None:
-    ball = trimesh.creation.icosphere(subdivisions=3)
-    ball.visual.vertex_colors = np.full((len(ball.vertices), 4), 200, np.uint8)
-    half = trimesh.load(trimesh.util.wrap_as_stream(dressed(unlit_glb(ball), 0.5, 0.5)), file_type="glb", force="mesh")
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    glb = unlit_glb(painted(mesh, np.full((len(mesh.vertices), 3), 200, np.uint8)))
+    half = trimesh.load(trimesh.util.wrap_as_stream(dressed(glb, 0.5, 0.5)), file_type="glb", force="mesh")
     assert half.vertices[half.faces, 2].max() <= 1e-6
-    assert len(half.faces) == (ball.vertices[ball.faces, 2].max(1) <= 1e-6).sum()
-    whole = trimesh.load(trimesh.util.wrap_as_stream(dressed(unlit_glb(ball), 1.0, 1.0)), file_type="glb", force="mesh")
-    assert len(whole.faces) == len(ball.faces)
-    assert b'"alphaMode": "BLEND"' in dressed(unlit_glb(ball), 0.5, 1.0)
+    assert len(half.faces) == (mesh.vertices[mesh.faces, 2].max(1) <= 1e-6).sum()
+    whole = trimesh.load(trimesh.util.wrap_as_stream(dressed(glb, 1.0, 1.0)), file_type="glb", force="mesh")
+    assert len(whole.faces) == len(mesh.faces)
+    thin = parts(dressed(glb, 0.5, 1.0))[0]["materials"][0]
+    assert thin["alphaMode"] == "BLEND" and thin["pbrMetallicRoughness"]["baseColorFactor"][3] == 0.5
+    assert "baseColorTexture" in thin["pbrMetallicRoughness"]
 
 
 def test_specks_are_left_out_of_the_surface_and_large_parts_stay_as_they_are() -> None:

@@ -7,24 +7,26 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pytest
 import trimesh
 import viser._messages as viser_messages
 
-from app.jobs.events import JobResult, PlaceOpened, SurfaceShaped
+from app.jobs.events import JobResult, PlaceOpened, Progress, SurfaceShaped
 from app.page.layers.field_surface import FieldSurfaceLayer
 from app.page_server import page_server
 from app.places.surface_glb import unlit_glb
 from app.server import App
-from app.state.actions import StartFlight, StartPlan
+from app.state.actions import StartFlight, StartPlan, Tick
 from app.state.job import JobKind
 from app.state.session import Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
+from tests.field.fields import painted
 from tests.waiting import PATIENCE_S, free_port, until
 
-STEPS = 40
+STEPS, BEGIN = 40, 6
 NODES = (viser_messages._CreateSceneNodeMessage, viser_messages.RemoveSceneNodeMessage)
 WIDGETS = (viser_messages._CreateGuiComponentMessage, viser_messages.GuiRemoveMessage)
 
@@ -40,10 +42,23 @@ def slowly(make: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 @pytest.fixture
-def app() -> Iterator[App]:
+def go_on() -> threading.Event:
+    """Before this is set, jobs do not come further than their first steps."""
+    return threading.Event()
+
+
+@pytest.fixture
+def app(go_on: threading.Event) -> Iterator[App]:
     """An app whose plans and flights take a while."""
+
+    def held(job: Any) -> Progress:
+        assert go_on.wait(PATIENCE_S), "nobody lets it go on"
+        return Progress("held", None)
+
     flight = [slowly(lambda job, k=k: flight_step(job.ends, k)) for k in range(STEPS)]
     plan = [slowly(lambda job, k=k: plan_step(job.ends, k)) for k in range(STEPS)]
+    flight.insert(BEGIN, held)
+    plan.insert(BEGIN, held)
     arrived = lambda job: flight_step(job.ends, STEPS, EpisodeOutcome.REACHED)  # noqa: E731
     settled = lambda job: plan_step(job.ends, STEPS, PlanOutcome.CONVERGED)  # noqa: E731
     scripts = {
@@ -57,15 +72,16 @@ def app() -> Iterator[App]:
     app.stop()
 
 
-def sent_while(app: App, command: Any) -> list[viser_messages.Message]:
-    """All that is sent to every page from a job's fifth frame to its end."""
+def sent_while(app: App, command: Any, go_on: threading.Event) -> list[viser_messages.Message]:
+    """All that is sent to every page from a job's first steps to its end."""
     assert app._server is not None
     sockets, sent = app._server._websock_server, []
     send = sockets.queue_message
     app.post(command)
-    until(lambda: _frames(app) >= 5, "the job did not begin")
+    until(lambda: _frames(app) >= BEGIN, "the job did not begin")
     shown = threading.Event()
     app._loop.parts = (*app._loop.parts, _Shown(shown))  # last of all parts: what it saw, the others have shown
+    app.post(Tick(0.0))
     assert shown.wait(PATIENCE_S), "the page is not changed any more"
 
     def note(message: Any) -> None:
@@ -73,6 +89,7 @@ def sent_while(app: App, command: Any) -> list[viser_messages.Message]:
         send(message)
 
     sockets.queue_message = note  # type: ignore[method-assign]
+    go_on.set()
     until(lambda: app.session.job is None, "the job did not end")
     sockets.queue_message = send  # type: ignore[method-assign]
     return sent
@@ -81,7 +98,7 @@ def sent_while(app: App, command: Any) -> list[viser_messages.Message]:
 def _frames(app: App) -> int:
     """How many steps of a flight or a plan the session has."""
     plan = app.session.plan
-    return max(app.session.steps_reported, plan.latest.iteration if plan is not None and plan.latest else 0)
+    return max(app.session.steps_reported, plan.latest.iteration + 1 if plan is not None and plan.latest else 0)
 
 
 @dataclass(frozen=True)
@@ -95,8 +112,8 @@ class _Shown:
 
 
 @pytest.mark.parametrize("command", [StartFlight(), StartPlan()], ids=["flight", "plan"])
-def test_nothing_is_added_again_while_a_job_runs(app: App, command: Any) -> None:
-    sent = sent_while(app, command)
+def test_nothing_is_added_again_while_a_job_runs(app: App, command: Any, go_on: threading.Event) -> None:
+    sent = sent_while(app, command, go_on)
     counts = Counter(type(message).__name__ for message in sent)
     assert sum(isinstance(message, NODES) for message in sent) == 0, counts
     assert sum(isinstance(message, WIDGETS) for message in sent) == 0, counts
@@ -105,9 +122,9 @@ def test_nothing_is_added_again_while_a_job_runs(app: App, command: Any) -> None
     assert len(sent) < 60 * STEPS, f"more than 60 messages for each step: {counts}"
 
 
-def test_large_nodes_are_not_sent_again_while_a_robot_flies(app: App) -> None:
+def test_large_nodes_are_not_sent_again_while_a_robot_flies(app: App, go_on: threading.Event) -> None:
     assert app._server is not None
-    for message in sent_while(app, StartFlight()):
+    for message in sent_while(app, StartFlight(), go_on):
         if isinstance(message, viser_messages.SceneNodeUpdateMessage):
             assert "glb_data" not in message.updates and "vertices" not in message.updates, message.name
 
@@ -115,7 +132,7 @@ def test_large_nodes_are_not_sent_again_while_a_robot_flies(app: App) -> None:
 def test_a_surface_that_was_shown_before_is_there_at_once_and_not_sent_again_when_the_place_opens() -> None:
     place = balls_place()
     box = place.field.box.lower.tolist(), place.field.box.upper.tolist()
-    surface = unlit_glb(trimesh.creation.icosphere(), box)
+    surface = unlit_glb(painted(mesh := trimesh.creation.icosphere(), np.zeros((len(mesh.vertices), 3))), box)
     port = free_port()
     server = page_server("127.0.0.1", port)
     sent: list[viser_messages.Message] = []

@@ -4,14 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.events import FileMade, JobFailed, JobFinished, Progress
+from app.jobs.events import FileMade, JobFailed, JobFinished, PlaceOpened, Progress, SurfaceShaped
 from app.jobs.map import MapRequest, download
+from app.page.panels.status_words import activity
 from app.state import actions as m
-from app.state.download_actions import TakeMap
-from app.state.downloads import Download, MapWish
+from app.state.downloads import Download, MapWish, TakeMap
 from app.state.job import JobKind
 from app.state.session import Session
+from app.state.view_settings import Backdrop
 from nerfnav.errors import InvalidInputError
+from tests.app.doubles import balls_place
 from tests.app.sessions import after, planned, reports
 from tests.field.test_neural import random_field
 
@@ -39,6 +41,23 @@ def test_a_map_takes_nothing_away_from_the_plan_and_waits_for_what_runs(opened: 
     flying = after(before, m.StartFlight())
     refused = after(flying, VOXELS)
     assert refused.job == flying.job and refused.trouble is not None and refused.trouble.title == "Still busy"
+
+
+def test_a_plan_that_is_asked_for_before_the_place_can_be_seen_is_made_then() -> None:
+    opening = reports(Session.opening("balls"), PlaceOpened(balls_place()))
+    asked = after(opening, m.StartPlan())
+    assert asked.job is not None and asked.job.kind is JobKind.OPEN and asked.trouble is None
+    assert activity(asked).endswith("; then the way is planned")
+    for seen in (SurfaceShaped(b"a surface"), JobFinished("open")):
+        planning = reports(asked, seen)
+        assert planning.job is not None and planning.job.kind is JobKind.PLAN
+    assert reports(opening, SurfaceShaped(b"a surface"), JobFinished("open")).job is None
+
+
+def test_a_field_with_nothing_to_be_seen_is_told_so() -> None:
+    told = reports(Session.opening("balls"), PlaceOpened(balls_place()), SurfaceShaped(b""))
+    assert told.surface is None and told.trouble is not None and "has no surface: train it" in told.trouble.body
+    assert told.view_settings.backdrop is Backdrop.RENDER, "an empty scene"
 
 
 def test_a_field_without_voxels_is_refused_in_one_sentence(opened: Session) -> None:

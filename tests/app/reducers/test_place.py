@@ -12,9 +12,9 @@ from app.queries.experiments import Experiments, ExperimentsQuery
 from app.queries.first_ends import FirstEnds, FirstEndsQuery
 from app.queries.query import Resources
 from app.state import actions as m
-from app.state.choice import Choice
 from app.state.experiments import ListExperiments
 from app.state.session import Session
+from app.state.settings import Choice
 from nerfnav.field import Unknown, planning_field
 from nerfnav.planner import fits
 from nerfnav.robots import load
@@ -44,7 +44,7 @@ def test_without_a_task_ends_are_sought_and_fit() -> None:
     session = opened_in(balls_place())
     assert session.seeking and not any(isinstance(query, EndFitQuery) for query in pending_queries(session))
     (query,) = FirstEndsQuery.pending(session)
-    assert session.place is not None
+    assert session.place is not None and pending_queries(session)[0] == query, "nothing is more urgent"
     session = after(session, m.QueryAnswered(query, query.answer(Resources(session.place))))
     assert not session.seeking and session.plan_settings.shortest and session.view is not None
     field, robot = planning_field(balls_place().field, Unknown.OCCUPIED), load("quadrotor")
@@ -100,6 +100,11 @@ def test_nothing_of_the_last_place_is_left_while_another_is_opened(opened: Sessi
     session = after(planned(opened), m.OpenPlace("elsewhere.npz"))
     assert session.place is None and session.plan is None and session.problems == {} and session.surface is None
     assert session.job is not None and session.job.label == "Opening elsewhere.npz"
+
+
+def test_how_well_places_are_learned_is_chosen_once_for_all_that_are_opened(opened: Session) -> None:
+    session = after(opened, m.ChooseQuality("draft"), m.OpenPlace("room.zip"))
+    assert opened.quality == "good" and session.quality == "draft"
 
 
 def test_experiments_are_listed_in_every_place_that_is_opened(opened: Session) -> None:

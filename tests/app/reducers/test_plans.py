@@ -18,10 +18,10 @@ from app.queries.query import Resources
 from app.queries.robot_view import RobotViewQuery
 from app.queries.wanted_plan import WantedPlan, drafted, plan_request, planned
 from app.state import actions as m
-from app.state.choice import Choice
 from app.state.job import JobKind
 from app.state.plan_actions import AllowTime, RestoreWeights, StayDown
 from app.state.session import Session
+from app.state.settings import Choice
 from app.state.view_settings import ViewSettings
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.costs import CostWeights

@@ -17,11 +17,11 @@ from app.queries.field_view import FieldView, FieldViewQuery
 from app.queries.robot_view import RobotViewQuery
 from app.reducers.root import reduce
 from app.state import actions as m
-from app.state.choice import Choice
-from app.state.flight_settings import GUST
 from app.state.job import JobKind
 from app.state.records import CostHistory, PlanRecord
 from app.state.session import Session
+from app.state.settings import GUST, Choice
+from app.state.tab_actions import Left, Looked
 from app.state.view_settings import Eye
 from app.worker.flight_orders import FlightOrders
 from nerfnav.navigation.steps import EpisodeOutcome
@@ -229,7 +229,9 @@ def test_a_second_place_forgets_the_first_only_once_it_is_open(opened: Session) 
 def test_plans_and_flights_do_not_wait_for_kernels_but_for_the_surface() -> None:
     opening = reports(Session.opening("balls"), PlaceOpened(balls_place()), Progress("shaping", 0.3))
     assert not opening.may_begin, "whoever leaves now would never see the place"
-    refused = after(opening, m.StartPlan())
+    asked = after(opening, m.StartPlan())
+    assert asked.job == replace(opening.job, then_plan=True) and asked.notices == opening.notices
+    refused = after(opening, m.StartFlight())
     assert refused.job == opening.job and refused.notices[-1].title == "Still busy"
     warming = reports(opening, SurfaceShaped(b"glTF"), Progress("compiling", 0.6))
     for command, kind in ((m.StartPlan(), JobKind.PLAN), (m.StartFlight(), JobKind.FLY)):
@@ -320,8 +322,8 @@ def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened
 def test_what_was_rendered_for_a_closed_tab_is_forgotten(opened: Session) -> None:
     here, there = (FieldViewQuery(client, EYE, 240) for client in (1, 2))
     seen = FieldView(np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2)))
-    both = after(opened, *(m.Looked(query.client, EYE) for query in (here, there)))
+    both = after(opened, *(Looked(query.client, EYE) for query in (here, there)))
     both = after(both, *(m.QueryAnswered(query, seen) for query in (here, there)))
-    left = after(both, m.Left(1))
+    left = after(both, Left(1))
     assert set(left.eyes) == {2} and not here.is_answered(left) and there.is_answered(left)
     assert after(left, m.QueryAnswered(here, seen)).results == left.results, "nobody looks from there any more"

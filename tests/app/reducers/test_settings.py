@@ -8,7 +8,7 @@ import pytest
 
 from app.jobs import compare_planners as compare
 from app.jobs.events import JobFinished, PlannerCompared, PlannerResult
-from app.jobs.plan_request import PlanRequest
+from app.jobs.plan import PlanRequest
 from app.page.panels.plan_charts import chart_data
 from app.page.panels.plan_words import compared, describe
 from app.places.ends import End, Ends
@@ -18,9 +18,9 @@ from app.queries.query import Resources
 from app.reducers.root import reduce
 from app.state import actions as m
 from app.state.job import JobKind
-from app.state.plan_settings import PlanSettings
 from app.state.records import CostHistory
 from app.state.session import Session
+from app.state.settings import PlanSettings
 from app.worker.backend import NavigationBackend
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.fast import FastPlanConfig

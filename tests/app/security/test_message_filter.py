@@ -176,7 +176,7 @@ def test_a_flood_closes_the_flooder_and_nobody_else(
     closed = flood(flooder, raw, 20_000)
     assert closed in (1008, None)
     until(lambda: flooder.state.name == "CLOSED", "the flooder is still there")
-    assert time.monotonic() - began < PATIENCE_S, "it was borne for as long as a tab may that sends no faster"
+    assert time.monotonic() - began < 60, "it was borne for as long as a tab may that sends no faster"
     free = served.widgets["free"]
     other.send(msgspec.msgpack.encode(update(free, value=3.25)))
     until(lambda: free.value == 3.25, "the other tab was harmed")

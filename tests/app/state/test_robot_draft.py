@@ -28,6 +28,16 @@ def test_angles_are_degrees_for_people_and_radians_in_the_file() -> None:
     assert tilt.edit(told, 45.0).of(None).limits["tilt"] == pytest.approx(math.pi / 4)
 
 
+def test_moments_of_inertia_are_told_in_gram_square_metres_and_changed_one_by_one() -> None:
+    told, _ = described("crazyflie")
+    about = {number.name: number for number in NUMBERS if number.part == "inertia"}
+    assert about["x"].of(told) == pytest.approx(0.0166) and about["z"].of(told) == pytest.approx(0.0293)
+    first = about["x"].edit(told, 0.02).of(None)
+    both = about["z"].edit(told, 0.03).of(first)
+    assert both.inertia == pytest.approx((2e-5, 1.66e-5, 3e-5))
+    assert about["x"].of(described("cart")[0]) is None
+
+
 def test_changes_come_together_until_they_are_forgotten_or_another_robot_is_taken(opened: Session) -> None:
     told, _ = described("quadrotor")
     edits = EditRobot(told, "", "mass", 0.4), EditRobot(told, "camera", "fov", 70.0)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from app.jobs.events import JobFinished, JobResult
+from app.jobs.events import JobFinished, JobResult, Progress
+from app.jobs.find_robot import find
 from app.page.layers.search import frusta
 from app.page.panels import estimate_words
 from app.state import actions as m
@@ -113,6 +114,17 @@ def test_the_worker_looks_for_the_robot_in_the_picture_that_the_session_has(open
     events = NavigationBackend(runs=None).begin(session, session.job)
     with pytest.raises(InvalidInputError, match="pictures of 200 x 200 x 3"):  # the picture of these tests is smaller
         list(events)
+
+
+def test_the_first_search_says_how_far_it_has_looked_around_and_may_be_left(opened: Session) -> None:
+    assert opened.place is not None
+    camera = opened.place.robot.camera
+    events = find(opened.place, torch.zeros(camera.height, camera.width, 3, dtype=torch.uint8))
+    told = [event for event, _ in zip(events, range(4), strict=False) if isinstance(event, Progress)]
+    assert {event.label for event in told} == {"looking around in the field"}
+    shares = [event.fraction for event in told]
+    assert shares == sorted(set(shares)) and len(shares) == 4 and shares[-1] < 1
+    events.close()
 
 
 def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None:

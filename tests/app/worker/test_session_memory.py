@@ -7,11 +7,13 @@ from app.jobs.events import PlaceOpened
 from app.places.ends import End, Which
 from app.state import actions as m
 from app.state.session import Session
+from app.state.tab_actions import Viewed
 from app.worker.session_memory import SessionMemory
 from nerfnav.field import Unknown
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 
+HERE = (1.0, -2.0, 0.5), (0.1, 0.0, 0.3)
 THERE = End((0.5, -0.5, 0.4), 0.3)
 
 
@@ -25,16 +27,18 @@ def changed(session: Session) -> Session:
         m.Adjust(m.Settings.FLIGHT, "seed", 7),
         m.Adjust(m.Settings.VIEW, "clearance", True),
         m.Choose(replace(session.choice, planner="rrt")),
+        Viewed(HERE),
     )
 
 
-def test_ends_and_settings_are_as_they_were_left_when_a_server_opens_the_place_again(
+def test_ends_settings_and_camera_are_as_they_were_left_when_a_server_opens_the_place_again(
     opened: Session, tmp_path: Path
 ) -> None:
     left = changed(opened)
     SessionMemory(tmp_path, left.what).follow(left)
     again = Session.opening(left.what, left_off=SessionMemory(tmp_path, left.what).last())
     there = reports(again, PlaceOpened(balls_place()))
+    assert there.view == there.viewed == HERE, "the camera is where it was"
     assert there.moment == left.moment and there.left_off is None and not there.history.past
     assert after(there, m.Reset()).ends == opened.ends, "what was found at first is forgotten"
 

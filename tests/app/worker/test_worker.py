@@ -186,8 +186,8 @@ def test_a_place_that_cannot_be_opened_is_told(loop_for: Callable[[ScriptedWork]
 def test_a_flight_is_no_faster_than_its_pace(loop_for: Callable[[ScriptedWork], Loop]) -> None:
     steps = [lambda job, k=k: flight_step(job.ends, k) for k in range(6)]
     loop = loop_for(ScriptedWork({JobKind.FLY: [*steps, JobResult()]}))
-    loop.take(m.Adjust(m.Settings.FLIGHT, "pace", 2.0), m.StartFlight())
     began = time.monotonic()
+    loop.take(m.Adjust(m.Settings.FLIGHT, "pace", 2.0), m.StartFlight())
     loop.until(lambda: loop.session.job is None)
     assert time.monotonic() - began >= 5 * 0.1 / 2.0 - 0.01
     assert loop.session.steps_reported == 6

@@ -6,6 +6,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -116,6 +117,16 @@ def test_a_reader_of_ros_2_finds_the_transforms_from_map_to_base_link() -> None:
         np.testing.assert_allclose([t.x, t.y, t.z], step.truth.position, atol=1e-6)
         rotation = so3.matrix_from_quaternion(torch.tensor([q.w, q.x, q.y, q.z], dtype=torch.float64))
         np.testing.assert_allclose(rotation, step.truth.rotation, atol=1e-6)
+
+
+def test_a_reader_of_ros_2_finds_the_pictures_of_a_flight() -> None:
+    told = decoded(flight(), "/picture")
+    assert len(told) == sum(step.image is not None for step in flown()) > 0
+    picture, first = told[0], next(step.image for step in flown() if step.image is not None)
+    assert (picture.format, picture.header.frame_id) == ("jpeg", "base_link")
+    read = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
+    assert read is not None and read.shape == tuple(first.shape)
+    assert np.abs(read[..., ::-1].astype(int) - first.numpy()).mean() < 12, "another picture"
 
 
 def test_quaternions_of_the_estimate_do_not_flip_their_signs() -> None:

@@ -149,3 +149,25 @@ def depth_ahead(camera: Camera, pose: np.ndarray) -> np.ndarray:
     inward = ways @ eye
     away = -inward + np.sqrt(inward**2 + RADIUS**2 - eye @ eye)
     return (away * -(ways @ pose[:3, :3])[:, 2]).reshape(camera.height, camera.width)
+
+
+Point = tuple[tuple[float, float, float], float, list[int]]
+"""A point of structure from motion: where it is, its error [pixels], and the numbers of the images that show it."""
+
+
+def write_points(capture: Path, binary: bool, points: list[Point]) -> Path:
+    """Write the points of a COLMAP capture, whose images count from 1, and return its folder."""
+    sparse = capture / "sparse" / "0"
+    if binary:
+        packed = struct.pack("<Q", len(points))
+        for number, (position, error, track) in enumerate(points):
+            packed += struct.pack("<Q3d3Bd", number + 7, *position, 10, 20, 30, error)
+            packed += struct.pack("<Q", len(track)) + b"".join(struct.pack("<ii", image, 5) for image in track)
+        (sparse / "points3D.bin").write_bytes(packed)
+        return capture
+    lines = ["# 3D point list with one line of data per point:"]
+    for number, (position, error, track) in enumerate(points):
+        seen = " ".join(f"{image} 5" for image in track)
+        lines.append(f"{number + 7} {' '.join(map(repr, position))} 10 20 30 {error!r} {seen}")
+    (sparse / "points3D.txt").write_text("\n".join(lines) + "\n")
+    return capture

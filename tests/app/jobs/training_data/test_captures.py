@@ -12,6 +12,7 @@ from app.jobs.events import Progress
 from app.jobs.train import run
 from app.jobs.training_data.captures import NODES, gather
 from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
+from app.places.learning import BUDGETS_S, USUAL
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train_config import TrainConfig
@@ -111,7 +112,7 @@ def test_an_archive_may_not_name_photographs_of_others(tmp_path: Path) -> None:
 
 
 def test_an_upload_is_learned_within_its_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adopt, "BUDGET_S", 0.5)
+    monkeypatch.setitem(BUDGETS_S, USUAL, 0.5)
     result_of(adopt.run(zipped(write_transforms(tmp_path / "room")), tmp_path / "room.npz"))
     assert load_field(tmp_path / "room.npz").info.images == 7
 

@@ -14,7 +14,7 @@ from app.cli.main import main
 from app.jobs.events import Progress
 from app.jobs.train import StoppedError, TrainRequest, run
 from app.jobs.training_data.gather import Photographs, TrainingData, gather
-from app.places.opening import open_place
+from app.places.place import open_place
 from nerfnav.errors import FieldFileError, InvalidInputError, NerfnavError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train_config import TrainConfig

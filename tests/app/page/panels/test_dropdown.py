@@ -8,8 +8,8 @@ import pytest
 import viser
 
 from app.page.panels.dropdown import ChoiceList
-from app.state.choice import Choice
 from app.state.session import Session
+from app.state.settings import Choice
 from nerfnav import robots
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.page.panels.chart import with_cursor
 from app.page.panels.command_palette import entries
-from app.page.panels.flight_marks import marks_of
+from app.page.panels.flight_marks import marks_of, spaced
 from app.places.ends import End, Ends, Which
 from app.state import actions as m
 from app.state.records import FlightRecord
@@ -37,6 +37,13 @@ def test_a_robot_that_brakes_for_want_of_a_way_is_not_lost() -> None:
     steps = [flight_step(ENDS, index) for index in range(4)]
     steps[2] = replace(steps[2], recovery=Recovery.BACKUP)
     assert marks_of(FlightRecord(ENDS, tuple(steps))) == ((steps[2].time, "braked"),)
+
+
+def test_words_of_marks_do_not_run_into_one_another_and_numbers_give_way() -> None:
+    assert spaced((), 5.0) == ((0.0, "0"), (5.0, "5"))
+    assert spaced(((0.0, "found"),), 5.0) == ((0.0, "found"), (5.0, "5")), "found is read, not overlapped by 0"
+    marks = spaced(((0.1, "lost"), (0.4, "found"), (2.0, "hit"), (4.9, "gust")), 5.0)
+    assert marks == ((0.0, ""), (0.1, "lost"), (0.4, ""), (2.0, "hit"), (4.9, "gust"), (5.0, ""))
 
 
 def test_gusts_and_moves_of_the_goal_are_kept_with_their_flight(opened: Session) -> None:

@@ -1,0 +1,53 @@
+"""The track of a camera: its path, how sure each place of it is, and where the camera looks now."""
+
+from itertools import pairwise
+
+import numpy as np
+import torch
+import viser
+
+from app.page.layers.flight import ellipsoids
+from app.page.layers.nodes import THROUGH, Bodies, Fan
+from app.page.layers.search import frusta
+from app.page.layers.shapes import ball
+from app.page.theme import BELIEF
+from app.state.session import Session
+from app.state.tracks import TrackRecord
+from nerfnav.geometry import Pose
+
+_RECENT = 40
+"""Frames whose ellipsoids are drawn: more would hide one another."""
+
+
+class TrackLayer:
+    """Shows what the timeline shows of a track."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        # the second one is seen, faintly, through what hides the first
+        self._paths = [Fan(server, f"/track/path{ending}", BELIEF, 0.01) for ending in ("", THROUGH)]
+        self._regions = Bodies(server, "/track/covariance", ball(), BELIEF, opacity=0.3)
+        self._camera = Fan(server, "/track/camera", BELIEF, 0.008)
+        self._shown: tuple[TrackRecord | None, float] = None, 0.0
+
+    def show(self, session: Session) -> None:
+        """Draw the track, or nothing."""
+        track, scale = session.shown_track, session.view_settings.ellipsoid
+        if track is self._shown[0] and scale == self._shown[1]:
+            return
+        self._shown = track, scale
+        steps = () if track is None else tuple(step.tracked for step in track.steps)
+        beliefs = [step.belief for step in steps[-_RECENT:] if step.belief is not None]
+        centers, wxyzs, half = ellipsoids(beliefs)
+        last = steps[-1].pose if steps else None
+        with self._server.atomic():
+            for fan in self._paths:
+                fan.show(path([step.pose for step in steps]))
+            self._regions.show(centers, wxyzs, scale * half)
+            self._camera.show(None if last is None else frusta(Pose(last.rotation[None], last.position[None])))
+
+
+def path(poses: list[Pose | None]) -> np.ndarray | None:
+    """Segments (n, 2, 3) [m] from each pose to the next; none where one of both is not known."""
+    pairs = [(one.position, two.position) for one, two in pairwise(poses) if one and two]
+    return torch.stack([torch.stack(pair) for pair in pairs]).numpy() if pairs else None

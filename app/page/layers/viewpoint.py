@@ -1,0 +1,53 @@
+"""From where the place is looked at: told once the camera of a tab rests, and put back where it was left."""
+
+import asyncio
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from app.places.vantage import Point, View
+from app.state.actions import Command
+from app.state.session import Session
+from app.state.tab_actions import Viewed
+from app.state.view_settings import CameraMode
+
+_REST_S = 0.5
+"""A camera that has not moved for so long rests: each frame of a turn would be too much to tell."""
+
+
+class ViewpointLayer:
+    """Tells the session of cameras that people turn themselves."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes the views."""
+        self._post = post
+        self._free = False
+        self._moves = 0
+        server.on_client_connect(self._watch)
+
+    def show(self, session: Session) -> None:
+        """Listen while cameras are free: those that go with the robot are nobody's choice."""
+        self._free = session.place is not None and session.view_settings.camera is CameraMode.FREE
+
+    def _watch(self, client: viser.ClientHandle) -> None:
+        @client.camera.on_update
+        async def _(camera: viser.CameraHandle) -> None:
+            self._moves += 1
+            if self._free:
+                asyncio.get_running_loop().call_later(_REST_S, self._rested, camera, self._moves)
+
+    def _rested(self, camera: viser.CameraHandle, moves: int) -> None:
+        """Runs on the server's event loop."""
+        if self._free and moves == self._moves:
+            self._post(Viewed(view_of(camera)))
+
+
+def view_of(camera: viser.CameraHandle) -> View:
+    """Where a tab's eye is and what it looks at [m]."""
+    return _point(camera.position), _point(camera.look_at)
+
+
+def _point(numbers: np.ndarray) -> Point:
+    x, y, z = np.asarray(numbers, np.float64).tolist()
+    return x, y, z
