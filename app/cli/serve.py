@@ -5,8 +5,10 @@ The page is up before the libraries that compute are imported, which takes longe
 
 import contextlib
 import json
+import os
 import signal
 import sys
+import threading
 import webbrowser
 from dataclasses import dataclass
 
@@ -44,7 +46,7 @@ def run(arguments: Arguments) -> None:
         check(arguments.place)  # the app would open it later, on a page that nobody may look at
     with contextlib.suppress(ValueError):  # in tests this is not the main thread, which alone hears signals
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # what supervisors send ends it as Ctrl-C does
-    stdout = sys.stdout
+    stdout, interrupted = sys.stdout, False
     with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout is for the address alone
         server = page_server(arguments.host, arguments.port, arguments.token)
         try:
@@ -57,6 +59,15 @@ def run(arguments: Arguments) -> None:
                 webbrowser.open(url)
             run_app(arguments.place, arguments.host, arguments.port, arguments.token, surface)
         except KeyboardInterrupt:
-            return  # the way to end a server
+            interrupted = True  # the way to end a server
         finally:
             server.stop()
+    if interrupted and _computes_still():
+        # a step that was waited for long enough: torch aborts where the interpreter is taken down under it
+        sys.stderr.flush()
+        os._exit(0)
+
+
+def _computes_still() -> bool:
+    """Whether a thread of the app is in the middle of a long step."""
+    return any(thread.name.startswith("nerfnav-") for thread in threading.enumerate())

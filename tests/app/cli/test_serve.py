@@ -47,3 +47,36 @@ def test_it_tells_its_address_answers_there_and_ends_when_it_is_asked_to(
     assert process.returncode == 0, complaint
     assert rest == "", "the address is the last line of stdout"
     assert "Traceback" not in complaint
+
+
+_IN_A_LONG_STEP = """
+import os, signal, sys, threading, time
+import torch
+from app.cli.main import main
+from app.worker.worker import Worker
+
+begun = threading.Event()
+
+def compute(worker):
+    weights = torch.rand(300, 300, requires_grad=True)
+    while True:
+        (weights @ weights).sum().backward()
+        begun.set()
+
+def end():
+    begun.wait()
+    os.kill(os.getpid(), signal.SIGTERM)
+
+Worker._run = compute
+threading.Thread(target=end, daemon=True).start()
+sys.exit(main(["serve", sys.argv[1], "--port", sys.argv[2]]))
+"""
+
+
+@pytest.mark.slow
+def test_it_ends_well_in_the_middle_of_a_step_that_goes_on_and_on(field_file: Path) -> None:
+    # the interpreter must not be taken down under a thread that is in torch: that aborts (exit code -6)
+    command = [sys.executable, "-c", _IN_A_LONG_STEP, str(field_file), str(free_port())]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[3], timeout=PATIENCE_S)
+    assert ended.returncode == 0, ended.stderr
+    assert "Traceback" not in ended.stderr
