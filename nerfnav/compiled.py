@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ prange = range
 _ANY = 1 << 30
 _allowed: ContextVar[int] = ContextVar("threads that kernels may use", default=1)
 _bound: ContextVar[int] = ContextVar("threads that blocks inside may ask for", default=_ANY)
+_compiling: ContextVar["_Compiling | None"] = ContextVar("who is told of compilation", default=None)
 
 
 class Kernel:
@@ -59,6 +60,7 @@ class Kernel:
         import numba
         from numba.core.compiler_lock import global_compiler_lock
 
+        _listen()
         names = self._function.__globals__
         if names.get("prange") is prange:
             names["prange"] = numba.prange  # which numba knows by identity
@@ -79,6 +81,53 @@ def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Any], K
         return Kernel(inspect.unwrap(function), options)
 
     return decorate
+
+
+@contextmanager
+def telling_compilation(tell: Callable[[bool], None]) -> Iterator[None]:
+    """Call `tell` with True where this thread begins to compile a kernel inside the block, with False where it is done.
+
+    It may take a minute. Machine code that is read from the cache is no compilation.
+    """
+    before = _compiling.set(_Compiling(tell))
+    try:
+        yield
+    finally:
+        _compiling.reset(before)
+
+
+class _Compiling:
+    """Compilations that are going on; a kernel is compiled while one that calls it is."""
+
+    def __init__(self, tell: Callable[[bool], None]) -> None:
+        self._tell, self._depth = tell, 0
+
+    def begin(self) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            self._tell(True)
+
+    def end(self) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._tell(False)
+
+
+@cache
+def _listen() -> None:
+    """Hear of everything that numba compiles from now on, in the thread in which it does."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if (compiling := _compiling.get()) is not None:
+                compiling.begin()
+
+        def on_end(self, event: Any) -> None:
+            if (compiling := _compiling.get()) is not None:
+                compiling.end()
+
+    event.register("numba:compile", Listener())
 
 
 def default_threads() -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.compiled import Kernel, default_threads, kernel, prange, threads
+from nerfnav.compiled import Kernel, default_threads, kernel, prange, telling_compilation, threads
 from nerfnav.field.kernels import carving
 from nerfnav.kernel_cache import cache_folder
 
@@ -109,3 +109,27 @@ def test_plans_and_updates_wake_up_no_pool_of_threads() -> None:
     others, own = map(int, done.stdout.split()[-2:])
     # one that is woken up and spins computes as long as the loop itself
     assert others <= 0.1 * own, f"another thread computed for {others} ticks of {own}"
+
+
+def test_compilation_is_told_once_for_a_kernel_with_those_that_it_calls_and_only_in_its_own_thread() -> None:
+    told: list[bool] = []
+    inner = Kernel(lambda x: x + 1, {})
+
+    def outer(x: float) -> float:
+        return inner(x) + 1
+
+    with telling_compilation(told.append):
+        assert Kernel(outer, {})(1.0) == 3.0
+        assert told == [True, False]
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(Kernel(lambda x: x + 2, {}), 1.0).result() == 3.0
+    Kernel(lambda x: x + 3, {})(1.0)
+    assert told == [True, False]
+
+
+def test_reading_machine_code_from_the_cache_is_no_compilation() -> None:
+    told: list[bool] = []
+    squares(np.arange(3.0))
+    with telling_compilation(told.append):
+        np.testing.assert_array_equal(Kernel(squares._function, squares._options)(np.arange(3.0)), [0.0, 1.0, 4.0])
+    assert told == []

@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 import torch
 from rich.console import Console
@@ -10,8 +10,9 @@ from rich.progress import BarColumn, TaskID, TaskProgressColumn, TextColumn, Tim
 from rich.progress import Progress as Bars
 
 from app.cli.terminal import note
-from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.events import COMPILING, JobEvents, JobResult, Progress
 from app.system import TORCH_THREADS
+from nerfnav.compiled import telling_compilation
 from nerfnav.field import TrainStep
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
@@ -27,7 +28,8 @@ def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
     with _bar() as (bars, task), _stop_on_interrupt(can_stop_early) as stop:
         while True:
             try:
-                event = job.send(answer)
+                with _telling_compilation(bars, task):
+                    event = job.send(answer)
             except StopIteration as end:
                 return end.value
             if isinstance(event, Progress):
@@ -49,6 +51,12 @@ def _bar() -> Iterator[tuple[Bars, TaskID]]:
     console = Console(stderr=True)
     with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
         yield bars, bars.add_task("starting", total=1.0, told="")
+
+
+def _telling_compilation(bars: Bars, task: TaskID) -> AbstractContextManager[None]:
+    """Say for as long as the compiler works inside the block that it does."""
+    before = bars.tasks[0].description
+    return telling_compilation(lambda begins: bars.update(task, description=COMPILING if begins else before))
 
 
 def _told_of(event: object) -> str:

@@ -19,6 +19,9 @@ from nerfnav.navigation import LoopEvent
 from nerfnav.robots import Motion
 from nerfnav.tracking import Tracked
 
+COMPILING = "compiling kernels, once on this machine"
+"""What a job does while it waits for the compiler, whatever else it is about."""
+
 
 @dataclass(frozen=True)
 class Progress:

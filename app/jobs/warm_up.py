@@ -16,7 +16,7 @@ def warm_up(place: Place) -> Iterator[Progress]:
 
     Whoever does not want to wait for it may leave it at any step.
     """
-    doing = Progress("compiling kernels, which takes longer the first time", 0.6)
+    doing = Progress("getting ready", 0.6)
     yield doing
     if place.truth is not None:
         place.truth.load()

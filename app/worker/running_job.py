@@ -2,12 +2,15 @@
 
 import logging
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-from app.jobs.events import JobEvents, JobFailed, JobFinished
+from app.jobs.events import COMPILING, JobEvents, JobFailed, JobFinished, Progress
 from app.state.job import Job
 from app.state.session import Session
 from app.worker.work import Work
+from nerfnav.compiled import telling_compilation
 from nerfnav.errors import NerfnavError
 from nerfnav.navigation import NavigationStep
 
@@ -19,6 +22,7 @@ class RunningJob:
 
     def __init__(self, job: Job, work: Work, session: Session) -> None:
         self.id = job.id
+        self._reached = Progress("", 0.0)
         self._name = job.kind.value
         self._ended = False
         self._time_steps = 0
@@ -41,12 +45,20 @@ class RunningJob:
             return 0.0
         return max(0.0, self._step_began + self._step_s / job.pace - time.monotonic())
 
-    def next_event(self) -> Any:
-        """What the job yields next; its end, with what it returned, and its failures are events too."""
+    def next_event(self, meanwhile: Callable[[Progress], None]) -> Any:
+        """What the job yields next; its end, with what it returned, and its failures are events too.
+
+        `meanwhile` is told where it waits for the compiler, which takes a minute, and where it goes on.
+        """
+
+        def tell(compiles: bool) -> None:
+            meanwhile(replace(self._reached, label=COMPILING) if compiles else self._reached)
+
         if self._between_steps:
             self._begun_at, self._between_steps = time.monotonic(), False
         try:
-            event = next(self._events)
+            with telling_compilation(tell):
+                event = next(self._events)
         except StopIteration as end:
             event = JobFinished(self._name, end.value)
         except NerfnavError as error:
@@ -54,6 +66,7 @@ class RunningJob:
         except Exception as error:
             _log.exception("the job %s broke", self._name)
             event = JobFailed(self._name, describe_fault(error))
+        self._reached = event if isinstance(event, Progress) else self._reached
         self._ended = isinstance(event, JobFailed | JobFinished)
         if isinstance(event, NavigationStep):
             self._time_steps += 1

@@ -133,4 +133,5 @@ class Worker:
         running, job = self._running, session.job
         if running is not None and job is not None and running.may_go_on(job):
             self._work.follow(session)
-            self._post(Reported(running.id, running.next_event()))
+            event = running.next_event(lambda told: self._post(Reported(running.id, told)))
+            self._post(Reported(running.id, event))

@@ -8,15 +8,16 @@ from typing import Any
 
 import pytest
 
-from app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
+from app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
 from app.queries.catalog import pending_queries
 from app.reducers.root import reduce
 from app.state import actions as m
-from app.state.job import JobKind
+from app.state.job import Job, JobKind
 from app.state.session import Session
 from app.worker.worker import Worker
+from nerfnav.compiled import Kernel
 from nerfnav.errors import NerfnavError
-from nerfnav.planner.steps import PlanOutcome
+from nerfnav.planner.steps import PlanOutcome, PlanStep
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
 from tests.waiting import PATIENCE_S
 
@@ -91,6 +92,21 @@ def test_a_job_reports_all_its_events_in_order(loop_for: Callable[[ScriptedWork]
     loop.until(lambda: loop.session.job is None)
     iterations = [event.iteration for event in loop.events() if hasattr(event, "iteration")]
     assert iterations == list(range(50))
+
+
+def test_a_step_that_compiles_says_so_and_then_says_again_what_the_job_is_about(
+    loop_for: Callable[[ScriptedWork], Loop],
+) -> None:
+    def compile_one(job: Job) -> PlanStep:
+        Kernel(lambda x: x + 1, {})(1.0)
+        return plan_step(job.ends, 0)
+
+    way = Progress("finding a way", 0.3)
+    loop = loop_for(ScriptedWork({JobKind.PLAN: [way, compile_one, JobResult()]}))
+    loop.take(m.StartPlan())
+    loop.until(lambda: loop.session.job is None)
+    told = [event for event in loop.events() if isinstance(event, Progress)]
+    assert told[-3:] == [way, Progress(COMPILING, 0.3), way]
 
 
 @pytest.mark.parametrize(
