@@ -24,9 +24,11 @@ def kept(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:
     read or written only costs time.
     """
     before = found(kind, key)
-    if before is not None:
-        return before
-    made = make()
+    return keep(kind, key, make()) if before is None else before
+
+
+def keep(kind: str, key: bytes, made: bytes) -> bytes:
+    """Keep what was made for this `key`, and give it back."""
     with contextlib.suppress(OSError):
         _write(_path(kind, key), hashlib.sha256(made).digest() + made)
     return made

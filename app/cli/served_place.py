@@ -9,7 +9,7 @@ from app.places.surface_glb import kept_surface
 def shown_before(place: str) -> bytes | None:
     """The surface of a field that this machine has shown before."""
     file = _bundled(place) if comes_along(place) else Path(place)
-    return kept_surface(file) if file.is_file() else None
+    return (kept_surface(file) or None) if file.is_file() else None
 
 
 def comes_along(place: str) -> bool:

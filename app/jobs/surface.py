@@ -1,13 +1,15 @@
 """Isosurface of a place's field, as viewers show it."""
 
+from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.places.place import Place
-from app.places.surface_glb import colored_glb, kept_surface, unlit_glb, without_specks
+from app.places.surface_glb import colored_glb, keep_surface, kept_surface, unlit_glb, without_specks
 from nerfnav.field import field_mesh
 from nerfnav.field.grid_field import GridField
-from nerfnav.field.texture import textured
+from nerfnav.field.texture import texturing
+from nerfnav.steps import returned
 
 if TYPE_CHECKING:
     import trimesh
@@ -27,13 +29,23 @@ def surface_of(place: Place) -> bytes:
 
     Empty where the field has nothing dense, such as one that was hardly trained.
     """
+    return returned(shaping(place))
 
-    def shape() -> bytes:
-        mesh = _mesh(place)
-        return unlit_glb(textured(place.field, mesh, _voxel(place)), _box(place)) if len(mesh.faces) else b""
 
+def shaping(place: Place) -> Generator[None, None, bytes]:
+    """Return `surface_of` a place; yields now and then, for it takes seconds."""
     file = _file(place)
-    return shape() if file is None else kept_surface(file, shape) or b""
+    if file is not None and (kept := kept_surface(file)) is not None:
+        return kept
+    mesh, shaped = _mesh(place), b""
+    if len(mesh.faces):
+        yield
+        painted = yield from texturing(place.field, mesh, _voxel(place))
+        yield
+        shaped = unlit_glb(painted, _box(place))
+    if file is not None:
+        keep_surface(file, shaped)
+    return shaped
 
 
 def first_surface_of(place: Place) -> tuple[bytes, bool]:

@@ -4,7 +4,6 @@ Imports nothing slow: a surface that was kept is shown while all else is being i
 """
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,13 +34,18 @@ Corner = list[float]
 Box = tuple[Corner, Corner] | None
 
 
-def kept_surface(field: Path, shape: Callable[[], bytes] | None = None) -> bytes | None:
-    """The surface of a field's file, shaped once on this machine; without `shape`, None where it never was.
+def kept_surface(field: Path) -> bytes | None:
+    """The surface of a field's file that was shaped on this machine; None where none was, empty where there is none."""
+    return cached.found(_KIND, _key(field))
 
-    None where it is empty, too.
-    """
-    key = cached.code_of(*_CODE) + hashlib.sha256(field.read_bytes()).digest()
-    return (cached.found(_KIND, key) if shape is None else cached.kept(_KIND, key, shape)) or None
+
+def keep_surface(field: Path, glb: bytes) -> None:
+    """Keep the surface of a field's file."""
+    cached.keep(_KIND, _key(field), glb)
+
+
+def _key(field: Path) -> bytes:
+    return cached.code_of(*_CODE) + hashlib.sha256(field.read_bytes()).digest()
 
 
 def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimesh":

@@ -1,5 +1,6 @@
 """Baked texture: the mesh of a field with a picture of what is seen from straight above each point of it."""
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,10 +38,11 @@ class TexturedMesh:
     """sRGB."""
 
 
-def textured(field: Field, mesh: "trimesh.Trimesh", finest: float) -> TexturedMesh:
-    """A mesh of a field with the field's colours, in texels of half of `finest` [m], what the field tells apart.
+def texturing(field: Field, mesh: "trimesh.Trimesh", finest: float) -> Generator[None, None, TexturedMesh]:
+    """Return a mesh of a field with the field's colours, in texels of half of `finest` [m], what the field tells apart.
 
-    Larger texels where there would be too many of them. Raises InvalidInputError for a mesh without triangles.
+    Larger texels where there would be too many of them. Yields now and then, for this takes seconds. Raises
+    InvalidInputError for a mesh without triangles.
     """
     vertices, normals = np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     atlas = atlas_of(vertices, np.asarray(mesh.faces), 0.5 * finest, _MOST_TEXELS)
@@ -49,8 +51,10 @@ def textured(field: Field, mesh: "trimesh.Trimesh", finest: float) -> TexturedMe
     for part in np.array_split(texels, max(1, -(-len(texels) // _AT_ONCE))):
         points, outward = atlas.shown(vertices, part), atlas.shown(normals, part)
         outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
+        yield
         seen = _seen_from_above(field, torch.from_numpy(points).float(), torch.from_numpy(outward).float(), finest)
         picture[part] = (seen.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
+    yield
     empty = (atlas.face_at < 0).reshape(atlas.size)
     # what nothing shows takes the nearest colour: compressed pictures ring where colours jump
     nearest = scipy.ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)

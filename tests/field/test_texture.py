@@ -12,8 +12,9 @@ from nerfnav.field.atlas import LARGEST, atlas_of
 from nerfnav.field.bricks import in_bricks
 from nerfnav.field.field import Field
 from nerfnav.field.meshing import field_mesh
-from nerfnav.field.texture import TexturedMesh, textured
+from nerfnav.field.texture import TexturedMesh, texturing
 from nerfnav.field.voxel import VoxelField
+from nerfnav.steps import returned
 from tests.field.fields import BOX, ball
 
 MOST = 1 << 20
@@ -74,7 +75,7 @@ def test_nothing_has_no_atlas() -> None:
 def test_a_texture_tells_apart_what_vertices_are_too_far_apart_for(kept: Callable[[VoxelField], Field]) -> None:
     field, finest = striped(), float(striped().spacing.min())
     mesh = field_mesh(field, 4 * finest, level=20.0)
-    made = textured(kept(field), mesh, finest)
+    made = returned(texturing(kept(field), mesh, finest))
     flat = mesh.face_normals[:, 2] > 0.99
     points, face = trimesh.sample.sample_surface(mesh, 4000, face_weight=flat * mesh.area_faces, seed=0)
     weights = trimesh.triangles.points_to_barycentric(mesh.triangles[face], points)
@@ -88,7 +89,7 @@ def test_a_texture_tells_apart_what_vertices_are_too_far_apart_for(kept: Callabl
 def test_a_field_without_a_renderer_gives_its_colours_below_the_surface() -> None:
     field = ball()
     mesh = field_mesh(field, 0.03)
-    made = textured(field, mesh, 0.02)
+    made = returned(texturing(field, mesh, 0.02))
     weights = np.full((len(mesh.faces), 3), 1 / 3)
     points = torch.from_numpy(mesh.triangles.mean(1)).float()
     seen = looked_up(made, np.arange(len(mesh.faces)), weights)

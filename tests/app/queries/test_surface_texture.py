@@ -6,14 +6,16 @@ from pathlib import Path
 import pytest
 
 from app.jobs.open_place import run
+from app.jobs.surface import shaping
 from app.places.place import open_place
 from app.queries.query import Resources
-from app.queries.surface_texture import SurfaceTextureQuery
+from app.queries.surface_texture import Baking, SurfaceTextureQuery
 from app.reducers.root import reduce
 from app.state import actions as m
 from app.state.job import JobKind
 from app.state.session import Session
 from nerfnav.glb import parts
+from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 
 
@@ -34,11 +36,14 @@ def test_a_surface_is_shown_in_its_colours_until_its_texture_is_made(seen: Sessi
     rough = seen.surface
     assert rough is not None and seen.may_begin, "nobody waits for the texture"
     assert "COLOR_0" in parts(rough)[0]["meshes"][0]["primitives"][0]["attributes"]
-    (query,) = SurfaceTextureQuery.pending(seen)
-    place = open_place(str(field_file))
-    textured = after(seen, m.QueryAnswered(query, query.answer(Resources(place))))
+    place, textured, steps = open_place(str(field_file)), seen, 0
+    while pending := list(SurfaceTextureQuery.pending(textured)):
+        (query,) = pending
+        assert textured.surface is rough and query.steps == steps, "each answer goes one step further"
+        textured = after(textured, m.QueryAnswered(query, query.answer(Resources(place))))
+        steps += 1
+    assert steps > 3 and SurfaceTextureQuery.asked_in(textured) is None
     assert textured.surface is not None and "images" in parts(textured.surface)[0]
-    assert not list(SurfaceTextureQuery.pending(textured))
     again = Session.opening(str(field_file))
     for event in run(again.what):
         again = reports(again, event)
@@ -57,4 +62,4 @@ def test_plans_do_not_wait_for_the_texture(seen: Session) -> None:
 def test_a_texture_of_another_place_is_not_taken(seen: Session) -> None:
     (query,) = SurfaceTextureQuery.pending(seen)
     elsewhere = replace(seen, surface=b"another")
-    assert after(elsewhere, m.QueryAnswered(query, b"late")).surface == b"another"
+    assert after(elsewhere, m.QueryAnswered(query, Baking(shaping(balls_place()), b"late"))).surface == b"another"
