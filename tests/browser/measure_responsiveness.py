@@ -3,8 +3,10 @@
     python -m tests.browser.measure_responsiveness --cores 0,1 --seconds 20
 
 The app runs on the given cores, the browser on `--browser-cores` (the others by default). One number is the time from
-a click to the callback of its button in the app's process, the other the frames that the page draws each second, both
-while nothing happens and while flights replan at full speed. Run it on a machine that does nothing else.
+a click to the callback of its button in the app's process, another the frames that the page draws each second, both
+while nothing happens and while flights replan at full speed; the third is the time of a whole step of those flights:
+action, picture, filter, plan, and what the page asks of the worker in between. Run it on a machine that does nothing
+else.
 """
 
 import argparse
@@ -17,6 +19,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
@@ -26,6 +29,9 @@ from playwright.sync_api import sync_playwright
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from app.jobs.events import JobEvents
+from app.state.job import Job
+from app.state.session import Session
 from tests.app.security.hostile import CAMERA
 from tests.browser.conftest import launch
 from tests.browser.tab import KNOWS_HELP
@@ -54,19 +60,40 @@ _READY = "'/field' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__
 
 
 def serve(port: int) -> None:
-    """The app with one more button, which tells on stdout when it was pressed."""
+    """The app with one more button, which tells on stdout when it was pressed, and the steps of flights since then."""
     from app.cli.served_app import _SWITCH_S
     from app.server import App
+    from app.worker.backend import NavigationBackend
+    from nerfnav.navigation import NavigationStep
+
+    steps_ms: list[float] = []
+
+    class Timed(NavigationBackend):
+        def begin(self, session: Session, job: Job) -> JobEvents:
+            """The job, with the times from step to step of a flight."""
+            events, last = super().begin(session, job), None
+            while True:
+                try:
+                    event = next(events)
+                except StopIteration as end:
+                    return end.value
+                if isinstance(event, NavigationStep):
+                    now = time.monotonic()
+                    if last is not None:
+                        steps_ms.append(1000 * (now - last))
+                    last = now
+                yield event
 
     sys.setswitchinterval(_SWITCH_S)
-    app = App("stonehenge", port=port)
+    app = App("stonehenge", port=port, work=Timed())
     app.start()
     assert app._server is not None
     probe = app._server.gui.add_button("Probe", visible=False)
 
     @probe.on_click
     async def _(_: viser.GuiEvent) -> None:
-        print(json.dumps({"at": time.monotonic(), "job": str(app.session.job and app.session.job.kind)}), flush=True)
+        told, steps_ms[:] = list(steps_ms), []
+        print(json.dumps({"at": time.monotonic(), "steps_ms": told}), flush=True)
 
     print(json.dumps({"uuid": probe._impl.uuid}), flush=True)
     app.wait()
@@ -116,24 +143,43 @@ def connected(port: int) -> ClientConnection:
 
 
 def click_often(
-    process: subprocess.Popen[str], connection: ClientConnection, uuid: str, seconds: float, found: list[float]
+    process: subprocess.Popen[str], connection: ClientConnection, uuid: str, seconds: float, found: "Times"
 ) -> None:
-    """Click some ten times each second, and add to `found` how long each took to come to its callback [ms]."""
+    """Click some ten times each second, and note how long each took to come to its callback."""
     click = msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": True}})
     end = time.monotonic() + seconds
     assert process.stdout is not None
     while time.monotonic() < end:
         sent = time.monotonic()
         connection.send(click)
-        found.append(1000 * (json.loads(process.stdout.readline())["at"] - sent))
+        told = json.loads(process.stdout.readline())
+        found.clicks_ms.append(1000 * (told["at"] - sent))
+        found.steps_ms += told["steps_ms"]
         time.sleep(0.1)
 
 
-def summary(clicks: list[float], frames: list[float]) -> dict[str, object]:
-    """Percentiles of the times [ms], and the median of the frames each second."""
-    p50, p95, worst = np.percentile(clicks, [50, 95, 100])
-    click_ms = {"p50": round(p50, 1), "p95": round(p95, 1), "max": round(worst, 1), "count": len(clicks)}
-    return {"click_ms": click_ms, "frames_per_s": round(float(np.median(frames)), 1)}
+@dataclass
+class Times:
+    """What was measured while the app did one thing."""
+
+    clicks_ms: list[float] = field(default_factory=list)
+    """From clicks to their callbacks."""
+    frames: list[float] = field(default_factory=list)
+    """Frames each second."""
+    steps_ms: list[float] = field(default_factory=list)
+    """From step to step of flights."""
+
+    def summary(self) -> dict[str, object]:
+        """Percentiles of the times [ms], and the median of the frames each second."""
+        found: dict[str, object] = {"click_ms": percentiles(self.clicks_ms)}
+        found["frames_per_s"] = round(float(np.median(self.frames)), 1)
+        return found | ({"step_ms": percentiles(self.steps_ms)} if self.steps_ms else {})
+
+
+def percentiles(times_ms: list[float]) -> dict[str, float]:
+    """The middle, the 95th of a hundred, the longest, and how many there are."""
+    p50, p95, worst = (round(float(value), 1) for value in np.percentile(times_ms, [50, 95, 100]))
+    return {"p50": p50, "p95": p95, "max": worst, "count": len(times_ms)}
 
 
 def measure(cores: set[int], browser_cores: set[int], seconds: float) -> dict[str, object]:
@@ -153,20 +199,19 @@ def measure(cores: set[int], browser_cores: set[int], seconds: float) -> dict[st
         page.evaluate(_DRAWN)  # the view turns, so that there is a frame to draw each time
         connection = connected(port)
         report: dict[str, object] = {"cores": sorted(cores), "browser_cores": sorted(browser_cores)}
-        clicks: dict[str, list[float]] = {"idle": [], "busy": []}
-        frames: dict[str, list[float]] = {"idle": [], "busy": []}
+        times = {"idle": Times(), "busy": Times()}
         for name in max(1, round(seconds / _PART_S)) * ["idle", "busy"]:
             page.keyboard.press("f" if name == "busy" else "x")
             page.wait_for_timeout(2000)
-            clicker = threading.Thread(target=click_often, args=(process, connection, uuid, _PART_S, clicks[name]))
+            clicker = threading.Thread(target=click_often, args=(process, connection, uuid, _PART_S, times[name]))
             clicker.start()
             end = time.monotonic() + _PART_S
             while time.monotonic() < end:
                 if name == "busy":
                     page.keyboard.press("f")  # the next flight, where the last has ended
-                frames[name].append(page.evaluate(_FRAMES, 2))
+                times[name].frames.append(page.evaluate(_FRAMES, 2))
             clicker.join()
-        report |= {name: summary(clicks[name], frames[name]) for name in clicks}
+        report |= {name: measured.summary() for name, measured in times.items()}
         browser.close()
     return report
 
