@@ -15,8 +15,7 @@ from app.benchmarks.filter import bench_filter, situations
 from app.benchmarks.plan import both_threads, problems_of
 from app.benchmarks.replan import pushed_plan
 from nerfnav.experiments import Arena
-from nerfnav.planner import FastPlanConfig, OccupancyMap, last_step, plan_fast
-from nerfnav.planner.warm_start import carry_on
+from nerfnav.planner import FastPlanConfig, OccupancyMap, carry_on, last_step, plan_fast
 
 PROCESSES, CORES = 2, 2
 """Busy processes, and cores that they share with what is timed."""

@@ -13,7 +13,7 @@ from app.cli.terminal import show
 from app.cli.train import Corners, Up, vector
 from app.jobs.place_field import PlaceRequest
 from app.jobs.place_field import run as run_job
-from nerfnav.importers.correction import Correction
+from nerfnav.importers import Correction
 
 Measured = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(counted, "measure", 7))]
 Floor = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z X Y Z", partial(counted, "floor", 9))]

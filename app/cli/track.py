@@ -14,7 +14,7 @@ from app.jobs.given_imu import GivenImu
 from app.jobs.given_picture import GivenCamera
 from app.jobs.track import TrackRequest
 from app.jobs.track import run as run_job
-from nerfnav.tracking.sources.open_source import SourceOptions
+from nerfnav.tracking import SourceOptions
 
 Mount = Annotated[tuple[float, ...] | None, in_words("X Y Z QX QY QZ QW", partial(counted, "imu-mount", 7))]
 

@@ -13,8 +13,7 @@ from app.cli.terminal import show
 from app.jobs.train import run as run_job
 from app.jobs.training_data.quality import QualityName
 from app.jobs.training_data.request import NeuralOptions, Photographs, TrainRequest
-from nerfnav.importers import MeshOptions, Placement
-from nerfnav.importers.placement import AXES
+from nerfnav.importers import AXES, MeshOptions, Placement
 
 
 def _up(words: list[str]) -> tuple[float, ...]:

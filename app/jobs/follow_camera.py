@@ -14,8 +14,7 @@ from app.jobs.given_picture import GivenCamera, camera_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import Field, FieldInfo, StoredField, render_image
 from nerfnav.geometry import Camera
-from nerfnav.tracking import Frame, FrameSource, Tracked, Tracker, TrackerConfig
-from nerfnav.tracking.sources.open_source import SourceOptions, open_source
+from nerfnav.tracking import Frame, FrameSource, SourceOptions, Tracked, Tracker, TrackerConfig, open_source
 
 
 @dataclass(frozen=True)

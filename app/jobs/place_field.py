@@ -16,8 +16,7 @@ from nerfnav.experiments import freedom_alone, in_words
 from nerfnav.field import VoxelField, load_field
 from nerfnav.field.codec import StoredField
 from nerfnav.field.surface_points import surface_points
-from nerfnav.importers import Splats, load_splats, save_splats, splats_beside
-from nerfnav.importers.correction import Correction, corrected
+from nerfnav.importers import Correction, Splats, corrected, load_splats, save_splats, splats_beside
 from nerfnav.world import Scene
 
 _ALONG = 160

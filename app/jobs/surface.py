@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from app.places.place import Place
 from app.places.surface_glb import colored_glb, keep_surface, kept_surface, unlit_glb, without_specks
-from nerfnav.field import field_mesh
-from nerfnav.field.grid_field import GridField
+from nerfnav.field import GridField, field_mesh
 from nerfnav.field.texture import texturing
 from nerfnav.steps import returned
 

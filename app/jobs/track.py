@@ -15,12 +15,9 @@ from app.jobs.given_picture import GivenCamera
 from app.places.place import field_file
 from app.storage.output_files import prepare_folder, write_text
 from nerfnav.errors import InvalidInputError
-from nerfnav.export.overlay import OverlayVideo
-from nerfnav.export.ros.track import TrackRecorder
-from nerfnav.export.track import texts_of_track
+from nerfnav.export import OverlayVideo, TrackRecorder, texts_of_track
 from nerfnav.field import FieldInfo, StoredField, load_field
-from nerfnav.tracking import Tracked, TrackStatus
-from nerfnav.tracking.sources.open_source import SourceOptions
+from nerfnav.tracking import SourceOptions, Tracked, TrackStatus
 
 _OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
 _FPS = 15.0

@@ -13,7 +13,7 @@ from app.jobs.train_voxels import learn_voxels
 from app.jobs.trained_field import floor_of, freedom_of, numbers_of, stored
 from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
 from app.storage.output_files import prepare_file
-from nerfnav.estimator.capture_views import remembered
+from nerfnav.estimator import remembered
 from nerfnav.experiments import freedom_noted
 from nerfnav.field import NeuralField, TrainStep, VoxelField
 

@@ -14,7 +14,7 @@ from nerfnav.estimator.kernels.descent import descend
 from nerfnav.estimator.kernels.glance import glance
 from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, minimise
 from nerfnav.estimator.photometric import THREADS, Observation
-from nerfnav.field.jacobian import SightGrid, sight_grid_of
+from nerfnav.field import SightGrid, sight_grid_of
 from nerfnav.geometry import Pose
 
 

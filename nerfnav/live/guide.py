@@ -36,15 +36,15 @@ from nerfnav.planner import (
     Route,
     collision_probability_bound,
     fits,
+    honest,
     last_step,
     nearest_free_pose,
     planners,
+    scales_of,
+    timing_of,
+    way_length,
     with_risk,
 )
-from nerfnav.planner.duration import timing_of
-from nerfnav.planner.problem import way_length
-from nerfnav.planner.safety import honest
-from nerfnav.planner.scales import scales_of
 from nerfnav.robots import POSITION, Motion, RigidState, Robot
 
 _STEP = 0.9

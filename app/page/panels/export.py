@@ -14,8 +14,7 @@ from app.state.session import Session
 from app.state.taken_away import ended, file_name, recording_of, subject
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.export import FORMATS, ExportFormat
-from nerfnav.export.formats import unsafe
+from nerfnav.export import FORMATS, ExportFormat, unsafe
 from nerfnav.geometry import picture_file
 
 SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}

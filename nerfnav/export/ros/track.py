@@ -19,8 +19,7 @@ from torch import Tensor
 from nerfnav.export.ros.messages import WORLD, compressed, definition, header, typestore
 from nerfnav.export.track import placed
 from nerfnav.extras import from_extra
-from nerfnav.geometry import so3
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Similarity, so3
 from nerfnav.tracking import Tracked
 
 _TOPICS = {

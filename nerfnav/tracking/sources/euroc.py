@@ -19,8 +19,7 @@ import torch
 import yaml
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry import Camera, Pose
-from nerfnav.geometry.camera_file import camera_of_matrices
+from nerfnav.geometry import Camera, Pose, camera_of_matrices
 from nerfnav.tracking.frame import Frame, ImuNoise, Inertial, mount_of
 from nerfnav.tracking.sources.decoded import decoded
 from nerfnav.tracking.sources.in_order import after
