@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.cli.progress import follow
+from app.cli.progress import tell
 from app.cli.route_arguments import Route, planner_of
-from app.cli.terminal import note, show
+from app.cli.terminal import note
 from app.jobs.fly import run as run_job
 from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
@@ -79,6 +79,6 @@ def run(arguments: Any) -> None:
         task=arguments.task_name(place),
         out=arguments.out or RunStore().new(place.name),
     )
-    show(f"flight in {place.name}", follow(run_job(request, place), can_stop_early=True).summary, arguments.json)
+    tell(f"flight in {place.name}", run_job(request, place), arguments.json, can_stop_early=True)
     if arguments.out is None:
         note(f"the flight is kept in {request.out}")

@@ -1,13 +1,12 @@
 """nerfnav track: where a camera was while it took pictures."""
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional
 
-from app.cli.number_arguments import counted, in_words
+from app.cli.number_arguments import counted_in_words
 from app.cli.progress import follow
 from app.cli.terminal import show
 from app.jobs.given_imu import GivenImu
@@ -16,7 +15,7 @@ from app.jobs.track import TrackRequest
 from app.jobs.track import run as run_job
 from nerfnav.tracking import SourceOptions
 
-Mount = Annotated[tuple[float, ...] | None, in_words("X Y Z QX QY QZ QW", partial(counted, "imu-mount", 7))]
+Mount = Annotated[tuple[float, ...] | None, counted_in_words("imu-mount", "X Y Z QX QY QZ QW")]
 
 
 @dataclass(frozen=True)
