@@ -21,10 +21,10 @@ from nerfnav.navigation import (
     NavigationStep,
     Pilot,
     Simulator,
+    guarded,
     navigate,
     world_generator,
 )
-from nerfnav.navigation.guarded import guarded
 from nerfnav.planner import (
     FastPlanConfig,
     PlanProblem,

@@ -13,7 +13,6 @@ from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
-from nerfnav.planner import planners
 
 
 @dataclass(frozen=True)
@@ -60,12 +59,9 @@ def run(arguments: Any) -> None:
     if arguments.camera is not None:
         place = place.seen_with(read_camera(arguments.camera))
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
-    entry = planners.load(arguments.planner)
-    again = None if asked.replan == entry.again(entry.config()) else asked.replan  # unsaid, it follows the first plan
-    if again is None and arguments.risk is not None:
-        again = entry.in_flight(asked.plan, arguments.risk)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
+    again = arguments.replanning(asked.plan, asked.replan)
     route = replace(arguments.request(place, asked.plan), again=again)
     request = FlyRequest(
         route,

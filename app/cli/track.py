@@ -7,8 +7,8 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from app.cli.number_arguments import counted_in_words
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.progress import tell
+from app.jobs.follow_camera import CameraRun
 from app.jobs.given_imu import GivenImu
 from app.jobs.given_picture import GivenCamera
 from app.jobs.track import TrackRequest
@@ -52,15 +52,11 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Track, and print what became of the frames."""
-    request = TrackRequest(
-        arguments.field,
+    camera = CameraRun(
         arguments.source,
-        arguments.out,
         GivenCamera(arguments.camera, fov_deg=arguments.fov),
         SourceOptions(arguments.fps, arguments.topic),
         GivenImu(arguments.imu_mount) if arguments.imu or arguments.imu_mount is not None else None,
-        arguments.pictures,
     )
-    result = follow(run_job(request))
-    summary = {**result.summary, "files": [str(path) for path in result.files]}
-    show(f"{arguments.source} in {arguments.field}", summary, arguments.json)
+    request = TrackRequest(arguments.field, camera, arguments.out, arguments.pictures)
+    tell(f"{arguments.source} in {arguments.field}", run_job(request), arguments.json)

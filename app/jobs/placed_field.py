@@ -9,8 +9,7 @@ from app.jobs.events import JobEvent, Progress
 from app.places.place import ground_truth
 from nerfnav.estimator import rescaled, views_moved
 from nerfnav.experiments import freedom_alone
-from nerfnav.field import FieldInfo, MoveStep, VoxelField, cropped, moved, overlap
-from nerfnav.field.codec import StoredField
+from nerfnav.field import FieldInfo, MoveStep, StoredField, VoxelField, cropped, moved, overlap
 from nerfnav.geometry import Similarity
 from nerfnav.importers import Corrected, Correction, Splats, VoxelizeConfig, still_guessed, voxelize
 from nerfnav.world import Scene, moved_scene

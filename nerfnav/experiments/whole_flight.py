@@ -27,11 +27,11 @@ from nerfnav.navigation import (
     Pilot,
     Simulator,
     WorldName,
+    guarded,
     navigate,
     with_late_pictures,
     world_generator,
 )
-from nerfnav.navigation.guarded import guarded
 from nerfnav.planner import FastPlanConfig, OccupancyConfig, OccupancyMap, PlanProblem, planners, timing_of, way_length
 from nerfnav.world import MeshRenderer, Task, contact_check
 

@@ -24,6 +24,7 @@ from .learner import GridLearner as GridLearner
 from .learner import LearningRates as LearningRates
 from .levels import levels_of as levels_of
 from .meshing import field_mesh as field_mesh
+from .meshing import surface_points as surface_points
 from .mlp import MlpConfig as MlpConfig
 from .moving import MoveStep as MoveStep
 from .moving import moved as moved

@@ -22,9 +22,8 @@ from nerfnav.field import Field, Unknown, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
 from nerfnav.live.curve import half_a_step_back, on_curve, setpoints_of
 from nerfnav.live.guided import expected
-from nerfnav.navigation import NavigateConfig
+from nerfnav.navigation import NavigateConfig, guarded
 from nerfnav.navigation.backup import Backup, Guard
-from nerfnav.navigation.guarded import guarded
 from nerfnav.planner import (
     GOOD,
     FastPlanConfig,
