@@ -21,6 +21,7 @@ from .grid import spacing_of as spacing_of
 from .grid import trilinear as trilinear
 from .grid import with_neighbours as with_neighbours
 from .images import PosedImages as PosedImages
+from .images import check_image as check_image
 from .images import outlines as outlines
 from .images import picture_file as picture_file
 from .images import psnr_db as psnr_db

@@ -3,7 +3,8 @@
 import io
 
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.ros.messages import about, definition, messages, quality_of, topics
+from nerfnav.export.ros.messages import about, messages, quality_of, topics
+from nerfnav.export.ros.types import definition
 from nerfnav.extras import from_extra
 
 

@@ -6,7 +6,8 @@ import zipfile
 from pathlib import Path
 
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.ros.messages import about, messages, quality_of, topics, typestore
+from nerfnav.export.ros.messages import about, messages, quality_of, topics
+from nerfnav.export.ros.types import typestore
 from nerfnav.extras import from_extra
 
 _NAME = "nerfnav_bag"
