@@ -17,20 +17,16 @@ happened in the simulation, that of a plan what is intended: both are exact, whi
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
 
 from nerfnav.export.recording import Recording
 from nerfnav.export.ros.types import compressed, header, new, pose_of, typestore, vector
-from nerfnav.extras import from_extra
 from nerfnav.geometry import so3
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION
-
-if TYPE_CHECKING:
-    from rosbags.interfaces import Qos
 
 WORLD, BODY = "map", "base_link"
 """Frames."""
@@ -44,8 +40,8 @@ TOPICS = {
 }
 """What is said under which name."""
 _OF_FLIGHTS = ("/estimate", "/picture")
-_LATCHED = ("/about", "/path")
-_FOREVER_S, _FOREVER_NS = 9223372036, 854775807
+LATCHED = ("/about", "/path")
+"""What comes once, and is kept for who comes later."""
 
 
 @dataclass(frozen=True)
@@ -75,17 +71,6 @@ def about(recording: Recording) -> dict[str, str]:
         "outcome": recording.outcome or "not known",
         "odometry": f"{exact}, exact: its covariance is zero, not unknown",
     }
-
-
-def quality_of(topic: str) -> "Qos":
-    """Quality of service that is offered: reliable, and for /about and /path latched."""
-    ros = from_extra("rosbags.interfaces", "ros", "exporting ROS messages")
-    durability = ros.QosDurability.TRANSIENT_LOCAL if topic in _LATCHED else ros.QosDurability.VOLATILE
-    for_ever, depth = ros.QosTime(_FOREVER_S, _FOREVER_NS), 1 if topic in _LATCHED else 10
-    return ros.Qos(
-        ros.QosHistory.KEEP_LAST, depth, ros.QosReliability.RELIABLE, durability, for_ever, for_ever,
-        ros.QosLiveliness.AUTOMATIC, for_ever, False,
-    )  # fmt: skip
 
 
 def messages(recording: Recording) -> Iterator[RosMessage]:

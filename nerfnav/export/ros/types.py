@@ -11,9 +11,11 @@ from nerfnav.extras import from_extra
 from nerfnav.geometry import picture_file
 
 if TYPE_CHECKING:
+    from rosbags.interfaces import Qos
     from rosbags.typesys.store import Typestore
 
-_QUALITY = 90
+_JPEG_QUALITY = 90
+_FOREVER_S, _FOREVER_NS = 9223372036, 854775807
 
 
 @cache
@@ -26,6 +28,17 @@ def typestore() -> "Typestore":
 def definition(message_type: str) -> str:
     """The definition of a message type and all that it is made of, in ROS 2's language."""
     return typestore().generate_msgdef(message_type, ros_version=2)[0]
+
+
+def quality(latched: bool) -> "Qos":
+    """Quality of service that is offered: reliable, and `latched` or not: whether it is kept for who comes later."""
+    ros = from_extra("rosbags.interfaces", "ros", "exporting ROS messages")
+    durability = ros.QosDurability.TRANSIENT_LOCAL if latched else ros.QosDurability.VOLATILE
+    for_ever, depth = ros.QosTime(_FOREVER_S, _FOREVER_NS), 1 if latched else 10
+    return ros.Qos(
+        ros.QosHistory.KEEP_LAST, depth, ros.QosReliability.RELIABLE, durability, for_ever, for_ever,
+        ros.QosLiveliness.AUTOMATIC, for_ever, False,
+    )  # fmt: skip
 
 
 def new(name: str, *values: Any) -> Any:
@@ -41,7 +54,7 @@ def header(nanoseconds: int, frame: str) -> Any:
 
 def compressed(picture: UInt8[Tensor, "height width 3"], header: Any) -> Any:
     """A picture as sensor_msgs/CompressedImage."""
-    data = np.frombuffer(picture_file(picture.numpy(), _QUALITY), np.uint8)
+    data = np.frombuffer(picture_file(picture.numpy(), _JPEG_QUALITY), np.uint8)
     return new("sensor_msgs/msg/CompressedImage", header, "jpeg", data)
 
 
