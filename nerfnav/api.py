@@ -11,8 +11,7 @@ from typing import Literal
 import torch
 
 from nerfnav.estimator import FastFilter
-from nerfnav.field import Unknown, planning_field, render_image
-from nerfnav.field.grid_field import GridField
+from nerfnav.field import GridField, Unknown, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
     CameraFunction,
@@ -22,13 +21,22 @@ from nerfnav.navigation import (
     NavigationStep,
     Pilot,
     Simulator,
+    guarded,
     navigate,
     world_generator,
 )
-from nerfnav.navigation.guarded import guarded
-from nerfnav.planner import FastPlanConfig, PlanProblem, PlanStep, last_step, plan_fast, planners
-from nerfnav.planner.duration import shortest_plan, timing_of
-from nerfnav.planner.problem import map_for, way_length
+from nerfnav.planner import (
+    FastPlanConfig,
+    PlanProblem,
+    PlanStep,
+    last_step,
+    map_for,
+    plan_fast,
+    planners,
+    shortest_plan,
+    timing_of,
+    way_length,
+)
 from nerfnav.world import MeshRenderer, Scene, contact_check
 
 

@@ -49,7 +49,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
 """Rooms of app/, the highest floor first, and what each may import of app/ besides itself."""
 ONLY_IN = {
     "viser": ("app.page", "app.page_server", "app.security", "app.cli.serve"),
-    "threading": ("app.worker", "app.ui_loop", "app.security", "app.cli.serve"),
+    "threading": ("app.worker", "app.ui_loop", "app.security", "app.cli.served_app"),
 }
 """Modules of app/ that may import these."""
 SETTING_THREADS = ("app.worker", "app.live", "app.cli.progress", "app.benchmarks")

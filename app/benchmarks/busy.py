@@ -1,27 +1,20 @@
 """The loop's parts beside two processes that compute without end, all on the same two cores."""
 
-import os
 import statistics
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping
 
 import torch
 
+from app.benchmarks.company import company, on_cores
 from app.benchmarks.comparison import milliseconds
 from app.benchmarks.filter import bench_filter, situations
 from app.benchmarks.plan import both_threads, problems_of
 from app.benchmarks.replan import pushed_plan
 from nerfnav.experiments import Arena
-from nerfnav.planner import FastPlanConfig, OccupancyMap, last_step, plan_fast
-from nerfnav.planner.warm_start import carry_on
+from nerfnav.planner import FastPlanConfig, OccupancyMap, carry_on, last_step, plan_fast
 
-PROCESSES, CORES = 2, 2
-"""Busy processes, and cores that they share with what is timed."""
-_SETTLE_S = 0.3
-"""Time for which busy processes start up before anything is timed beside them [s]."""
+CORES = 2
+"""Cores that busy processes share with what is timed."""
 
 
 def measure(arena: Arena, tasks: int = 3, rounds: int = 4, per_round: int = 3) -> dict[str, dict[str, float]]:
@@ -30,7 +23,7 @@ def measure(arena: Arena, tasks: int = 3, rounds: int = 4, per_round: int = 3) -
     Each round times all of them alone and then beside the busy processes. The first `tasks` of the arena and as many
     views are looked at.
     """
-    with both_threads(), _on(CORES):
+    with both_threads(), on_cores(CORES):
         calls = {name: [*kind] for name, kind in _calls(arena, tasks).items()}
         for one in (call for kind in calls.values() for call in kind):
             one()  # compiled, and all maps made
@@ -38,7 +31,7 @@ def measure(arena: Arena, tasks: int = 3, rounds: int = 4, per_round: int = 3) -
         busy: dict[str, list[float]] = {name: [] for name in calls}
         for _ in range(rounds):
             _time(calls, per_round, quiet)
-            with _company():
+            with company():
                 _time(calls, per_round, busy)
     medians = {name: (statistics.median(quiet[name]), statistics.median(busy[name])) for name in calls}
     return {
@@ -65,30 +58,3 @@ def _time(calls: Mapping[str, list[Callable[[], object]]], times: int, into: Map
     for name, kind in calls.items():
         for call in kind:
             into[name].extend(milliseconds(call) for _ in range(times))
-
-
-@contextmanager
-def _company() -> Iterator[None]:
-    """Processes that compute as long as the block lasts, on the cores of this one."""
-    with ExitStack() as stack:
-        for _ in range(PROCESSES):
-            other = subprocess.Popen([sys.executable, "-c", "while True: pass"])
-            stack.callback(other.wait)
-            stack.callback(other.kill)
-        time.sleep(_SETTLE_S)
-        yield
-
-
-@contextmanager
-def _on(count: int) -> Iterator[None]:
-    """Keep this process, and those that it starts, on so many cores, where the system can do that."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, sorted(before)[:count])
-    try:
-        yield
-    finally:
-        with suppress(OSError):  # a core may have been taken away meanwhile
-            os.sched_setaffinity(0, before)

@@ -15,12 +15,12 @@ from nerfnav.planner import (
     PlanConfig,
     PlanProblem,
     PlanStep,
+    carry_on,
     last_step,
     plan_fast,
     replan,
 )
 from nerfnav.planner.hot_start import hot_start
-from nerfnav.planner.warm_start import carry_on
 from nerfnav.robots import Motion
 
 _KICK_M, _KICK_RAD = 0.02, 0.02

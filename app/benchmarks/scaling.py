@@ -16,11 +16,11 @@ from nerfnav.planner import (
     Objective,
     OccupancyMap,
     PlanProblem,
+    SearchConfig,
     first_guess,
     last_step,
     plan_fast,
 )
-from nerfnav.planner.astar import SearchConfig
 from nerfnav.robots import Body, Quadrotor, QuadrotorConfig
 
 if TYPE_CHECKING:

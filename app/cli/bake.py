@@ -5,8 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.progress import tell
 from app.jobs.bake import bake_file
 from app.places.place import field_file
 from nerfnav.field import load_field
@@ -29,5 +28,4 @@ class Arguments:
 def run(arguments: Arguments) -> None:
     """Bake, store the field, and print how alike the two look."""
     field = load_field(field_file(arguments.field))
-    summary = follow(bake_file(field, arguments.voxel, arguments.out)).summary
-    show(f"field {arguments.out}", summary, arguments.json)
+    tell(f"field {arguments.out}", bake_file(field, arguments.voxel, arguments.out), arguments.json)

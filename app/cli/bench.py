@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli.progress import follow
-from app.cli.terminal import note, show
+from app.cli.progress import tell
+from app.cli.terminal import note
 from app.jobs.bench import BenchRequest
 from app.jobs.bench import run as run_job
 from app.jobs.bench_training import SECONDS
@@ -30,8 +30,7 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Measure, and print the numbers."""
-    finished = follow(run_job(_request(arguments)))
-    show("bench", finished.summary, arguments.json)
+    finished = tell("bench", run_job(_request(arguments)), arguments.json)
     if missing := finished.summary["left_out"]:
         note(f"not measured, for this version cannot: {', '.join(missing)}")
     for path in finished.files:

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from app.cli.progress import follow
-from app.cli.terminal import note, show
+from app.cli.progress import tell
+from app.cli.terminal import note
 from app.jobs.experiment import ExperimentRequest
 from app.jobs.experiment import run as run_job
 from app.jobs.experiment_catalog import EXPERIMENTS
@@ -57,8 +57,7 @@ def run(arguments: Arguments) -> None:
         out=arguments.out,
         flights=_options(arguments),
     )
-    finished = follow(run_job(request))
-    show(f"experiment {arguments.name}", finished.summary, arguments.json)
+    finished = tell(f"experiment {arguments.name}", run_job(request), arguments.json)
     for path in finished.files:
         note(f"wrote {path}")
 

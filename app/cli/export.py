@@ -7,8 +7,7 @@ from typing import Any
 
 from tyro.conf import Positional
 
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.progress import tell
 from app.jobs.export import ExportRequest
 from app.jobs.export import run as run_job
 from nerfnav.export import FORMATS
@@ -43,4 +42,4 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
 def run(arguments: Arguments) -> None:
     """Export, and tell what was written."""
     request = ExportRequest(arguments.run, arguments.format, arguments.out, arguments.force, arguments.datum)
-    show("export", follow(run_job(request)).summary, arguments.json)
+    tell("export", run_job(request), arguments.json)

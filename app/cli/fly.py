@@ -5,15 +5,14 @@ from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.cli.progress import follow
+from app.cli.progress import tell
 from app.cli.route_arguments import Route, planner_of
-from app.cli.terminal import note, show
+from app.cli.terminal import note
 from app.jobs.fly import run as run_job
 from app.jobs.fly_request import FlyRequest
 from app.storage.run_store import RunStore
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
-from nerfnav.planner import planners
 
 
 @dataclass(frozen=True)
@@ -60,12 +59,9 @@ def run(arguments: Any) -> None:
     if arguments.camera is not None:
         place = place.seen_with(read_camera(arguments.camera))
     config = NavigateConfig(**{part.name: getattr(asked, part.name) for part in fields(NavigateConfig)})
-    entry = planners.load(arguments.planner)
-    again = None if asked.replan == entry.again(entry.config()) else asked.replan  # unsaid, it follows the first plan
-    if again is None and arguments.risk is not None:
-        again = entry.in_flight(asked.plan, arguments.risk)
     if arguments.covariance == "exact":
         config = replace(config, filter=replace(config.filter, exact_covariance=True))
+    again = arguments.replanning(asked.plan, asked.replan)
     route = replace(arguments.request(place, asked.plan), again=again)
     request = FlyRequest(
         route,
@@ -79,6 +75,6 @@ def run(arguments: Any) -> None:
         task=arguments.task_name(place),
         out=arguments.out or RunStore().new(place.name),
     )
-    show(f"flight in {place.name}", follow(run_job(request, place), can_stop_early=True).summary, arguments.json)
+    tell(f"flight in {place.name}", run_job(request, place), arguments.json, can_stop_early=True)
     if arguments.out is None:
         note(f"the flight is kept in {request.out}")

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.progress import tell
 from app.cli.train import PlacementArguments
 from app.jobs.import_field import run as run_job
 from app.jobs.import_request import ImportRequest
@@ -40,4 +39,4 @@ def run(arguments: Arguments) -> None:
         keep_network=arguments.keep_network,
         placement=arguments.placement.placement(),
     )
-    show(f"field {arguments.out}", follow(run_job(request)).summary, arguments.json)
+    tell(f"field {arguments.out}", run_job(request), arguments.json)

@@ -9,8 +9,7 @@ import scenes
 from app.places.place import ground_truth
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments import Freedom, GeometryReport, freedom_alone, freedom_on_mesh, measure_geometry
-from nerfnav.field import NeuralField, StoredField
-from nerfnav.field.grid_field import GridField
+from nerfnav.field import GridField, NeuralField, StoredField
 from nerfnav.geometry import Camera, Pose
 from nerfnav.importers import Placement, SceneConfig, import_mesh
 from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.progress import tell
 from app.jobs.given_picture import GivenCamera
 from app.jobs.localize import LocalizeRequest
 from app.jobs.localize import run as run_job
@@ -36,4 +35,4 @@ def run(arguments: Arguments) -> None:
     request = LocalizeRequest(
         arguments.field, arguments.image, GivenCamera(arguments.camera, arguments.intrinsics, arguments.fov)
     )
-    show(f"picture in {arguments.field}", follow(run_job(request)).summary, arguments.json)
+    tell(f"picture in {arguments.field}", run_job(request), arguments.json)

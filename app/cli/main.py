@@ -6,15 +6,14 @@ So help comes at once, although the commands that compute need seconds to import
 import contextlib
 import importlib
 import io
-import math
 import sys
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass
 from keyword import iskeyword
 from typing import Any
 
 import tyro
 
+from app.cli.number_arguments import require_finite
 from app.system import importing
 from nerfnav import __version__
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
@@ -94,18 +93,8 @@ def parse(words: Sequence[str]) -> tuple[Any, Any]:
         if not stop.code:
             raise  # help was asked for and given
         raise InvalidInputError(f"{_sentence(complaint.getvalue())}; see `nerfnav {name} --help`") from stop
-    _require_finite(arguments)
+    require_finite(arguments)
     return command, arguments
-
-
-def _require_finite(arguments: Any, prefix: str = "--") -> None:
-    """Refuse NaN and infinity wherever a number can be given."""
-    for entry in fields(arguments):
-        value, name = getattr(arguments, entry.name), prefix + entry.name.replace("_", "-")
-        if is_dataclass(value):
-            _require_finite(value, f"{name}.")
-        elif isinstance(value, float) and not math.isfinite(value):
-            raise InvalidInputError(f"{name} must be a finite number, not {value}")
 
 
 def _sentence(box: str) -> str:

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.progress import tell
 from app.jobs.map import MapRequest
 from app.jobs.map import run as run_job
 from app.places.place import field_file
@@ -37,4 +36,4 @@ def run(arguments: Arguments) -> None:
     """Make the map, and tell what is free in it."""
     request = MapRequest(arguments.out, arguments.height, arguments.voxel)
     field = load_field(field_file(arguments.field))
-    show(f"map {arguments.out}", follow(run_job(field, request)).summary, arguments.json)
+    tell(f"map {arguments.out}", run_job(field, request), arguments.json)

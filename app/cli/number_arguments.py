@@ -1,10 +1,14 @@
-"""Several numbers in a row as an argument of a command line."""
+"""Numbers as arguments of a command line: finite ones alone, and several in a row."""
 
 import math
 from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import partial
 from typing import Any
 
 from tyro.constructors import PrimitiveConstructorSpec
+
+from nerfnav.errors import InvalidInputError
 
 
 def numbers(words: list[str], what: str) -> tuple[float, ...]:
@@ -29,6 +33,11 @@ def counted(what: str, count: int, words: list[str]) -> tuple[float, ...]:
     return read
 
 
+def counted_in_words(what: str, metavar: str) -> PrimitiveConstructorSpec[Any]:
+    """How tyro makes an argument called `what` of as many numbers as `metavar` has words; None where not given."""
+    return in_words(metavar, partial(counted, what, len(metavar.split())))
+
+
 def in_words(metavar: str, read: Callable[[list[str]], tuple[float, ...]]) -> PrimitiveConstructorSpec[Any]:
     """How tyro makes an argument, None where it is not given, of words that help calls `metavar`."""
     return PrimitiveConstructorSpec(
@@ -38,3 +47,13 @@ def in_words(metavar: str, read: Callable[[list[str]], tuple[float, ...]]) -> Pr
         is_instance=lambda value: value is None or isinstance(value, tuple),
         str_from_instance=lambda value: [] if value is None else [f"{number:g}" for number in value],
     )
+
+
+def require_finite(arguments: Any, prefix: str = "--") -> None:
+    """Refuse NaN and infinity wherever a number can be given."""
+    for entry in fields(arguments):
+        value, name = getattr(arguments, entry.name), prefix + entry.name.replace("_", "-")
+        if is_dataclass(value):
+            require_finite(value, f"{name}.")
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise InvalidInputError(f"{name} must be a finite number, not {value}")

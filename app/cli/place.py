@@ -1,22 +1,20 @@
 """nerfnav place: put a field right by hand, without training again."""
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional
 
-from app.cli.number_arguments import counted, in_words
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.number_arguments import counted_in_words
+from app.cli.progress import tell
 from app.cli.train import Corners, Up, vector
 from app.jobs.place_field import PlaceRequest
 from app.jobs.place_field import run as run_job
-from nerfnav.importers.correction import Correction
+from nerfnav.importers import Correction
 
-Measured = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(counted, "measure", 7))]
-Floor = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z X Y Z", partial(counted, "floor", 9))]
+Measured = Annotated[tuple[float, ...] | None, counted_in_words("measure", "X Y Z X Y Z DISTANCE")]
+Floor = Annotated[tuple[float, ...] | None, counted_in_words("floor", "X Y Z X Y Z X Y Z")]
 
 
 @dataclass(frozen=True)
@@ -59,4 +57,4 @@ def run(arguments: Arguments) -> None:
         box=None if box is None else (vector(box[:3]), vector(box[3:])),
     )
     request = PlaceRequest(arguments.field, correction, arguments.out)
-    show(f"field {arguments.out}", follow(run_job(request)).summary, arguments.json)
+    tell(f"field {arguments.out}", run_job(request), arguments.json)

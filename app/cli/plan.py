@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, make_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.cli.progress import follow
+from app.cli.progress import tell
 from app.cli.route_arguments import Route, planner_of
-from app.cli.terminal import show
 from app.jobs.plan import run as run_job
 from nerfnav.errors import NerfnavError
 from nerfnav.planner import PlannerConfig, PlanOutcome
@@ -55,8 +54,7 @@ def run(arguments: Any) -> None:
     )
     if isinstance(arguments.duration, float):
         request = request.lasting(arguments.duration)
-    summary = follow(run_job(request, place)).summary
-    show(f"plan in {place.name}", summary, arguments.json)
+    summary = tell(f"plan in {place.name}", run_job(request, place), arguments.json).summary
     untrue = next((outcome for outcome in UNTRUE if outcome.name.lower() == summary["outcome"]), None)
     if untrue is not None:
         raise UnsafePlanError(f"this plan is not safe to fly: {untrue.value}")

@@ -4,18 +4,24 @@ import signal
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 
+import rich.progress
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bars
 
-from app.cli.terminal import note
+from app.cli.terminal import note, show
 from app.jobs.events import COMPILING, JobEvents, JobResult, Progress
 from app.system import TORCH_THREADS
 from nerfnav.compiled import telling_compilation
 from nerfnav.field import TrainStep
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
+
+
+def tell(title: str, job: JobEvents, as_json: bool, can_stop_early: bool = False) -> JobResult:
+    """Follow a job to its end, print its numbers under a title, and return what it returns."""
+    result = follow(job, can_stop_early)
+    show(title, result.summary, as_json)
+    return result
 
 
 def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
@@ -40,20 +46,21 @@ def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
 
 
 @contextmanager
-def _bar() -> Iterator[tuple[Bars, TaskID]]:
+def _bar() -> Iterator[tuple[rich.progress.Progress, rich.progress.TaskID]]:
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[told]}"),
+        rich.progress.TextColumn("{task.description}"),
+        rich.progress.BarColumn(),
+        rich.progress.TaskProgressColumn(),
+        rich.progress.TimeElapsedColumn(),
+        rich.progress.TextColumn("{task.fields[told]}"),
     )
     console = Console(stderr=True)
-    with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
+    hidden = not console.is_terminal
+    with rich.progress.Progress(*columns, console=console, transient=True, disable=hidden) as bars:
         yield bars, bars.add_task("starting", total=1.0, told="")
 
 
-def _telling_compilation(bars: Bars, task: TaskID) -> AbstractContextManager[None]:
+def _telling_compilation(bars: rich.progress.Progress, task: rich.progress.TaskID) -> AbstractContextManager[None]:
     """Say for as long as the compiler works inside the block that it does."""
     before = bars.tasks[0].description
     return telling_compilation(lambda begins: bars.update(task, description=COMPILING if begins else before))

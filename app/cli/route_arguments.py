@@ -90,6 +90,16 @@ class Route:
         require_not_negative(risk=self.risk)
         return replace(config, weights=replace(config.weights, risk=self.risk))
 
+    def replanning(self, config: PlannerConfig, again: PlannerConfig) -> PlannerConfig | None:
+        """Settings of the plans that are made in flight: `again`, or None where nothing was said of them.
+
+        With the risk that was asked for they weigh that; else they follow the settings of the first plan.
+        """
+        entry = planners.load(self.planner)
+        if again != entry.again(entry.config()):
+            return again
+        return None if self.risk is None else entry.in_flight(config, self.risk)
+
     def task_name(self, place: Place) -> str | None:
         """Name of the scene's task that is asked for; None where the ends are given."""
         tasks = place.tasks

@@ -5,16 +5,14 @@ The page is up before the libraries that compute are imported, which takes longe
 
 import contextlib
 import json
-import os
 import signal
 import sys
-import threading
 import webbrowser
 from dataclasses import dataclass
 
 from tyro.conf import Positional
 
-from app.cli.served_app import run_app
+from app.cli.served_app import end_if_computing, run_app
 from app.cli.served_place import check, comes_along, shown_before
 from app.page.first_sight import first_sight
 from app.page_server import page_server
@@ -62,12 +60,5 @@ def run(arguments: Arguments) -> None:
             interrupted = True  # the way to end a server
         finally:
             server.stop()
-    if interrupted and _computes_still():
-        # a step that was waited for long enough: torch aborts where the interpreter is taken down under it
-        sys.stderr.flush()
-        os._exit(0)
-
-
-def _computes_still() -> bool:
-    """Whether a thread of the app is in the middle of a long step."""
-    return any(thread.name.startswith("nerfnav-") for thread in threading.enumerate())
+    if interrupted:
+        end_if_computing()

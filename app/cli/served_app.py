@@ -1,6 +1,8 @@
 """The app, brought to a page that is up already."""
 
+import os
 import sys
+import threading
 
 from app.page.layers.field_surface import FieldSurfaceLayer
 from app.system import importing
@@ -21,3 +23,13 @@ def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSu
         app.wait()
     finally:
         app.stop()
+
+
+def end_if_computing() -> None:
+    """End the process at once where a thread of the app is in the middle of a long step, which was waited for enough.
+
+    Torch aborts where the interpreter is taken down under it.
+    """
+    if any(thread.name.startswith("nerfnav-") for thread in threading.enumerate()):
+        sys.stderr.flush()
+        os._exit(0)

@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-from app.places.surface_glb import kept_surface
+from app.places.kept_surface import kept_surface
 
 
 def shown_before(place: str) -> bytes | None:

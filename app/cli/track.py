@@ -1,22 +1,21 @@
 """nerfnav track: where a camera was while it took pictures."""
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional
 
-from app.cli.number_arguments import counted, in_words
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.number_arguments import counted_in_words
+from app.cli.progress import tell
+from app.jobs.follow_camera import CameraRun
 from app.jobs.given_imu import GivenImu
 from app.jobs.given_picture import GivenCamera
 from app.jobs.track import TrackRequest
 from app.jobs.track import run as run_job
-from nerfnav.tracking.sources.open_source import SourceOptions
+from nerfnav.tracking import SourceOptions
 
-Mount = Annotated[tuple[float, ...] | None, in_words("X Y Z QX QY QZ QW", partial(counted, "imu-mount", 7))]
+Mount = Annotated[tuple[float, ...] | None, counted_in_words("imu-mount", "X Y Z QX QY QZ QW")]
 
 
 @dataclass(frozen=True)
@@ -53,15 +52,11 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Track, and print what became of the frames."""
-    request = TrackRequest(
-        arguments.field,
+    camera = CameraRun(
         arguments.source,
-        arguments.out,
         GivenCamera(arguments.camera, fov_deg=arguments.fov),
         SourceOptions(arguments.fps, arguments.topic),
         GivenImu(arguments.imu_mount) if arguments.imu or arguments.imu_mount is not None else None,
-        arguments.pictures,
     )
-    result = follow(run_job(request))
-    summary = {**result.summary, "files": [str(path) for path in result.files]}
-    show(f"{arguments.source} in {arguments.field}", summary, arguments.json)
+    request = TrackRequest(arguments.field, camera, arguments.out, arguments.pictures)
+    tell(f"{arguments.source} in {arguments.field}", run_job(request), arguments.json)

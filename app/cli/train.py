@@ -1,20 +1,17 @@
 """nerfnav train: from a scene, a mesh or a capture to a field."""
 
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from app.cli.number_arguments import counted, in_words
-from app.cli.progress import follow
-from app.cli.terminal import show
+from app.cli.number_arguments import counted, counted_in_words, in_words
+from app.cli.progress import tell
 from app.jobs.train import run as run_job
 from app.jobs.training_data.quality import QualityName
 from app.jobs.training_data.request import NeuralOptions, Photographs, TrainRequest
-from nerfnav.importers import MeshOptions, Placement
-from nerfnav.importers.placement import AXES
+from nerfnav.importers import AXES, MeshOptions, Placement
 
 
 def _up(words: list[str]) -> tuple[float, ...]:
@@ -23,8 +20,8 @@ def _up(words: list[str]) -> tuple[float, ...]:
 
 
 Up = Annotated[tuple[float, ...] | None, in_words("X Y Z|AXIS", _up)]
-Picked = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z DISTANCE", partial(counted, "picked", 7))]
-Corners = Annotated[tuple[float, ...] | None, in_words("X Y Z X Y Z", partial(counted, "box", 6))]
+Picked = Annotated[tuple[float, ...] | None, counted_in_words("picked", "X Y Z X Y Z DISTANCE")]
+Corners = Annotated[tuple[float, ...] | None, counted_in_words("box", "X Y Z X Y Z")]
 
 
 @dataclass(frozen=True)
@@ -122,7 +119,7 @@ def run(arguments: Arguments) -> None:
         depth={"auto": None, "on": True, "off": False}[arguments.depth],
         neural=arguments.neural if arguments.kind == "neural" else None,
     )
-    show(f"field {arguments.out}", follow(run_job(request), can_stop_early=True).summary, arguments.json)
+    tell(f"field {arguments.out}", run_job(request), arguments.json, can_stop_early=True)
 
 
 def vector(numbers: tuple[float, ...]) -> tuple[float, float, float]:

@@ -9,12 +9,10 @@ from app.benchmarks.comparison import Comparison
 from app.jobs.arena import open_arena
 from app.jobs.bench_files import save_bench
 from app.jobs.bench_measures import MEASURES, QUICK, Finder, module_named
-from app.jobs.bench_training import SECONDS, measure_training
+from app.jobs.bench_training import SECONDS, check_capture, measure_training
 from app.jobs.events import JobEvents, JobResult, Progress
 from app.storage.output_files import prepare_folder
-from nerfnav.errors import require_positive
 from nerfnav.extras import from_extra
-from nerfnav.importers.captures.formats import read_views
 
 
 @dataclass(frozen=True)
@@ -40,9 +38,7 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     InvalidInputError for what is no capture, before anything is measured.
     """
     if request.capture is not None:
-        read_views(request.capture)
-        for seconds in request.seconds:
-            require_positive(seconds=seconds)
+        check_capture(request.capture, request.seconds)
     if request.out is not None:
         from_extra("matplotlib.figure", "experiments", "the plot of bench --out")
     out = None if request.out is None else prepare_folder(request.out)

@@ -9,10 +9,19 @@ from app.jobs.events import JobEvent, Progress
 from app.jobs.train_config import config_for
 from app.jobs.train_voxels import learn_voxels
 from app.jobs.training_data.gather import TrainRequest, gather
+from nerfnav.errors import require_positive
+from nerfnav.importers.captures.formats import read_views
 
 SECONDS = (30.0, 120.0, 300.0, 900.0)
 """Times that a capture is learned for [s], one training each: how fast it goes depends on when it ends."""
 Row = dict[str, float | int | None]
+
+
+def check_capture(source: Path, seconds: tuple[float, ...]) -> None:
+    """Raise InvalidInputError or CaptureError for what cannot be learned from, or for no time at all [s]."""
+    read_views(source)
+    for budget in seconds:
+        require_positive(seconds=budget)
 
 
 def measure_training(source: Path, seconds: tuple[float, ...] = SECONDS) -> Generator[JobEvent, bool | None, list[Row]]:

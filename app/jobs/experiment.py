@@ -6,13 +6,12 @@ from pathlib import Path
 
 from app.jobs.arena import open_arena
 from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
+from app.jobs.experiment_catalog import EXPERIMENTS
 from app.jobs.result_files import png_of, save_results
 from app.storage.output_files import prepare_folder
 from nerfnav import __version__
 from nerfnav.errors import InvalidInputError, MissingExtraError
-from nerfnav.experiments import Arena, FlightOptions, Journal, Results, Row, Study, TrialDone
-from nerfnav.world import Task
+from nerfnav.experiments import FlightOptions, Journal, Results, Row, Study, TrialDone
 from scenes import tasks_of
 
 
@@ -49,7 +48,7 @@ def run(request: ExperimentRequest) -> JobEvents:
     yield Progress("opening the field", 0.0)
     place = request.place or experiment.place
     open_here = partial(open_arena, place)
-    tasks = _tasks(experiment, place, open_here())
+    tasks = experiment.tasks_in(place, open_here())
     about = f"{request.name}, seed {request.seed}, {request.flights}, {__version__}, in"
     journal = None if out is None else Journal(out / "trials.jsonl", f"{about} {place}")
     study = Study(
@@ -92,9 +91,3 @@ def _elsewhere(study: Study, place: str, about: str) -> Study:
     """The same study in another scene."""
     journal = None if study.journal is None else replace(study.journal, about=f"{about} {place}")
     return replace(study, open_arena=partial(open_arena, place), tasks=tasks_of(place), journal=journal)
-
-
-def _tasks(experiment: Experiment, place: str, arena: Arena) -> tuple[Task, ...]:
-    """The experiment's own flights where it happens in its own place, else those of the scene."""
-    own = experiment.tasks if place == experiment.place else None
-    return arena.scene.tasks if own is None else own

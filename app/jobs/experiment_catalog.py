@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from nerfnav.experiments import (
+    Arena,
     ExperimentStep,
     Study,
     basin,
@@ -39,6 +40,11 @@ class Experiment:
     """Further scenes that it happens in where no place is asked for."""
     flies: bool = False
     """Whether it takes the options of whole flights (Study.flights)."""
+
+    def tasks_in(self, place: str, arena: Arena) -> tuple[Task, ...]:
+        """Its own flights where it happens in its own place, else those of the scene."""
+        own = self.tasks if place == self.place else None
+        return arena.scene.tasks if own is None else own
 
 
 EXPERIMENTS: Registry[Experiment] = Registry("experiment", (

@@ -18,11 +18,11 @@ from nerfnav.navigation import (
     Mission,
     Pilot,
     Simulator,
+    guarded,
     navigate,
     with_late_pictures,
     world_generator,
 )
-from nerfnav.navigation.guarded import guarded
 from nerfnav.planner import planners
 
 

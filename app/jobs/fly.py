@@ -1,32 +1,17 @@
 """Fly: Algorithm 1 in a simulated world, from a plan to an episode."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.flight_setup import begin, timed
 from app.jobs.fly_report import metadata_of, save, summary_of
-from app.jobs.fly_request import FlyRequest
+from app.jobs.fly_request import FlyRequest, WatchedOrders
 from app.places.place import Place
 from app.storage.output_files import prepare_folder
 from app.storage.step_log import logged
 from nerfnav.estimator import RelocaliseStep
-from nerfnav.navigation import Episode, NavigationStep, Orders
+from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.planner import GOOD, PlanStep
-from nerfnav.robots import RigidState
-
-
-class _WatchedOrders:
-    """The orders of a flight, and the last goal that was among them."""
-
-    def __init__(self, orders: Callable[[], Orders]) -> None:
-        self._orders = orders
-        self.goal: RigidState | None = None
-
-    def __call__(self) -> Orders:
-        orders = self._orders()
-        self.goal = orders.goal or self.goal
-        return orders
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:
@@ -37,7 +22,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     """
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    watched = _WatchedOrders(request.orders)
+    watched = WatchedOrders(request.orders)
     request = timed(replace(request, orders=watched), place)
     flown: list[NavigationStep] = []
     with logged(out, metadata_of(request, place), lambda episode: summary_of(episode, place)) as log:

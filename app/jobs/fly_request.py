@@ -6,7 +6,7 @@ from pathlib import Path
 
 from app.jobs.plan import PlanRequest
 from nerfnav.navigation import NavigateConfig, Orders, WorldName
-from nerfnav.robots import Motion
+from nerfnav.robots import Motion, RigidState
 
 
 @dataclass(frozen=True)
@@ -40,3 +40,16 @@ class FlyRequest:
     out: Path | None = None
     """Folder for the log, which grows with each step, then the episode and trajectory.csv, trajectory.json; None
     writes nothing."""
+
+
+class WatchedOrders:
+    """The orders of a flight, and the last goal that was among them."""
+
+    def __init__(self, orders: Callable[[], Orders]) -> None:
+        self._orders = orders
+        self.goal: RigidState | None = None
+
+    def __call__(self) -> Orders:
+        orders = self._orders()
+        self.goal = orders.goal or self.goal
+        return orders

@@ -4,18 +4,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
-
-from jaxtyping import UInt8
-from torch import Tensor
+from typing import Any
 
 from app.jobs.events import FrameTracked, JobEvent, Progress
-from app.jobs.given_imu import GivenImu
+from app.jobs.given_imu import GivenImu, learned_of
 from app.jobs.given_picture import GivenCamera, camera_of
 from nerfnav.errors import InvalidInputError
-from nerfnav.field import Field, FieldInfo, StoredField, render_image
+from nerfnav.field import FieldInfo, StoredField, render_image
 from nerfnav.geometry import Camera
-from nerfnav.tracking import Frame, FrameSource, Tracked, Tracker, TrackerConfig
-from nerfnav.tracking.sources.open_source import SourceOptions, open_source
+from nerfnav.tracking import Frame, FrameSource, SourceOptions, Tracker, TrackerConfig, open_source
 
 
 @dataclass(frozen=True)
@@ -66,6 +63,11 @@ class Following:
             tracker = Tracker(place, camera, mount=mount, config=config, inertial=unit)
         return cls(place, source, chain([first], frames), tracker, told)
 
+    @property
+    def learned(self) -> dict[str, Any]:
+        """What was learned of the inertial measurement unit, for people; nothing without one."""
+        return learned_of(self.tracker.motion)
+
     def events(self, pictures: bool = True) -> Iterator[JobEvent]:
         """Each frame, with its pictures where they are wanted, and how far it is.
 
@@ -74,8 +76,9 @@ class Following:
         for done, frame in enumerate(self.frames, 1):
             tracked = self.tracker.observe(frame)
             if pictures:
-                shown = _shown(self.place, self.tracker.compared, tracked)
-                yield FrameTracked(tracked, self.tracker.fitted(frame.picture), shown)
+                pose, seen = tracked.pose, self.tracker.fitted(frame.picture)
+                shown = None if pose is None else render_image(self.place, self.tracker.compared, pose).image
+                yield FrameTracked(tracked, seen, shown)
             else:
                 yield FrameTracked(tracked)
             share = 0.0 if not self.source.count else min(1.0, done / self.source.count)
@@ -87,9 +90,3 @@ def _camera(source: FrameSource, first: Frame, given: GivenCamera, info: FieldIn
         height, width, _ = first.picture.shape
         return source.camera.for_picture(width, height), "what the source says"
     return camera_of(first.picture, given, info.camera)
-
-
-def _shown(place: Field, camera: Camera, tracked: Tracked) -> UInt8[Tensor, "height width 3"] | None:
-    if tracked.pose is None:
-        return None
-    return render_image(place, camera, tracked.pose).image

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera, read_camera
-from nerfnav.importers.stored_picture import focal_35mm, read_picture
+from nerfnav.importers import read_picture
+from nerfnav.importers.stored_picture import focal_35mm
 
 _DIAGONAL_35MM = 43.27
 """Of 35 mm film [mm]."""

@@ -8,8 +8,7 @@ from app.jobs.events import JobEvents, JobResult, Progress
 from app.jobs.import_request import ImportRequest
 from app.jobs.stored_numbers import numbers_of, placed_by
 from nerfnav.field import NeuralField, StoredField, save_field
-from nerfnav.importers import NerfPytorchConfig, Placement, load_nerf_pytorch
-from nerfnav.importers.placement import ONE_UNIT, length_in_words, size_doubt
+from nerfnav.importers import ONE_UNIT, NerfPytorchConfig, Placement, length_in_words, load_nerf_pytorch, size_doubt
 
 
 def import_nerf(request: ImportRequest, out: Path) -> JobEvents:

@@ -11,9 +11,8 @@ from app.jobs.given_picture import GivenCamera, camera_of, read_image
 from app.jobs.localize_summary import summary_of
 from app.places.place import field_file
 from nerfnav.estimator import ColorNoise, RelocaliseConfig, Searcher
-from nerfnav.estimator.verdict import check_image
 from nerfnav.field import StoredField, load_field
-from nerfnav.geometry import Camera
+from nerfnav.geometry import Camera, check_image
 
 _AROUND = 0.5
 """Share of the work that is done once the field was looked at from everywhere."""

@@ -12,7 +12,7 @@ from nerfnav.errors import require_positive
 from nerfnav.export import map_files
 from nerfnav.export.occupancy_map import check_ending
 from nerfnav.field import StateGrid, StoredField, VoxelState, voxel_states
-from nerfnav.planner.scales import threshold_of
+from nerfnav.planner import threshold_of
 
 
 @dataclass(frozen=True)

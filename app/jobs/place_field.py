@@ -1,24 +1,18 @@
 """Place: put a field right by hand, its scale, its floor and its box, without training again."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import torch
 
-from app.jobs.events import JobEvents, JobResult, Progress
+from app.jobs.events import JobEvents, Progress
+from app.jobs.place_report import Placed, save
 from app.jobs.placed_field import cut_in_words, info_of, moved_field, placed_splats, truth_of, voxels_of
-from app.jobs.trained_field import stored
 from app.places.place import field_file
 from app.storage.output_files import OutputError, prepare_file
 from nerfnav.errors import InvalidInputError
-from nerfnav.experiments import freedom_alone, in_words
-from nerfnav.field import VoxelField, load_field
-from nerfnav.field.codec import StoredField
-from nerfnav.field.surface_points import surface_points
-from nerfnav.importers import Splats, load_splats, save_splats, splats_beside
-from nerfnav.importers.correction import Correction, corrected
-from nerfnav.world import Scene
+from nerfnav.field import load_field, surface_points
+from nerfnav.importers import Correction, corrected, load_splats, splats_beside
 
 _ALONG = 160
 """Points along the longest edge at which surfaces are looked for."""
@@ -35,16 +29,6 @@ class PlaceRequest:
     """What was measured and pointed at."""
     out: Path
     """The file for the field, another one than that which it is made of."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Made:
-    """What is stored."""
-
-    field: StoredField
-    splats: Splats | None
-    truth: Scene | None
-    told: tuple[str, ...]
 
 
 def run(request: PlaceRequest) -> JobEvents:
@@ -71,25 +55,4 @@ def run(request: PlaceRequest) -> JobEvents:
     told = (*change.told, *cut_in_words(change, changed), *told)
     changed = replace(changed, info=info_of(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
     yield Progress("storing the field", 0.95)
-    return _stored(_Made(changed, splats, truth, told), out)
-
-
-def _stored(made: _Made, out: Path) -> JobResult:
-    size, files = stored(made.field, made.truth, out)
-    if made.splats is not None:
-        files = (*files, save_splats(made.splats, splats_beside(out)))
-    return JobResult({**_numbers(made), "file_bytes": size}, files)
-
-
-def _numbers(made: _Made) -> dict[str, Any]:
-    field = made.field
-    voxel = float(field.spacing.max()) if isinstance(field, VoxelField) else field.step
-    freedom = freedom_alone(field, voxel)
-    return {
-        "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
-        "voxel_m": voxel,
-        "changed": list(made.told),
-        "guesses": list(field.info.guesses),
-        "geometry": asdict(freedom),
-        "in_words": in_words(freedom),
-    }
+    return save(Placed(changed, splats, truth, told), out)

@@ -7,19 +7,12 @@ from pathlib import Path
 import scenes
 from app.jobs.events import JobEvent, Progress
 from app.places.place import ground_truth
-from nerfnav.estimator.capture_views import views_moved
-from nerfnav.estimator.pose_error import rescaled
+from nerfnav.estimator import rescaled, views_moved
 from nerfnav.experiments import freedom_alone
-from nerfnav.field import FieldInfo, VoxelField
-from nerfnav.field.codec import StoredField
-from nerfnav.field.cropping import cropped, overlap
-from nerfnav.field.moving import MoveStep, moved
-from nerfnav.geometry.similarity import Similarity
-from nerfnav.importers import Splats, VoxelizeConfig, voxelize
-from nerfnav.importers.correction import Corrected, Correction
-from nerfnav.importers.placement import still_guessed
-from nerfnav.world import Scene
-from nerfnav.world.moving import moved_scene
+from nerfnav.field import FieldInfo, MoveStep, StoredField, VoxelField, cropped, moved, overlap
+from nerfnav.geometry import Similarity
+from nerfnav.importers import Corrected, Correction, Splats, VoxelizeConfig, still_guessed, voxelize
+from nerfnav.world import Scene, moved_scene
 
 
 def moved_field(field: StoredField, change: Corrected) -> Generator[JobEvent, bool | None, StoredField]:

@@ -23,12 +23,15 @@ from nerfnav.planner import (
     PlanProblem,
     PlanStep,
     Route,
+    SearchConfig,
+    Timing,
+    map_for,
     planners,
+    shortest_plan,
+    timing_of,
+    way_length,
+    within_chance,
 )
-from nerfnav.planner.astar import SearchConfig
-from nerfnav.planner.chance import within_chance
-from nerfnav.planner.duration import Timing, shortest_plan, timing_of
-from nerfnav.planner.problem import map_for, way_length
 
 
 @dataclass(frozen=True)

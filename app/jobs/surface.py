@@ -4,10 +4,10 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from app.places.kept_surface import keep_surface, kept_surface
 from app.places.place import Place
-from app.places.surface_glb import colored_glb, keep_surface, kept_surface, unlit_glb, without_specks
-from nerfnav.field import field_mesh
-from nerfnav.field.grid_field import GridField
+from app.places.surface_glb import colored_glb, unlit_glb, without_specks
+from nerfnav.field import GridField, field_mesh
 from nerfnav.field.texture import texturing
 from nerfnav.steps import returned
 

@@ -1,26 +1,18 @@
 """Track: where a camera was while it took pictures."""
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from app.jobs.events import FrameTracked, JobEvents, JobResult, Progress
 from app.jobs.follow_camera import CameraRun, Following
-from app.jobs.given_imu import GivenImu, learned_of
-from app.jobs.given_picture import GivenCamera
+from app.jobs.track_report import summary_of
 from app.places.place import field_file
 from app.storage.output_files import prepare_folder, write_text
 from nerfnav.errors import InvalidInputError
-from nerfnav.export.overlay import OverlayVideo
-from nerfnav.export.ros.track import TrackRecorder
-from nerfnav.export.track import texts_of_track
+from nerfnav.export import OverlayVideo, TrackRecorder, texts_of_track
 from nerfnav.field import FieldInfo, StoredField, load_field
-from nerfnav.tracking import Tracked, TrackStatus
-from nerfnav.tracking.sources.open_source import SourceOptions
+from nerfnav.tracking import Tracked
 
 _OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
 _FPS = 15.0
@@ -33,16 +25,10 @@ class TrackRequest:
 
     place: str
     """Name of a bundled scene, or path of a field."""
-    source: Path
-    """Video, folder of pictures, or recording."""
+    camera: CameraRun
+    """What it saw, and what is known of it."""
     out: Path
     """Folder for the results."""
-    camera: GivenCamera = field(default_factory=GivenCamera)
-    """What is known of the camera beside what the source says."""
-    options: SourceOptions = field(default_factory=SourceOptions)
-    """What the source leaves open."""
-    imu: GivenImu | None = None
-    """The inertial measurement unit that leads from picture to picture; None: a hand's motion does."""
     pictures: bool = True
     """Whether the overlay and the recording are written, which hold pictures."""
 
@@ -53,7 +39,7 @@ def run(request: TrackRequest) -> JobEvents:
     Raises NerfnavError for what cannot be tracked; what was tracked before a source broke off is written all the same.
     """
     place = load_field(field_file(request.place))
-    following = Following.begun(place, CameraRun(request.source, request.camera, request.options, request.imu))
+    following = Following.begun(place, request.camera)
     out = prepare_folder(request.out)
     track: list[Tracked] = []
     broken: InvalidInputError | None = None
@@ -75,8 +61,9 @@ def run(request: TrackRequest) -> JobEvents:
         kept = f"; what was tracked until then is in {out}" if track else ""
         raise InvalidInputError(f"{broken}{kept}")
     pictures = (out / _OVERLAY, out / _RECORDING) if request.pictures else ()
-    told = {"camera": following.told, "frame": _frame_in_words(place.info), **learned_of(following.tracker.motion)}
-    return JobResult({**summary_of(track), **told}, (*files, *pictures))
+    told = {"camera": following.told, "frame": _frame_in_words(place.info), **following.learned}
+    written = (*files, *pictures)
+    return JobResult({**summary_of(track), **told, "files": [str(path) for path in written]}, written)
 
 
 def watch(place: StoredField, asked: CameraRun) -> JobEvents:
@@ -90,31 +77,12 @@ def watch(place: StoredField, asked: CameraRun) -> JobEvents:
     return JobResult({**summary_of(track), "camera": following.told})
 
 
-def summary_of(track: list[Tracked]) -> dict[str, Any]:
-    """What `track --json` prints: how many frames, and what became of them; times are of updates."""
-    times = [tracked.ms for tracked in track if tracked.status is TrackStatus.FOLLOWED]
-    low, high = np.quantile(times, (0.5, 0.95)).tolist() if times else (None, None)
-    known = [False, *(tracked.status.knows for tracked in track)]
-    return {
-        "frames": len(track),
-        "updated": sum(tracked.status.updated for tracked in track),
-        "lost": sum(before and not now for before, now in pairwise(known)) + _found_at_once(track),
-        "found_again": sum(tracked.status is TrackStatus.FOUND_AGAIN for tracked in track),
-        "ms_p50": low,
-        "ms_p95": high,
-    }
-
-
-def _found_at_once(track: list[Tracked]) -> int:
-    """Times that a track was lost and found again with the same frame."""
-    return sum(before.status.knows and now.status is TrackStatus.FOUND_AGAIN for before, now in pairwise(track))
-
-
 def _viewers(request: TrackRequest, out: Path) -> list[OverlayVideo | TrackRecorder]:
     if not request.pictures:
         return []
-    about = {"made by": "nerfnav", "field": request.place, "source": request.source.name, "camera": "OpenCV axes"}
-    overlay = OverlayVideo(out / _OVERLAY, request.options.fps or _FPS)
+    camera = request.camera
+    about = {"made by": "nerfnav", "field": request.place, "source": camera.source.name, "camera": "OpenCV axes"}
+    overlay = OverlayVideo(out / _OVERLAY, camera.options.fps or _FPS)
     return [overlay, TrackRecorder(out / _RECORDING, about)]
 
 

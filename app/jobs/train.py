@@ -10,12 +10,10 @@ from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from app.jobs.train_config import config_for, require_room
 from app.jobs.train_neural import learn_networks
 from app.jobs.train_voxels import learn_voxels
-from app.jobs.trained_field import floor_of, freedom_of, numbers_of, stored
+from app.jobs.trained_field import judged, noted, numbers_of, stored
 from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
 from app.storage.output_files import prepare_file
-from nerfnav.estimator.capture_views import remembered
-from nerfnav.experiments import freedom_noted
-from nerfnav.field import NeuralField, TrainStep, VoxelField
+from nerfnav.field import TrainStep, VoxelField
 
 __all__ = ["StoppedError", "TrainRequest", "run"]
 
@@ -36,30 +34,12 @@ def run(request: TrainRequest) -> JobEvents:
         trained = yield from _keeping(learn_voxels(material, config, generator), request, material, out)
     else:
         trained = yield from learn_networks(material, request, request.neural, generator)
-    trained = _noted(trained, request, material)
+    trained = noted(trained, request, material)
     yield Progress("judging", 1.0)
-    trained = replace(trained, info=replace(trained.info, pose_floor=floor_of(trained, material)))
-    freedom = freedom_of(trained, material)
-    trained = replace(trained, info=freedom_noted(trained.info, freedom))
+    trained, freedom = judged(trained, material)
     file_bytes, files = stored(trained, material.truth, out)
     summary = {**numbers_of(trained, freedom, file_bytes), "source": material.report}
     return JobResult(summary, files)
-
-
-def _noted(field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData) -> VoxelField | NeuralField:
-    """A field that knows what it was made of."""
-    # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
-    name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
-    told = replace(
-        field.info,
-        source=name,
-        seed=request.seed,
-        guesses=material.guesses,
-        camera=material.camera,
-        placed=material.placed,
-        views=() if material.truth is not None else remembered(material.learned.poses),
-    )
-    return replace(field, info=told)
 
 
 def _keeping(
@@ -73,5 +53,5 @@ def _keeping(
         except StopIteration as end:
             return end.value
         if isinstance(event, TrainStep) and event.so_far is not None:
-            stored(_noted(event.so_far, request, material), material.truth, out)
+            stored(noted(event.so_far, request, material), material.truth, out)
         stop = yield event

@@ -8,15 +8,22 @@ from typing import Any
 import torch
 
 import scenes
-from app.jobs.training_data.gather import TrainingData
-from nerfnav.estimator import ColorNoise, pose_floor
-from nerfnav.experiments import Freedom, freedom_alone, freedom_on_depth, freedom_on_mesh, in_words
+from app.jobs.training_data.gather import TrainingData, TrainRequest
+from nerfnav.estimator import ColorNoise, pose_floor, remembered
+from nerfnav.experiments import Freedom, freedom_alone, freedom_noted, freedom_on_depth, freedom_on_mesh, in_words
 from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers.meshes.truth import truth_beside, truth_path
 from nerfnav.world import Scene
 
 
-def freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Freedom:
+def judged(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[VoxelField | NeuralField, Freedom]:
+    """The field that knows how well photographs tell poses in it, and what planners take for free; and the latter."""
+    trained = replace(trained, info=replace(trained.info, pose_floor=_floor_of(trained, material)))
+    freedom = _freedom_of(trained, material)
+    return replace(trained, info=freedom_noted(trained.info, freedom)), freedom
+
+
+def _freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Freedom:
     """What planners take for free there, against the best that tells what is."""
     voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
     if material.truth is not None:
@@ -27,7 +34,7 @@ def freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Fre
     return freedom_alone(trained, voxel)
 
 
-def floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
+def _floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
     """How well photographs tell poses there (see estimator/pose_error.py)."""
     if not isinstance(trained, VoxelField):
         return ()
@@ -59,3 +66,19 @@ def numbers_of(trained: VoxelField | NeuralField, freedom: Freedom, file_bytes: 
         "geometry": asdict(freedom),
         "in_words": in_words(freedom),
     }
+
+
+def noted(field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData) -> VoxelField | NeuralField:
+    """A field that knows what it was made of."""
+    # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
+    name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
+    told = replace(
+        field.info,
+        source=name,
+        seed=request.seed,
+        guesses=material.guesses,
+        camera=material.camera,
+        placed=material.placed,
+        views=() if material.truth is not None else remembered(material.learned.poses),
+    )
+    return replace(field, info=told)

@@ -1,7 +1,9 @@
 """A place of the library: what is known of it, beside it on disk."""
 
 import json
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 from nerfnav.errors import InvalidInputError
@@ -30,6 +32,12 @@ class KeptPlace:
     """Where it is."""
     size_bytes: int = 0
     """Of everything in its folder."""
+
+    @classmethod
+    def of_now(cls, name: str, source: Path, field: Path) -> "KeptPlace":
+        """A place that was opened just now, of a file in its folder, with its field beside it."""
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        return cls(source.parent.name, name, source.name, now, field.name, source.parent)
 
     @property
     def what(self) -> str:
@@ -68,3 +76,9 @@ def write_place(place: KeptPlace) -> None:
             stream.write(json.dumps(about).encode())
     except OSError as error:
         raise InvalidInputError(f"what is known of {place.name} cannot be written: {error.strerror}") from error
+
+
+def keep_picture(place: KeptPlace, picture: bytes) -> None:
+    """Keep what it looks like; without a picture, it is listed all the same."""
+    with suppress(OSError), replacing(place.picture_file) as stream:
+        stream.write(picture)

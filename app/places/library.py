@@ -9,27 +9,23 @@ One folder for each, named by a digest of what was brought, so that the same upl
     robots/              see app/places/robot_library.py
 """
 
-import hashlib
 import os
 import re
 import shutil
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from platformdirs import user_data_path
 
-from app.places.kept_place import ABOUT, PICTURE, KeptPlace, read_place, write_place
+from app.places.kept_place import ABOUT, KeptPlace, keep_picture, read_place, write_place
 from app.places.robot_library import RobotLibrary
-from app.places.uploads import UploadError, check_upload
+from app.places.uploads import check_upload, folder_of, write_upload
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
-from nerfnav.files import replacing
 
 VARIABLE = "NERFNAV_PLACES"
 """Environment variable with the folder of the library."""
-_DIGITS = 16
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
 
 
@@ -54,17 +50,12 @@ class PlaceLibrary:
         Raises UploadError for files that are empty, too large, of no kind that can be opened, or do not fit the disk.
         """
         safe = check_upload(name, content)
-        folder = self.folder / hashlib.sha256(content).hexdigest()[:_DIGITS]
+        folder = self.folder / folder_of(content)
         known = read_place(folder)
         if known is not None and Path(known.what).is_file():
             return Path(known.what)
         path = folder / safe
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as stream:
-                stream.write(content)
-        except OSError as error:
-            raise UploadError(f"{safe} cannot be kept: {error.strerror}") from error
+        write_upload(path, content)
         self._brought.append(folder)
         return path
 
@@ -89,10 +80,8 @@ class PlaceLibrary:
         known = read_place(folder)
         if known is None:
             name = self._free_name(re.sub(r"[^A-Za-z0-9 ._-]", "_", source.stem).strip(" ._-") or "place")
-            now = datetime.now(UTC).isoformat(timespec="seconds")
-            known = KeptPlace(folder.name, name, source.name, now, field.name, folder)
-        with suppress(OSError), replacing(folder / PICTURE) as stream:  # without one, it is listed all the same
-            stream.write(picture)
+            known = KeptPlace.of_now(name, source, field)
+        keep_picture(known, picture)
         write_place(replace(known, field=field.name))
         return known
 

@@ -7,20 +7,17 @@ One folder for each, named by a digest of the file, so that no flight's robot ev
     meshes/              meshes that were brought, for robots that come after them
 """
 
-import hashlib
 import re
 import shutil
 from pathlib import Path
 
-from app.places.uploads import UploadError, safe_name
+from app.places.uploads import UploadError, folder_of, safe_name, write_upload
 from nerfnav.errors import InvalidInputError
-from nerfnav.files import replacing
 from nerfnav.robots import RobotFile, decoded, load, to_yaml
 
 ROBOTS, MESHES = (".yaml", ".yml"), (".stl", ".obj", ".ply", ".glb")
 """Endings of what is taken: robots' files, and the meshes that they name."""
 _MOST_BYTES = 32 << 20
-_DIGITS = 16
 
 
 class RobotLibrary:
@@ -46,10 +43,10 @@ class RobotLibrary:
                 f"{safe} is no robot: these are taken, up to {_MOST_BYTES >> 20} MB: {', '.join((*ROBOTS, *MESHES))}"
             )
         if ending in MESHES:
-            self._write(self._folder / "meshes" / safe, content)
+            write_upload(self._folder / "meshes" / safe, content)
             return None
         brought = self._folder / "brought" / safe
-        self._write(brought, content)
+        write_upload(brought, content)
         try:
             return self.keep(decoded(brought), self._folder / "meshes")
         except InvalidInputError as error:
@@ -64,12 +61,12 @@ class RobotLibrary:
         beside = [Path(part) for part in (told.body.mesh, told.body.urdf) if part is not None]
         beside += [Path(told.camera.file)] if told.camera is not None and told.camera.file is not None else []
         parts = [_read(meshes, part) for part in beside]
-        folder = self._folder / hashlib.sha256(b"".join((content, *parts))).hexdigest()[:_DIGITS]
+        folder = self._folder / folder_of(content, *parts)
         fresh = not folder.exists()
         for part, bytes_ in zip(beside, parts, strict=True):
-            self._write(folder / part.name, bytes_)
+            write_upload(folder / part.name, bytes_)
         file = folder / f"{name}.yaml"
-        self._write(file, content)
+        write_upload(file, content)
         try:
             load(str(file))
         except InvalidInputError as error:
@@ -77,14 +74,6 @@ class RobotLibrary:
                 shutil.rmtree(folder, ignore_errors=True)
             raise InvalidInputError(str(error).replace(f"{file}: ", "").replace(f"{folder}/", "")) from error
         return file
-
-    def _write(self, path: Path, content: bytes) -> None:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as stream:
-                stream.write(content)
-        except OSError as error:
-            raise UploadError(f"{path.name} cannot be kept: {error.strerror}") from error
 
 
 def _read(folder: Path, part: Path) -> bytes:

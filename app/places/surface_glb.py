@@ -3,15 +3,11 @@
 Imports nothing slow: a surface that was kept is shown while all else is being imported.
 """
 
-import hashlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
 
-import nerfnav
-from nerfnav import cached
 from nerfnav.geometry import before_tone_mapping, to_linear, to_srgb
 from nerfnav.glb import packed, parts
 
@@ -26,26 +22,10 @@ _LINEAR, _CLAMP = 9729, 33071  # smaller pictures (mipmaps) would mix what only 
 _JPEG_QUALITY = 95
 BRIGHTEST = 2.0
 """Light of the brightest texel: after viser's tone mapping, nearly white."""
-_KIND = "surfaces"  # in the cache
 _CUTS = 100  # heights at which a surface can be cut
-_CODE = Path(__file__).parent, Path(nerfnav.__file__).parent / "field"  # which surfaces depend on
 
 Corner = list[float]
 Box = tuple[Corner, Corner] | None
-
-
-def kept_surface(field: Path) -> bytes | None:
-    """The surface of a field's file that was shaped on this machine; None where none was, empty where there is none."""
-    return cached.found(_KIND, _key(field))
-
-
-def keep_surface(field: Path, glb: bytes) -> None:
-    """Keep the surface of a field's file."""
-    cached.keep(_KIND, _key(field), glb)
-
-
-def _key(field: Path) -> bytes:
-    return cached.code_of(*_CODE) + hashlib.sha256(field.read_bytes()).digest()
 
 
 def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimesh":

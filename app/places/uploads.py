@@ -1,14 +1,18 @@
-"""Files that visitors bring: what is taken, and under which names, none of which leads out of a folder."""
+"""Files that visitors bring: what is taken, how it is kept, and under which names, none of which leads out of a folder.
+"""
 
+import hashlib
 import re
 from pathlib import Path
 
 from app.places.sources import SUFFIXES
 from nerfnav.errors import NerfnavError
+from nerfnav.files import replacing
 
 MOST_BYTES = 512 << 20
 """Largest file that is taken [bytes]."""
 _LONGEST_NAME = 80
+_DIGITS = 16
 
 
 class UploadError(NerfnavError):
@@ -35,3 +39,21 @@ def safe_name(name: str) -> str:
     last = re.split(r"[\\/]", name)[-1]
     harmless = re.sub(r"[^A-Za-z0-9._-]", "_", last).lstrip(".")[-_LONGEST_NAME:]
     return harmless or "upload"
+
+
+def folder_of(*content: bytes) -> str:
+    """The name of the folder in which a library keeps some content: what is the same is there once."""
+    digest = hashlib.sha256()
+    for part in content:
+        digest.update(part)
+    return digest.hexdigest()[:_DIGITS]
+
+
+def write_upload(path: Path, content: bytes) -> None:
+    """Write a whole file or none, its folder included. Raises UploadError where the disk does not take it."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as stream:
+            stream.write(content)
+    except OSError as error:
+        raise UploadError(f"{path.name} cannot be kept: {error.strerror}") from error

@@ -15,9 +15,8 @@ from app.reducers.common import noticed
 from app.state.session import Session
 from nerfnav.errors import NerfnavError
 from nerfnav.field import Unknown
-from nerfnav.planner import OccupancyConfig
+from nerfnav.planner import OccupancyConfig, threshold_of
 from nerfnav.planner.columns import dense_at
-from nerfnav.planner.scales import threshold_of
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from app.places.ends import Which
 from app.reducers.common import moved
 from app.reducers.place import chosen
 from app.state import actions as m
-from app.state.history import History, Moment, Redo, Undo
+from app.state.history import History, Moment
 from app.state.plan_actions import AllowTime, RestoreWeights
 from app.state.session import Session
 
@@ -27,13 +27,13 @@ def remembered(before: Session, after: Session, action: m.Action) -> Session:
     return after if history == after.history else replace(after, history=history)
 
 
-def travelled(session: Session, action: Undo | Redo) -> Session:
+def travelled(session: Session, action: m.Undo | m.Redo) -> Session:
     """The session as it was asked to be before the last step, or before the last undo; plans and flights stay."""
     past, future = session.history.past, session.history.future
-    if not (past if isinstance(action, Undo) else future):
+    if not (past if isinstance(action, m.Undo) else future):
         return session
     now = session.moment
-    if isinstance(action, Undo):
+    if isinstance(action, m.Undo):
         aim, history = past[-1], History(past[:-1], (*future, now))
     else:
         aim, history = future[-1], History((*past, now), future[:-1])

@@ -15,7 +15,7 @@ from app.state.view_settings import Backdrop
 from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
 from nerfnav.field import TrainStep
-from nerfnav.importers.placement import ONE_UNIT, size_doubt
+from nerfnav.importers import ONE_UNIT, size_doubt
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
 

@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 
-from app.places.ends import opening_ends
-from app.places.place import Place
-from app.reducers.common import first_settings, noticed
+from app.reducers.common import noticed
 from app.state import actions as m
 from app.state.downloads import DownloadAction, TakeMap, TakeTrajectory, Wish
 from app.state.experiments import StartExperiment
@@ -12,9 +10,7 @@ from app.state.job import Job, JobKind
 from app.state.plan_actions import AllowTime, PlanAction, RestoreWeights, StayDown
 from app.state.records import FlightRecord, PlanRecord
 from app.state.session import Session
-from app.state.settings import Choice, FlightSettings, PlanSettings
 from app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
-from app.state.view_settings import ViewSettings
 from nerfnav.planner import CostWeights
 
 JobCommand = (
@@ -25,7 +21,6 @@ JobCommand = (
     | m.FindRobot
     | DownloadAction
     | m.Cancel
-    | m.Reset
     | StartExperiment
     | TrackAction
 )
@@ -62,9 +57,6 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return begun(session, JobKind.EXPORT, wish)
         case m.Cancel():
             return cancelled(session)
-        case m.Reset():
-            assert session.place is not None, "nothing is reset before a place is open"
-            return _reset(session, session.place)
 
 
 def begun(
@@ -112,17 +104,6 @@ def _tracked(session: Session, command: StartTrack) -> Session:
         return begun(session, JobKind.TRACK)  # which says why not
     session = begun(replace(session, flight=None, search=None, track=TrackRecord(command.name)), JobKind.TRACK)
     return session if session.job is None else replace(session, job=replace(session.job, track=command))
-
-
-def _reset(session: Session, place: Place) -> Session:
-    """The session as it was once the place was open, the robot and the task that were chosen since excepted."""
-    ends = session.first_ends or opening_ends(place, None) or session.ends
-    return replace(
-        emptied(session), task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False, aiming=None,
-        clicked=None, choice=Choice(session.choice.robot), flight_settings=FlightSettings(),
-        plan_settings=first_settings(PlanSettings(), place, ends, session.home),
-        view_settings=ViewSettings().where(splats=place.splats is not None),
-    )  # fmt: skip
 
 
 def _sought(session: Session) -> Session:

@@ -5,10 +5,9 @@ from dataclasses import replace
 from app.reducers import flight, history, jobs, place, placing, runs
 from app.reducers.common import noticed
 from app.reducers.job_reports import reported
-from app.reducers.settings import adjusted
+from app.reducers.settings import adjusted, reset
 from app.state import actions as m
 from app.state.experiments import ListExperiments, ShowResult
-from app.state.history import Redo, Undo
 from app.state.placing import PlacingAction
 from app.state.robot_draft import EditRobot, ForgetEdits
 from app.state.run_actions import OpenRun, RunAction
@@ -66,13 +65,15 @@ def _command(session: Session, command: m.Command) -> Session:
     if isinstance(command, jobs.JobCommand):
         return jobs.job_commanded(session, command)
     match command:
+        case m.Reset():
+            return reset(session, opened)
         case m.Adjust(settings, name, value):
             return adjusted(session, settings, name, value)
         case EditRobot():
             return replace(session, robot_draft=command.of(session.robot_draft))
         case ForgetEdits():
             return replace(session, robot_draft=None)
-        case Undo() | Redo():
+        case m.Undo() | m.Redo():
             return history.travelled(session, command)
         case ShowResult() | ListExperiments():
             return replace(session, experiments=session.experiments.commanded(command))

@@ -1,12 +1,16 @@
-"""Reducer of settings: one number changes; those of plans, which are typed freely, are validated."""
+"""Reducer of settings: one number changes, validated where it is typed freely; or all are as they were at first."""
 
 from dataclasses import replace
 from typing import Any
 
-from app.reducers.common import noticed
+from app.places.ends import opening_ends
+from app.places.place import Place
+from app.reducers import jobs
+from app.reducers.common import first_settings, noticed
 from app.state.actions import Settings
 from app.state.session import Session
-from app.state.settings import PlanSettings
+from app.state.settings import Choice, FlightSettings, PlanSettings
+from app.state.view_settings import ViewSettings
 from app.text import sentence
 from nerfnav.errors import InvalidInputError
 
@@ -43,3 +47,14 @@ def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Sessi
 def _checked(settings: PlanSettings) -> PlanSettings:
     settings.check()
     return settings
+
+
+def reset(session: Session, place: Place) -> Session:
+    """The session as it was once the place was open, the robot and the task that were chosen since excepted."""
+    ends = session.first_ends or opening_ends(place, None) or session.ends
+    return replace(
+        jobs.emptied(session), task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False,
+        aiming=None, clicked=None, choice=Choice(session.choice.robot), flight_settings=FlightSettings(),
+        plan_settings=first_settings(PlanSettings(), place, ends, session.home),
+        view_settings=ViewSettings().where(splats=place.splats is not None),
+    )  # fmt: skip

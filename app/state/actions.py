@@ -9,7 +9,6 @@ from app.places.ends import End, Which
 from app.places.learning import QualityName
 from app.state.downloads import DownloadAction
 from app.state.experiments import ExperimentAction
-from app.state.history import Redo, Undo
 from app.state.placing import PlacingAction
 from app.state.plan_actions import PlanAction
 from app.state.robot_draft import EditRobot, ForgetEdits
@@ -165,6 +164,16 @@ class StepOnce:
 @dataclass(frozen=True)
 class Reset:
     """Stop, forget plan and flight, put the ends back where the task has them, and all settings as they were."""
+
+
+@dataclass(frozen=True)
+class Undo:
+    """Go back to before the last move or setting."""
+
+
+@dataclass(frozen=True)
+class Redo:
+    """Take the last undo back."""
 
 
 @dataclass(frozen=True)

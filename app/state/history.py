@@ -1,4 +1,4 @@
-"""Undo history: what a person has asked for before each move and each setting, and the actions that go through it."""
+"""Undo history: what a person has asked for before each move and each setting."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -9,16 +9,6 @@ from app.state.view_settings import ViewSettings
 
 MOST = 100
 """So many steps can be undone."""
-
-
-@dataclass(frozen=True)
-class Undo:
-    """Go back to before the last move or setting."""
-
-
-@dataclass(frozen=True)
-class Redo:
-    """Take the last undo back."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from nerfnav.importers.correction import Correction
+from nerfnav.importers import Correction
 
 Vector = tuple[float, float, float]
 

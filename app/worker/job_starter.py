@@ -103,7 +103,7 @@ def _followed(place: Place, job: Job) -> JobEvents:
     from app.jobs import track
     from app.jobs.follow_camera import CameraRun
     from app.jobs.given_picture import GivenCamera
-    from nerfnav.tracking.sources.open_source import SourceOptions
+    from nerfnav.tracking import SourceOptions
 
     asked = job.track
     assert asked is not None, "a track is begun by who says of what"

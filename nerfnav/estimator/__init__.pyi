@@ -2,6 +2,8 @@ from . import estimators as estimators
 from .align import AlignConfig as AlignConfig
 from .aligned import AlignedFilter as AlignedFilter
 from .belief import Belief as Belief
+from .capture_views import remembered as remembered
+from .capture_views import views_moved as views_moved
 from .descent import DescentConfig as DescentConfig
 from .estimator import Estimator as Estimator
 from .fast import FastFilter as FastFilter
@@ -16,6 +18,7 @@ from .photometric import Observation as Observation
 from .pixels import PixelConfig as PixelConfig
 from .pose_error import comparable as comparable
 from .pose_error import pose_floor as pose_floor
+from .pose_error import rescaled as rescaled
 from .pose_error import resized as resized
 from .relocalise import RelocaliseConfig as RelocaliseConfig
 from .relocalise import RelocaliseOutcome as RelocaliseOutcome

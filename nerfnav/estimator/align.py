@@ -33,8 +33,7 @@ from nerfnav.estimator.kernels.align import align
 from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior
 from nerfnav.estimator.photometric import THREADS, Observation
 from nerfnav.estimator.pyramid import View
-from nerfnav.field import FastRenderer, Rendering, render_rays
-from nerfnav.field.jacobian import glanced, sight_grid_of
+from nerfnav.field import FastRenderer, Rendering, glanced, render_rays, sight_grid_of
 from nerfnav.geometry import Camera, Pose
 
 _FAR = 1e3

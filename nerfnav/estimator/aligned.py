@@ -19,9 +19,9 @@ from nerfnav.estimator.pixels import PixelSource
 from nerfnav.estimator.pyramid import View, small_observation
 from nerfnav.estimator.starts import drawn, likeliest
 from nerfnav.estimator.steps import FilterStep
-from nerfnav.estimator.verdict import check_image, contrast, predicted_only
+from nerfnav.estimator.verdict import contrast, predicted_only
 from nerfnav.field import Field, levels_of
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 
 _TYPICAL_DEPTH = 0.3
 """How far off the things are that a picture shows [share of the box's longest edge]."""

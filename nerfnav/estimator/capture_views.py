@@ -9,8 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import FORWARD_MOUNT, Pose, Similarity, so3
 
 _MOST = 200
 """Poses that are remembered: more are alike."""

@@ -6,15 +6,12 @@ from dataclasses import fields
 
 import numpy as np
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from nerfnav.compiled import threads
 from nerfnav.estimator.kernels.descent import descend
-from nerfnav.estimator.kernels.glance import glance
 from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, minimise
-from nerfnav.estimator.photometric import THREADS, Observation
-from nerfnav.field.jacobian import SightGrid, sight_grid_of
+from nerfnav.estimator.photometric import THREADS, Observation, array_of
+from nerfnav.field import SightGrid, sight_grid_of
 from nerfnav.geometry import Pose
 
 
@@ -44,24 +41,13 @@ def _last_of(stages: Iterator[Iterate]) -> Iterator[Iterate]:
     yield deque(stages, maxlen=1).pop()
 
 
-def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
-    """What the field shows from body poses (n,) less what the picture shows."""
-    grid = sight_grid_of(seen.field)
-    with torch.no_grad(), threads(THREADS):
-        if grid is None:
-            return seen.shown(poses) - seen.colors
-        shown = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
-        glance(grid, seen.sight, _array(poses.rotation), _array(poses.position), shown)
-        return torch.from_numpy(shown) - seen.colors
-
-
 def _compiled(
     grid: SightGrid, seen: Observation, start: Guess, prior: Prior, config: NewtonConfig, every: bool = True
 ) -> Iterator[Iterate]:
     mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
     known = (
-        _array(prior.information), _array(mean.rotation), _array(mean.position), prior.mean is not None, prior.kappa,
-        prior.slack,
+        array_of(prior.information), array_of(mean.rotation), array_of(mean.position), prior.mean is not None,
+        prior.kappa, prior.slack,
     )  # fmt: skip
     count, stages = len(start.exposure), config.iterations + 1
     trace = _trace(stages, count, len(seen.pixels))
@@ -92,7 +78,3 @@ def _trace(stages: int, poses: int, pixels: int) -> tuple[np.ndarray, ...]:
     shapes = ((3, 3), (3,), (2,), plain, plain, (pixels, 3), (UNKNOWNS,), square, square, (UNKNOWNS,))
     kinds = [np.float32 if shape == (pixels, 3) else np.float64 for shape in shapes]
     return tuple(np.empty((stages, poses, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True))
-
-
-def _array(tensor: Tensor) -> np.ndarray:
-    return np.ascontiguousarray(tensor.detach().double().numpy())

@@ -25,9 +25,9 @@ from nerfnav.estimator.noise import ProcessNoise
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import View
 from nerfnav.estimator.steps import FilterStep
-from nerfnav.estimator.verdict import check_image, contrast, predicted_only
+from nerfnav.estimator.verdict import contrast, predicted_only
 from nerfnav.field import Field, levels_of
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import Robot
 
 

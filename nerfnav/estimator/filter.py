@@ -26,9 +26,9 @@ from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import PyramidConfig
 from nerfnav.estimator.retraction import Retraction, choose_retraction, princeton_lietorch
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
-from nerfnav.estimator.verdict import check_image, contrast, predicted_only
+from nerfnav.estimator.verdict import contrast, predicted_only
 from nerfnav.field import Field
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import TANGENT, RigidState, Robot
 
 

@@ -11,9 +11,8 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.panorama import COLUMN, Panoramas, thinned, tilts_of
 from nerfnav.estimator.pyramid import View
-from nerfnav.estimator.verdict import check_image
 from nerfnav.field import Field, levels_of
-from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, reduced, so3
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image, reduced, so3
 from nerfnav.steps import returned
 
 _LARGEST = 256

@@ -15,7 +15,9 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, render_rays
+from nerfnav.compiled import threads
+from nerfnav.estimator.kernels.glance import glance
+from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, render_rays, sight_grid_of
 from nerfnav.field.render import before_backdrop
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.robots import RigidState
@@ -216,3 +218,19 @@ def photometric_cost(
 ) -> Float[Tensor, ""]:
     """J_photo; pixels that are not believed count nothing and pull nowhere."""
     return (residual.square().sum(-1) * believed).sum() / (noise.alike * noise.std**2)
+
+
+def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
+    """What the field shows from body poses (n,) less what the picture shows."""
+    grid = sight_grid_of(seen.field)
+    with torch.no_grad(), threads(THREADS):
+        if grid is None:
+            return seen.shown(poses) - seen.colors
+        shown = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
+        glance(grid, seen.sight, array_of(poses.rotation), array_of(poses.position), shown)
+        return torch.from_numpy(shown) - seen.colors
+
+
+def array_of(tensor: Tensor) -> np.ndarray:
+    """A tensor as kernels have it: of 64 bits, in one piece."""
+    return np.ascontiguousarray(tensor.detach().double().numpy())

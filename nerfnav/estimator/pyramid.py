@@ -10,8 +10,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.estimator.photometric import Observation
-from nerfnav.field import Field
-from nerfnav.field.grid_field import GridField
+from nerfnav.field import Field, GridField
 from nerfnav.geometry import Camera, Pose, reduced
 
 

@@ -4,9 +4,8 @@ import torch
 
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import POSE
-from nerfnav.estimator.descents import residuals
 from nerfnav.estimator.newton import Guess
-from nerfnav.estimator.photometric import Observation
+from nerfnav.estimator.photometric import Observation, residuals
 from nerfnav.geometry import Pose, so3
 
 

@@ -4,20 +4,8 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
-from nerfnav.geometry import Camera
-
-
-def check_image(image: Tensor, camera: Camera) -> None:
-    """Raise InvalidInputError unless `image` is a uint8 RGB picture of the camera's size."""
-    wanted = (camera.height, camera.width, 3)
-    if image.dtype != torch.uint8 or tuple(image.shape) != wanted:
-        raise InvalidInputError(
-            f"this camera takes uint8 pictures of {wanted[0]} x {wanted[1]} x 3 (height x width x RGB), not "
-            f"{str(image.dtype).removeprefix('torch.')} of {' x '.join(map(str, image.shape))}"
-        )
 
 
 def contrast(image: UInt8[Tensor, "height width 3"]) -> int:

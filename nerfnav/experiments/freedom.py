@@ -19,8 +19,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.experiments.geometry import is_free, views
-from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, Unknown, planning_field
-from nerfnav.field.grid_field import GridField
+from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, GridField, Unknown, planning_field
 from nerfnav.geometry import Camera, Pose, PosedImages
 from nerfnav.world import Scene
 

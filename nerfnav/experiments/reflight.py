@@ -20,10 +20,9 @@ from nerfnav.experiments.reflight_results import picture, summary_of
 from nerfnav.experiments.reflight_tracks import track_of_crazyflie, track_of_px4
 from nerfnav.experiments.reflight_vehicles import Flown, FlownConfig, Track, fly_crazyflie, fly_quick
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.export import Recording
+from nerfnav.export import Exported, Recording
 from nerfnav.export.crazyflie import FitConfig, crazyflie
 from nerfnav.export.px4 import px4
-from nerfnav.export.recording import Exported
 from nerfnav.geometry import so3
 from nerfnav.planner import PlanStep, Route
 from nerfnav.robots import Quadrotor, RigidState

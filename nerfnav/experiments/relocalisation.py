@@ -11,15 +11,14 @@ heading anywhere, with pitch and roll of 0.2 rad standard deviation:
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 
 import torch
 
-from nerfnav.estimator import ColorNoise, Searcher
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.relocalisation_results import KINDS, picture, summary_of
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.experiments.views import renderer_of
+from nerfnav.experiments.views import renderer_of, searcher_of
 from nerfnav.geometry import Pose, so3
 from nerfnav.robots import CAMERA
 from nerfnav.world import CaptureConfig, capture_poses
@@ -60,7 +59,7 @@ def run(study: Study) -> Iterator[ExperimentStep]:
 def search(arena: Arena, lost: Lost) -> Row:
     """Take the picture, search, and judge the answer."""
     picture = renderer_of(arena).render(CAMERA, lost.pose)
-    searcher = _searcher(arena)
+    searcher = searcher_of(arena)
     searcher.looks  # noqa: B018 - made once for all pictures, and not part of a search
     begun = time.perf_counter()
     *_, last = searcher.relocalise(picture.image)
@@ -85,9 +84,3 @@ def _poses(arena: Arena, kind: str, count: int, seed: int) -> Pose:
     """Cameras T_world_camera, batch shape (count,)."""
     config = CaptureConfig(images=count, inside_share=1.0, clearance=_CLEARANCE, seen_share=KINDS[kind])
     return capture_poses(arena.scene, config, torch.Generator().manual_seed(_FIRST_SEED + seed))
-
-
-@lru_cache(maxsize=2)
-def _searcher(arena: Arena) -> Searcher:
-    """Made once in each process."""
-    return Searcher(arena.field, CAMERA, ColorNoise().measured(arena.field.info.noise_std))

@@ -1,9 +1,12 @@
 """Pictures from places that no field has learned from, with the truth of where they were taken."""
 
+from functools import lru_cache
+
 import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
+from nerfnav.estimator import ColorNoise, Searcher
 from nerfnav.experiments.arena import Arena
 from nerfnav.geometry import FORWARD_MOUNT, Pose
 from nerfnav.robots import CAMERA, RigidState
@@ -31,3 +34,9 @@ def renderer_of(arena: Arena) -> MeshRenderer:
 def take_picture(renderer: MeshRenderer, pose: Pose) -> UInt8[Tensor, "height width 3"]:
     """What a robot's camera sees from T_world_body."""
     return renderer.render(CAMERA, pose.compose(FORWARD_MOUNT)).image
+
+
+@lru_cache(maxsize=2)
+def searcher_of(arena: Arena) -> Searcher:
+    """What finds a camera by one picture; made once in each process."""
+    return Searcher(arena.field, CAMERA, ColorNoise().measured(arena.field.info.noise_std))

@@ -27,14 +27,12 @@ from nerfnav.navigation import (
     Pilot,
     Simulator,
     WorldName,
+    guarded,
     navigate,
     with_late_pictures,
     world_generator,
 )
-from nerfnav.navigation.guarded import guarded
-from nerfnav.planner import FastPlanConfig, OccupancyConfig, OccupancyMap, PlanProblem, planners
-from nerfnav.planner.duration import timing_of
-from nerfnav.planner.problem import way_length
+from nerfnav.planner import FastPlanConfig, OccupancyConfig, OccupancyMap, PlanProblem, planners, timing_of, way_length
 from nerfnav.world import MeshRenderer, Task, contact_check
 
 

@@ -1,9 +1,15 @@
 from .formats import FORMATS as FORMATS
 from .formats import ExportFormat as ExportFormat
+from .formats import unsafe as unsafe
 from .occupancy_map import map_files as map_files
+from .overlay import OverlayVideo as OverlayVideo
+from .recording import Exported as Exported
 from .recording import Recording as Recording
+from .ros.track import TrackRecorder as TrackRecorder
 from .table_text import csv_text as csv_text
 from .table_text import json_text as json_text
 from .table_text import table_of_json as table_of_json
 from .tables import episode_table as episode_table
 from .tables import motion_table as motion_table
+from .track import TRACK_FILES as TRACK_FILES
+from .track import texts_of_track as texts_of_track

@@ -23,7 +23,7 @@ from nerfnav.export.curves import Curve, curve_of, quadrotor_of, slower
 from nerfnav.export.limits import Room, asked, within
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.splines import ORDER, Samples, fit
-from nerfnav.planner.polynomials import PiecewisePolynomial
+from nerfnav.planner import PiecewisePolynomial
 
 MOST_PIECES, _FEWEST_PIECES = 31, 2
 """Pieces that fit the vehicle's memory of 4 kB at 132 bytes each, and that all loaders read."""

@@ -26,7 +26,7 @@ from nerfnav.export.limits import Room, within
 from nerfnav.export.recording import Recording
 from nerfnav.export.splines import Samples, fit
 from nerfnav.geometry import so3
-from nerfnav.planner.polynomials import PiecewisePolynomial, uniform_cubic
+from nerfnav.planner import PiecewisePolynomial, uniform_cubic
 from nerfnav.robots import Quadrotor
 
 PLANNED, SMOOTHED = "the plan", "the flown path, smoothed"

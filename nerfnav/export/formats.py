@@ -18,8 +18,7 @@ from nerfnav.export.ros.rosbag2 import rosbag2
 from nerfnav.export.table_text import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.navigation import EpisodeOutcome
-from nerfnav.planner import GOOD, PlanOutcome
-from nerfnav.planner.polynomials import PiecewisePolynomial
+from nerfnav.planner import GOOD, PiecewisePolynomial, PlanOutcome
 from nerfnav.registry import Registry
 
 _HURT = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)

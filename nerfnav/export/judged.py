@@ -8,9 +8,7 @@ from torch import Tensor
 
 from nerfnav.field import Field
 from nerfnav.geometry import so3
-from nerfnav.planner import PlanOutcome, PlanProblem, safety_of
-from nerfnav.planner.polynomials import PiecewisePolynomial
-from nerfnav.planner.safety import honest
+from nerfnav.planner import PiecewisePolynomial, PlanOutcome, PlanProblem, honest, safety_of
 from nerfnav.robots import Motion, Quadrotor, RigidState, thrust_and_attitude
 
 RATE_HZ = 50

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.planner.polynomials import PiecewisePolynomial
+from nerfnav.planner import PiecewisePolynomial
 from nerfnav.robots import Quadrotor
 
 _SAMPLES_PER_PIECE = 40

@@ -20,7 +20,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.export.curves import Curve, curve_of
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.setpoints import yaw_ned_of_enu
-from nerfnav.planner.polynomials import PiecewisePolynomial
+from nerfnav.planner import PiecewisePolynomial
 
 _SEMI_MAJOR, _ECCENTRICITY_2 = 6378137.0, 6.69437999014e-3
 """Of WGS 84: a [m] and e^2."""

@@ -12,8 +12,7 @@ from nerfnav.export.tables import Table, episode_table, motion_table
 from nerfnav.field import Field
 from nerfnav.geometry import so3
 from nerfnav.navigation import Episode, NavigationStep
-from nerfnav.planner import PlanOutcome
-from nerfnav.planner.polynomials import PiecewisePolynomial
+from nerfnav.planner import PiecewisePolynomial, PlanOutcome
 from nerfnav.robots import Motion, Robot, unwrapped
 
 

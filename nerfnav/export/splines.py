@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 import torch
 
-from nerfnav.planner.polynomials import PiecewisePolynomial, derivative_rows, squared_derivative
+from nerfnav.planner import PiecewisePolynomial, derivative_rows, squared_derivative
 
 ORDER = 7
 _TERMS = ORDER + 1

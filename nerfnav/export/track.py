@@ -11,8 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.geometry import Pose, so3
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Pose, Similarity, so3
 from nerfnav.tracking import Tracked
 
 OPENCV = torch.diag(torch.tensor([1.0, -1.0, -1.0]))

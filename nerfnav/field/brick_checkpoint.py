@@ -11,8 +11,7 @@ from nerfnav.field.bricks import CELLS, NODES, BrickField
 from nerfnav.field.codec import Encoded, FieldCodec
 from nerfnav.field.evidence import State
 from nerfnav.field.info import FieldInfo
-from nerfnav.field.stored_values import quantised, values_of
-from nerfnav.field.voxel_checkpoint import box_of, outside_of
+from nerfnav.field.stored_values import box_of, outside_of, quantised, values_of
 
 
 def encode(field: BrickField) -> Encoded:

@@ -9,8 +9,7 @@ from nerfnav.field.codec import StoredField
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.shells_around import shells_around
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry import Box
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Box, Similarity
 
 _FEWEST = 4
 """Nodes along each edge of what is worth keeping."""

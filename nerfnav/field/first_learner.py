@@ -6,7 +6,6 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from nerfnav.field.evidence import VOXELS_IN_UNIT
 from nerfnav.field.fusion import Fused, fused
 from nerfnav.field.hull import hull, widened
 from nerfnav.field.learned_place import Place
@@ -40,7 +39,7 @@ def first_learner(
     require_trainable(photographs, box)
     last = len(config.stages) - 1
     require_memory(config.shape(box, last), config.outside, workers)
-    place = Place(box, background, VOXELS_IN_UNIT * config.voxel)
+    place = Place.of(box, background, config.voxel)
     if photographs.silhouettes is not None:
         shape = config.shape(box, 0)
         wide = widened(photographs, box, config.voxel * config.stages[0])

@@ -10,6 +10,7 @@ from nerfnav.field.carving import carved
 from nerfnav.field.evidence import states_of
 from nerfnav.field.fusion import Fused
 from nerfnav.field.info import FieldInfo
+from nerfnav.field.neural import NeuralField
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import PosedImages
 
@@ -40,3 +41,10 @@ def judged(
     taught, proven = ("pictures", "pictures") if told is None else ("pictures and depth", "depth")
     info = replace(field.info, learned_from=taught, proven_from=proven)
     return replace(trained, info=calibrated(info, trained, held_out, exposure))
+
+
+def judged_networks(trained: NeuralField, held_out: PosedImages) -> NeuralField:
+    """The field on the CPU, with what views that it was not trained on say about it."""
+    coarse, fine = trained.coarse.requires_grad_(False).cpu(), trained.fine.requires_grad_(False).cpu()
+    trained = replace(trained, coarse=coarse, fine=fine)
+    return replace(trained, info=calibrated(trained.info, trained, held_out))

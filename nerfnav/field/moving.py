@@ -21,8 +21,7 @@ from nerfnav.field.solidity import least_solid_raw, with_solidity_of
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.turning import resampled
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry import Box, Pose
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Box, Pose, Similarity
 
 
 @dataclass(frozen=True)

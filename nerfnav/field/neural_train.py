@@ -16,9 +16,8 @@ import torch
 
 from nerfnav.compiled import default_threads, threads
 from nerfnav.errors import InvalidInputError
-from nerfnav.field.judgement import info_of
+from nerfnav.field.judgement import info_of, judged_networks
 from nerfnav.field.neural import NeuralField
-from nerfnav.field.neural_judgement import judged
 from nerfnav.field.neural_learner import NeuralLearner
 from nerfnav.field.neural_train_config import NeuralTrainConfig
 from nerfnav.field.progress import Progress
@@ -75,6 +74,6 @@ def train_neural(
         if progress.is_due(config.report_every):
             stop = yield NeuralTrainStep.of(progress)
     info = replace(info_of(photographs, generator, progress.iteration), train_s=progress.elapsed_s)
-    trained = judged(replace(blank, info=info), held_out)
+    trained = judged_networks(replace(blank, info=info), held_out)
     rate, psnr = progress.iteration * config.rays / info.train_s, trained.info.psnr_db or progress.psnr_db
     yield NeuralTrainStep(progress.iteration, progress.fraction, psnr, rate, 0.0, trained)

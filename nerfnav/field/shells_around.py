@@ -12,8 +12,7 @@ from torch import Tensor
 from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW
 from nerfnav.field.surroundings import RAW_TO_DEPTH, SPAN, Surroundings, uncontracted
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry import Box, node_positions, trilinear
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Box, Similarity, node_positions, trilinear
 
 _SAMPLES = 6
 """Points along the radius that each node stands for."""

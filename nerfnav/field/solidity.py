@@ -18,8 +18,7 @@ from nerfnav.field.evidence import State, raw_of
 from nerfnav.field.grid_field import GridField
 from nerfnav.field.kernels.turning import mark_lost
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry import node_positions
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Similarity, node_positions
 
 _CORNERS = torch.cartesian_prod(torch.arange(2), torch.arange(2), torch.arange(2))
 _ABOVE = 0.1

@@ -29,8 +29,7 @@ from nerfnav.field.render import render_image
 from nerfnav.field.shells_around import shells_around
 from nerfnav.field.solidity import between_grids, with_solidity_of
 from nerfnav.field.voxel import VoxelField
-from nerfnav.geometry import Box, Camera, node_positions, psnr_db, shape_for, trilinear
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Box, Camera, Similarity, node_positions, psnr_db, shape_for, trilinear
 
 _AXIS = torch.tensor([-1.0, 0.0, 1.0]) / math.sqrt(3.0)
 _WEIGHTS = torch.tensor([0.25, 0.5, 0.25])

@@ -5,6 +5,7 @@ from .camera import R_BODY_CAMERA as R_BODY_CAMERA
 from .camera import Camera as Camera
 from .camera import Pose as Pose
 from .camera import look_at as look_at
+from .camera_file import camera_of_matrices as camera_of_matrices
 from .camera_file import read_camera as read_camera
 from .colmap_cameras import ColmapBytes as ColmapBytes
 from .colmap_cameras import ColmapCamera as ColmapCamera
@@ -20,11 +21,13 @@ from .grid import spacing_of as spacing_of
 from .grid import trilinear as trilinear
 from .grid import with_neighbours as with_neighbours
 from .images import PosedImages as PosedImages
+from .images import check_image as check_image
 from .images import outlines as outlines
 from .images import picture_file as picture_file
 from .images import psnr_db as psnr_db
 from .images import reduced as reduced
 from .sightings import Sightings as Sightings
+from .similarity import Similarity as Similarity
 from .srgb import to_linear as to_linear
 from .srgb import to_srgb as to_srgb
 from .tone import before_tone_mapping as before_tone_mapping

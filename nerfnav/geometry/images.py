@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera, Pose
 from nerfnav.geometry.sightings import Sightings
 
@@ -91,3 +92,13 @@ def picture_file(image: UInt8[np.ndarray, "height width 3"], jpeg_quality: int |
 def psnr_db(mean_squared_error: float) -> float:
     """Peak signal-to-noise ratio [dB] of colours in [0, 1]; 100 where they agree."""
     return -10 * math.log10(max(mean_squared_error, 1e-10))
+
+
+def check_image(image: Tensor, camera: Camera) -> None:
+    """Raise InvalidInputError unless `image` is a uint8 RGB picture of the camera's size."""
+    wanted = (camera.height, camera.width, 3)
+    if image.dtype != torch.uint8 or tuple(image.shape) != wanted:
+        raise InvalidInputError(
+            f"this camera takes uint8 pictures of {wanted[0]} x {wanted[1]} x 3 (height x width x RGB), not "
+            f"{str(image.dtype).removeprefix('torch.')} of {' x '.join(map(str, image.shape))}"
+        )

@@ -3,6 +3,9 @@ from .captures.imported import ImportConfig as ImportConfig
 from .captures.imported import ImportedCapture as ImportedCapture
 from .captures.video import capture_of_video as capture_of_video
 from .captures.views import CaptureError as CaptureError
+from .correction import Corrected as Corrected
+from .correction import Correction as Correction
+from .correction import corrected as corrected
 from .field_names import field_name as field_name
 from .kind import source_kind as source_kind
 from .kinds import SourceKind as SourceKind
@@ -13,7 +16,12 @@ from .meshes.importer import import_mesh as import_mesh
 from .meshes.refusal import MeshFileError as MeshFileError
 from .nerf_pytorch import load_nerf_pytorch as load_nerf_pytorch
 from .nerf_pytorch_config import NerfPytorchConfig as NerfPytorchConfig
+from .placement import AXES as AXES
+from .placement import ONE_UNIT as ONE_UNIT
 from .placement import Placement as Placement
+from .placement import length_in_words as length_in_words
+from .placement import size_doubt as size_doubt
+from .placement import still_guessed as still_guessed
 from .splats.layouts import load_splats as load_splats
 from .splats.splats import Splats as Splats
 from .splats.splats import save_splats as save_splats
@@ -21,4 +29,5 @@ from .splats.splats import splats_beside as splats_beside
 from .splats.upright import upright as upright
 from .splats.voxels import VoxelizeConfig as VoxelizeConfig
 from .splats.voxels import voxelize as voxelize
+from .stored_picture import read_picture as read_picture
 from .wrong_kind import wrong_kind as wrong_kind

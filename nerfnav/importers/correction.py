@@ -13,9 +13,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry import Box
+from nerfnav.geometry import Box, Similarity
 from nerfnav.geometry.plane import Plane, RansacConfig, found_plane, plane_through
-from nerfnav.geometry.similarity import Similarity
 from nerfnav.importers.placement import Vector, length_in_words, rotation_to_z
 
 _LEVEL = 1e-4

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from nerfnav.geometry import so3
 from nerfnav.live.answer import Setpoint
-from nerfnav.planner.polynomials import PiecewisePolynomial, uniform_cubic
+from nerfnav.planner import PiecewisePolynomial, uniform_cubic
 from nerfnav.robots import Motion, RigidState, unwrapped
 
 

@@ -22,9 +22,8 @@ from nerfnav.field import Field, Unknown, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
 from nerfnav.live.curve import half_a_step_back, on_curve, setpoints_of
 from nerfnav.live.guided import expected
-from nerfnav.navigation import NavigateConfig
+from nerfnav.navigation import NavigateConfig, guarded
 from nerfnav.navigation.backup import Backup, Guard
-from nerfnav.navigation.guarded import guarded
 from nerfnav.planner import (
     GOOD,
     FastPlanConfig,
@@ -36,15 +35,15 @@ from nerfnav.planner import (
     Route,
     collision_probability_bound,
     fits,
+    honest,
     last_step,
     nearest_free_pose,
     planners,
+    scales_of,
+    timing_of,
+    way_length,
     with_risk,
 )
-from nerfnav.planner.duration import timing_of
-from nerfnav.planner.problem import way_length
-from nerfnav.planner.safety import honest
-from nerfnav.planner.scales import scales_of
 from nerfnav.robots import POSITION, Motion, RigidState, Robot
 
 _STEP = 0.9

@@ -21,8 +21,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import Belief, FastFilter, StateNoise
-from nerfnav.field import Field, render_image
-from nerfnav.field.grid_field import GridField
+from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.live.answer import Answer, Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig

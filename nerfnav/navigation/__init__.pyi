@@ -1,4 +1,5 @@
 from .episode import Episode as Episode
+from .guarding import guarded as guarded
 from .mission import Mission as Mission
 from .mission import NavigateConfig as NavigateConfig
 from .mission import Pilot as Pilot

@@ -16,11 +16,20 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import Field
-from nerfnav.planner import CostWeights, PlanOutcome, PlanProblem, PlanStep, collision_probability_bound, fits
-from nerfnav.planner.danger import DangerMap
+from nerfnav.planner import (
+    NEAR_CERTAIN,
+    PAPERS_NOISE,
+    CostWeights,
+    DangerMap,
+    Disturbance,
+    Outlook,
+    PlanOutcome,
+    PlanProblem,
+    PlanStep,
+    collision_probability_bound,
+    fits,
+)
 from nerfnav.planner.kernels.danger import endangered
-from nerfnav.planner.safety import NEAR_CERTAIN
-from nerfnav.planner.spread import PAPERS_NOISE, Disturbance, Outlook
 from nerfnav.planner.terms.risk import RISK
 from nerfnav.robots import Motion, RigidState, Robot
 

@@ -10,8 +10,7 @@ from torch import Tensor
 from nerfnav.estimator import Belief, FilterOutcome, FilterStep, RelocaliseStep
 from nerfnav.navigation.backup import Backup
 from nerfnav.navigation.recovery import Recovery
-from nerfnav.planner import PlanStep
-from nerfnav.planner.duration import timing_of
+from nerfnav.planner import PlanStep, timing_of
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, Robot
 

@@ -8,9 +8,8 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
-from nerfnav.field import Field
+from nerfnav.field import Field, GridField
 from nerfnav.field.evidence import raw_of
-from nerfnav.field.grid_field import GridField
 from nerfnav.geometry import Box, node_positions, shape_for, spacing_of
 from nerfnav.planner.kernels import maps
 from nerfnav.planner.scales import Scales

@@ -22,8 +22,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
-from nerfnav.field import Field
-from nerfnav.field.grid_field import GridField
+from nerfnav.field import Field, GridField
 from nerfnav.geometry import Box, shape_for, spacing_of
 from nerfnav.memory import require_memory
 from nerfnav.planner.border import known_density, mark_beyond

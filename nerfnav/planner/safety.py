@@ -16,9 +16,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.field import Field, density_and_gradient
+from nerfnav.field import Field, GridField, density_and_gradient
 from nerfnav.field.evidence import raw_of
-from nerfnav.field.grid_field import GridField
 from nerfnav.planner.border import density_within, known_density, room_to_border
 from nerfnav.planner.costs import collision_per_step, point_exposure
 from nerfnav.planner.kernels.nearest import nearest_dense

@@ -10,9 +10,8 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from nerfnav.field import SOLID_DENSITY, Field
+from nerfnav.field import SOLID_DENSITY, Field, GridField
 from nerfnav.field.evidence import PAPERS_GRAIN
-from nerfnav.field.grid_field import GridField
 from nerfnav.robots import Body
 
 _MOST_VOXELS = 24_000_000

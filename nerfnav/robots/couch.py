@@ -19,10 +19,8 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots.body import Body
 from nerfnav.robots.couch_config import CouchConfig
 from nerfnav.robots.couch_map import CouchMap
-from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrapped
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.robot import Robot
@@ -44,7 +42,7 @@ class Couch(Robot):
         """A couch with the given constants (default: those of CouchConfig)."""
         self.config = config = CouchConfig() if config is None else config
         self.name = config.name
-        self.body = Body.box(config.extents, config.point_counts)
+        self.body = config.body
         torque = config.inertia * config.max_force / config.mass / (0.5 * config.extents[0])
         self.action_weights = (config.max_force**-2, config.max_force**-2, torque**-2)
         self.bounds = config.bounds
@@ -99,7 +97,7 @@ class Couch(Robot):
         )
         return Motion(states, torch.cat([force, torque[..., None]], -1), dt)
 
-    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> CouchMap | None:
         """See Robot; None for a robot that was given other bounds than those of its config."""
         known = self.bounds == self.config.bounds
         return CouchMap(self.config, start, goal, steps, dt) if known else None

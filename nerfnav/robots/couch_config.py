@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from nerfnav.robots.body import Body
 from nerfnav.robots.robot import Limit
 
 
@@ -28,6 +29,11 @@ class CouchConfig:
     def inertia(self) -> float:
         """J of a solid box [kg m^2]."""
         return self.mass * (self.extents[0] ** 2 + self.extents[1] ** 2) / 12
+
+    @property
+    def body(self) -> Body:
+        """A box, filled with points."""
+        return Body.box(self.extents, self.point_counts)
 
     @property
     def bounds(self) -> tuple[Limit, ...]:

@@ -25,10 +25,8 @@ from torch import Tensor
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.arcs import EXACT, TYPICAL_SPEED, TYPICAL_TURN, Path, chord, closed, displacements, unit
-from nerfnav.robots.body import Body
 from nerfnav.robots.diffdrive_config import DiffDriveConfig
 from nerfnav.robots.diffdrive_map import DiffDriveMap
-from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import (
     about_z,
     check_ground_ends,
@@ -61,7 +59,7 @@ class DiffDrive(Robot):
         """A differential drive with the given constants (default: those of DiffDriveConfig)."""
         self.config = config = DiffDriveConfig() if config is None else config
         self.name = config.name
-        self.body = Body.box(config.extents, config.point_counts)
+        self.body = config.body
         self.action_weights = (config.max_acceleration**-2, config.max_yaw_acceleration**-2)
         self.bounds = config.bounds
 
@@ -134,7 +132,7 @@ class DiffDrive(Robot):
 
         return path
 
-    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> DiffDriveMap | None:
         """See Robot; None for a robot that was given other bounds than those of its config."""
         known = self.bounds == self.config.bounds
         return DiffDriveMap(self.config, start, goal, steps, dt) if known else None

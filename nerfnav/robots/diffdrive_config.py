@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from nerfnav.robots.body import Body
 from nerfnav.robots.robot import Limit
 
 
@@ -23,6 +24,11 @@ class DiffDriveConfig:
     """[rad/s^2]"""
     name: str = "diffdrive"
     """What users call it."""
+
+    @property
+    def body(self) -> Body:
+        """A box, filled with points."""
+        return Body.box(self.extents, self.point_counts)
 
     @property
     def bounds(self) -> tuple[Limit, ...]:

@@ -18,19 +18,15 @@ While R_0 and R_1 are fixed the robot only chooses its thrust: f_0 and f_1 give 
     free = (f_0, f_1, p_4 .. p_{N-1}, yaw_2 .. yaw_{N-1}),  2 + 3 (N - 4) + (N - 2) numbers
 """
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots.body import Body
-from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.kernels.quadrotor_steps import first_thrusts, roll_out
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
-from nerfnav.robots.quadrotor_map import QuadrotorMap, arrays_of, constants_of
+from nerfnav.robots.quadrotor_map import QuadrotorMap, first_thrusts, way
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import Wish, shortened, thrust_and_attitude, tipped, upward
@@ -50,7 +46,7 @@ class Quadrotor(Robot):
         """A quadrotor with the given constants (default: those of QuadrotorConfig)."""
         self.config = QuadrotorConfig() if config is None else config
         self.name = self.config.name
-        self.body = Body.box(self.config.extents, self.config.point_counts)
+        self.body = self.config.body
         self.weight = self.config.weight
         torques = (edge * self.config.angular_acceleration for edge in self.config.inertia)
         self.action_weights = (self.weight**-2, *(torque**-2 for torque in torques))
@@ -134,7 +130,7 @@ class Quadrotor(Robot):
         actions = torch.cat([forces[..., None], self._torques(rate, dt)], -1)
         return Motion(RigidState(positions[..., :-1, :], velocity, rotation, rate), actions, dt)
 
-    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> FlatMap | None:
+    def compiled_map(self, start: RigidState, goal: RigidState, steps: int, dt: float) -> QuadrotorMap | None:
         """See Robot; None for a robot that was given other bounds or another weight than those of its config."""
         known = (self.bounds, self.weight) == (self.config.bounds, self.config.weight)
         return QuadrotorMap(self.config, start, goal, steps, dt) if known else None
@@ -145,9 +141,7 @@ class Quadrotor(Robot):
         """See Robot; None for a robot that steps otherwise."""
         if type(self).step is not Quadrotor.step:
             return None
-        positions = np.empty((len(actions) + 1, 3))
-        roll_out(arrays_of(start), actions.double().numpy(), constants_of(self.config, dt), positions)
-        return torch.from_numpy(positions).to(actions)
+        return torch.from_numpy(way(self.config, start, actions.double().numpy(), dt)).to(actions)
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float
@@ -159,9 +153,8 @@ class Quadrotor(Robot):
         """
         steps = waypoints.shape[0] - 1
         self.free_numbers(steps)
-        thrusts, floor = np.empty(2), self.config.thrust_floor * self.weight
-        wanted = waypoints[2:4, :3].double().numpy()
-        first_thrusts(arrays_of(start), wanted, constants_of(self.config, dt), floor, thrusts)
+        floor, wanted = self.config.thrust_floor * self.weight, waypoints[2:4, :3].double().numpy()
+        thrusts = first_thrusts(self.config, start, wanted, dt, floor)
         inner = waypoints[4:-1, :3].flatten()
         return torch.cat([torch.from_numpy(thrusts).to(inner), inner, waypoints[2:-1, 3]])
 

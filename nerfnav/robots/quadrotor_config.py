@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from nerfnav.robots.body import Body
 from nerfnav.robots.robot import Limit
 
 
@@ -48,6 +49,11 @@ class QuadrotorConfig:
     def weight(self) -> float:
         """m g [N]."""
         return self.mass * self.gravity
+
+    @property
+    def body(self) -> Body:
+        """A box, filled with points."""
+        return Body.box(self.extents, self.point_counts)
 
     @property
     def bounds(self) -> tuple[Limit, ...]:

@@ -1,4 +1,4 @@
-"""The quadrotor's compiled flatness map."""
+"""The quadrotor's compiled flatness map, and its dynamics in compiled kernels."""
 
 from typing import final
 
@@ -7,6 +7,7 @@ import numpy as np
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.kernels import quadrotor as kernels
 from nerfnav.robots.kernels import quadrotor_limits as limit_kernels
+from nerfnav.robots.kernels import quadrotor_steps as step_kernels
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from nerfnav.robots.state import RigidState
 
@@ -25,7 +26,7 @@ class QuadrotorMap(FlatMap):
         self._ends = np.stack([part.double().numpy() for part in ends])
         self._attitudes = np.stack([start.rotation.double().numpy()] * 2 + [goal.rotation.double().numpy()])
         kernels.turn(self._attitudes[0], start.body_rate.double().numpy() * dt, self._attitudes[1])
-        self._constants = constants_of(config, dt)
+        self._constants = _constants_of(config, dt)
         self._beyond = np.empty((steps + 2, 3))
         self.position = self._beyond[:-1]
         self.velocity = np.empty((steps + 1, 3))
@@ -73,12 +74,28 @@ class QuadrotorMap(FlatMap):
         return gradient
 
 
-def constants_of(config: QuadrotorConfig, dt: float) -> np.ndarray:
+def way(config: QuadrotorConfig, start: RigidState, actions: np.ndarray, dt: float) -> np.ndarray:
+    """Positions (n + 1, 3) [m] under actions (n, 4) of `dt` [s], the start included."""
+    positions = np.empty((len(actions) + 1, 3))
+    step_kernels.roll_out(_arrays_of(start), actions, _constants_of(config, dt), positions)
+    return positions
+
+
+def first_thrusts(
+    config: QuadrotorConfig, start: RigidState, wanted: np.ndarray, dt: float, floor: float
+) -> np.ndarray:
+    """f_0 and f_1 [N] that lead nearest to the positions (2, 3) [m] wanted at steps 2 and 3; at least `floor` [N]."""
+    thrusts = np.empty(2)
+    step_kernels.first_thrusts(_arrays_of(start), wanted, _constants_of(config, dt), floor, thrusts)
+    return thrusts
+
+
+def _constants_of(config: QuadrotorConfig, dt: float) -> np.ndarray:
     """Mass, inertia, gravity and time step, as the kernels have them."""
     return np.array([config.mass, *config.inertia, config.gravity, dt])
 
 
-def arrays_of(state: RigidState) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _arrays_of(state: RigidState) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity, attitude and body rate of one state, as the kernels have them."""
     parts = (state.position, state.velocity, state.rotation, state.body_rate)
     position, velocity, rotation, rate = (part.detach().double().contiguous().numpy() for part in parts)

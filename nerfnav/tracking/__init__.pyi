@@ -3,6 +3,8 @@ from .frame import FrameSource as FrameSource
 from .frame import Inertial as Inertial
 from .motions import InertialMotion as InertialMotion
 from .preintegration import ImuConfig as ImuConfig
+from .sources.open_source import SourceOptions as SourceOptions
+from .sources.open_source import open_source as open_source
 from .status import TrackStatus as TrackStatus
 from .tracked import Tracked as Tracked
 from .tracker import Tracker as Tracker

@@ -12,7 +12,6 @@ from nerfnav.estimator.predict import predict
 from nerfnav.robots import Robot
 from nerfnav.tracking import inertial_motion
 from nerfnav.tracking.frame import Inertial
-from nerfnav.tracking.inertial_motion import InertialBelief
 from nerfnav.tracking.preintegration import ImuConfig, preintegrated
 from nerfnav.tracking.tracker_config import TrackerConfig
 
@@ -86,7 +85,7 @@ class InertialMotion:
         """See CarrierMotion; the action is in what is measured. Raises InvalidInputError for times not measured."""
         last = self.last
         if last is None:
-            last = InertialBelief.begin(belief, self.config)
+            last = inertial_motion.InertialBelief.begin(belief, self.config)
         elif last.belief is not belief:  # found anew by a search
             last = last.begun_again(belief)
         measured = preintegrated(self.inertial, *times, last.biases, self.config)
@@ -100,7 +99,7 @@ class InertialMotion:
 
     def forget(self) -> None:
         """See CarrierMotion."""
-        self.last: InertialBelief | None = None
+        self.last: inertial_motion.InertialBelief | None = None
 
     def check(self, time: float) -> None:
         """Raise InvalidInputError where the first picture, taken at a time [s], lies beside what was measured."""

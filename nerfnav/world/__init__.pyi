@@ -4,6 +4,7 @@ from .capture_config import CaptureConfig as CaptureConfig
 from .capture_poses import capture_poses as capture_poses
 from .contact import contact_check as contact_check
 from .contact import judge as judge
+from .moving import moved_scene as moved_scene
 from .paint import Image as Image
 from .paint import Paint as Paint
 from .raycast import MeshRenderer as MeshRenderer

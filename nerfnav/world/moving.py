@@ -8,8 +8,7 @@ import torch
 import trimesh
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry import Box
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Box, Similarity
 from nerfnav.world.scene import Scene
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.estimator.descents import improve, residuals
+from nerfnav.estimator.descents import improve
 from nerfnav.estimator.newton import Guess, NewtonConfig, Prior, evaluate, joined, minimise
-from nerfnav.estimator.photometric import Observation
+from nerfnav.estimator.photometric import Observation, residuals
 from nerfnav.field.surroundings import Surroundings
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import so3

@@ -1,27 +1,22 @@
 """The flight: where the robot is, where it believes to be, how sure it is, and what it intends."""
 
 import numpy as np
-import torch
 import viser
-import viser.transforms as tf
 
 from app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
+from app.page.layers.regions import cone, ellipsoids
 from app.page.layers.shapes import ball, body_shape, robot_shape
 from app.page.theme import BELIEF, HIT, PLAN, TRUTH
-from app.places.place import Place
 from app.state.records import FlightRecord
 from app.state.session import Session
 from app.text import number
 from nerfnav.estimator import Belief
-from nerfnav.geometry import ellipsoid_95
 from nerfnav.navigation import NavigationStep
-from nerfnav.robots import ATTITUDE, POSITION, RigidState, Robot
+from nerfnav.robots import RigidState, Robot
 
-_NOSE, _RIM = 0.2, 12  # length [m] and number of the lines that show where the nose may point
 _ARROW = 0.2  # length of what stands for a gust [m]
 _LARGEST, _FAINT = 0.15, 0.12  # half axis that is drawn as it is, in edges of the place; opacity of what is larger
 _PAST = 5  # earlier plans that are still drawn
-_LEAST_AXIS = 1e-4  # [m]: a flat ellipsoid has no rotation
 
 
 class FlightLayer:
@@ -67,7 +62,7 @@ class FlightLayer:
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
             self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
-            self._show_covariances([step.belief for step in steps], scale, _size(session.place))
+            self._show_covariances([step.belief for step in steps], scale, _size(session))
             self._nose.show(cone(steps[-1].belief, scale) if steps else None)
             # dots, for a good estimate's line lies within the line of the truth
             self._means.show(*_balls([step.belief.mean for step in steps], radius=0.014))
@@ -90,18 +85,9 @@ class FlightLayer:
             self._told.position = tuple(centers[-1].tolist())
 
 
-def _size(place: Place | None) -> float:
-    """Longest edge of a place [m]."""
-    return float(place.field.box.size.max()) if place is not None else np.inf
-
-
-def ellipsoids(beliefs: list[Belief]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (n, 3) [m], attitudes (n, 4) and half axes (n, 3) [m] of the 95 % ellipsoids of the positions."""
-    if not beliefs:
-        return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
-    centers = np.stack([belief.mean.position.detach().numpy() for belief in beliefs])
-    axes, half = ellipsoid_95(torch.stack([belief.covariance[POSITION, POSITION] for belief in beliefs]))
-    return centers, tf.SO3.from_matrix(axes.numpy()).wxyz, np.maximum(half.numpy(), _LEAST_AXIS)
+def _size(session: Session) -> float:
+    """Longest edge of the place [m]."""
+    return float(session.place.field.box.size.max()) if session.place is not None else np.inf
 
 
 def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndarray | None:
@@ -118,18 +104,6 @@ def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndar
         barbs = [to - 0.3 * _ARROW * (along + side * across) for side in (-1, 1)]
         made += [(tail, to), (barbs[0], to), (barbs[1], to)]
     return np.array(made) if made else None
-
-
-def cone(belief: Belief, scale: float = 1.0) -> np.ndarray:
-    """Segments (n, 2, 3) [m] from the believed position to where its nose may point, on the rim of the 95 % region."""
-    axes, lengths = ellipsoid_95(belief.covariance[ATTITUDE, ATTITUDE])
-    half = scale * (axes * lengths).numpy()
-    angles = np.linspace(0, 2 * np.pi, _RIM, endpoint=False)
-    circle = np.stack([np.cos(angles), np.sin(angles)], -1)
-    rim = np.concatenate([circle @ half[:, pair].T for pair in ([0, 1], [1, 2], [0, 2])])
-    turned = belief.mean.rotation.double().numpy() @ tf.SO3.exp(rim).as_matrix()
-    start = belief.mean.position.detach().double().numpy()
-    return np.stack([np.broadcast_to(start, (len(turned), 3)), start + _NOSE * turned[:, :, 0]], 1)
 
 
 def _path(states: list[RigidState]) -> np.ndarray | None:

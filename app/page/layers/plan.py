@@ -9,7 +9,6 @@ from app.jobs.events import PlannerResult
 from app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
 from app.page.layers.shapes import body_shape, robot_shape
 from app.page.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
-from app.places.place import Place
 from app.queries.clearance import ClearanceQuery
 from app.state.records import NOWHERE, PlanRecord
 from app.state.session import Session
@@ -47,13 +46,15 @@ class PlanLayer:
         if plan is self._plan and shown == self._shown and room is self._room:
             return
         self._plan, self._shown, self._room = plan, shown, room
-        if session.place is not None:
-            self._stand_in(session.place)
+        self._stand_in(session)
         with self._server.atomic():
             self._draw(plan if shown[0] is not Look.HIDDEN else None, *shown)
 
-    def _stand_in(self, place: Place) -> None:
+    def _stand_in(self, session: Session) -> None:
         """Take the body of the place's robot, and its floor."""
+        place = session.place
+        if place is None:
+            return
         self._floor = float(place.field.box.lower[2])
         if self._robot is not place.robot:
             self._robot = place.robot

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 import viser
 
-from app.page.layers.flight import ellipsoids
 from app.page.layers.nodes import THROUGH, Bodies, Fan
+from app.page.layers.regions import ellipsoids
 from app.page.layers.search import frusta
 from app.page.layers.shapes import ball
 from app.page.theme import BELIEF

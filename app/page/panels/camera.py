@@ -7,7 +7,7 @@ from app.page.panels.camera_images import beside, difference, with_pixels
 from app.queries.robot_view import RobotView, RobotViewQuery
 from app.state.session import Session
 from app.state.tracks import TrackedFrame
-from nerfnav.importers.stored_picture import read_picture
+from nerfnav.importers import read_picture
 from nerfnav.navigation import NavigationStep
 
 _FLYING = "camera · as believed · difference × 3"

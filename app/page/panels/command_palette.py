@@ -21,14 +21,15 @@ from app.state.actions import (
     Gust,
     OpenPlace,
     Pause,
+    Redo,
     Reset,
     Resume,
     Settings,
     StartFlight,
     StartPlan,
     StepOnce,
+    Undo,
 )
-from app.state.history import Redo, Undo
 from app.state.job import JobKind
 from app.state.run_actions import PlayBack, Scrub
 from app.state.session import Session

@@ -1,45 +1,34 @@
-"""Take the trajectory or a picture of the scene away."""
+"""Take the trajectory away."""
 
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import viser
 
 from app.page.html import note
-from app.page.theme import night
 from app.state.actions import Command, Tell
 from app.state.downloads import TakeTrajectory, TrajectoryWish
 from app.state.session import Session
 from app.state.taken_away import ended, file_name, recording_of, subject
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.export import FORMATS, ExportFormat
-from nerfnav.export.formats import unsafe
-from nerfnav.geometry import picture_file
-
-SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}
-"""Of screenshots: width and height [pixels]."""
-_RENDER_TIMEOUT_S = 30.0
+from nerfnav.export import FORMATS, ExportFormat, unsafe
 
 
 class ExportPanel:
-    """Downloads of the last flight, or of the plan where nothing was flown; and screenshots."""
+    """Downloads of the last flight, or of the plan where nothing was flown."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user asks."""
-        self._server, self._post = server, post
+        self._post = post
         self._session: Session | None = None
         self._said = server.gui.add_html(note("Nothing to take away yet: plan or fly first."))
         self._format: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Format", list(FORMATS), visible=False)
         self._purpose = server.gui.add_html("", visible=False)
         self._force = server.gui.add_checkbox("Export it all the same", False, visible=False)
         self._download = server.gui.add_button("Download", icon=viser.Icon.DOWNLOAD, visible=False)
-        self._size: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Picture size", list(SIZES))
-        self._shot = server.gui.add_button("Screenshot", icon=viser.Icon.CAMERA, hint="The scene as you see it now")
         self._format.on_update(self._explain)
         self._download.on_click(self._send)
-        self._shot.on_click(self._shoot)
 
     def show(self, session: Session) -> None:
         """Say what there is to take away."""
@@ -90,35 +79,8 @@ class ExportPanel:
             return
         event.client.send_file_download(file_name(session, name), content, save_immediately=True)
 
-    def _shoot(self, event: viser.GuiEvent[Any]) -> None:
-        """Let the tab that asked draw its scene at the chosen size; runs on a thread of the server's pool."""
-        client, size = event.client, SIZES.get(str(self._size.value))
-        if client is None or size is None:
-            return
-        width, height = size
-        try:
-            picture = client.get_render(height, width, transport_format="png", timeout=_RENDER_TIMEOUT_S)
-        except TimeoutError:
-            self._post(Tell("No screenshot", f"The page did not draw it within {_RENDER_TIMEOUT_S:g} s.", bad=True))
-            return
-        except RuntimeError:  # the page could not draw it, or was closed or reloaded before it had
-            if client.client_id in self._server.get_clients():
-                self._post(Tell("No screenshot", "The page could not draw it.", bad=True))
-            return
-        name = self._session.place.name if self._session is not None and self._session.place is not None else "nerfnav"
-        client.send_file_download(f"{name}-{width}x{height}.png", png(picture), save_immediately=True)
-
 
 def formats_for(subject: str | None) -> dict[str, ExportFormat]:
     """The formats of a flight, or of a plan; a page knows of no place on Earth."""
     fitting = {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
     return {name: form for name, form in fitting.items() if not form.needs_datum}
-
-
-def png(picture: np.ndarray) -> bytes:
-    """sRGB bytes (h, w, 3), or (h, w, 4) with opacity over the page's backdrop, as a PNG file."""
-    colors = picture[..., :3]
-    if picture.shape[-1] == 4:
-        share = picture[..., 3:] / 255
-        colors = np.round(share * colors + (1 - share) * night(len(picture))[:, :1]).astype(np.uint8)
-    return picture_file(colors)

@@ -24,7 +24,7 @@ from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
 from nerfnav.geometry import Box
-from nerfnav.importers.placement import length_in_words
+from nerfnav.importers import length_in_words
 
 _ICON = viser.Icon
 

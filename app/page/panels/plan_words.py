@@ -5,9 +5,11 @@ from typing import Any
 
 from app.jobs.events import PlannerResult
 from app.page.html import legend, note, table, warning
-from app.state.records import PlanRecord
+from app.queries.more_time import MoreTimeQuery
+from app.state.records import NOWHERE, PlanRecord
+from app.state.session import Session
 from app.text import capital, number
-from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
+from nerfnav.planner import GOOD, PLANNERS, CostWeights, PlanOutcome
 
 _IN_WORDS = {
     PlanOutcome.CONVERGED: "The plan cannot be improved any more.",
@@ -116,3 +118,25 @@ def _used(use: dict[str, Any]) -> str:
     parts += [f"at least {scale * use['lower']:.3g}"] if use["lower"] is not None else []
     parts += [f"at most {scale * use['upper']:.3g}"] if use["upper"] is not None else []
     return ", ".join(parts) + (" ✗" if use["violated"] else "")
+
+
+def planned(plan: PlanRecord) -> str:
+    """How good a plan is, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
+    parts, safety = [f"Planned: {duration_of(plan):.1f} s"], plan.summary.get("safety", {})
+    if safety.get("min_clearance_m") is not None:
+        parts.append(f"{100 * safety['min_clearance_m']:.1f} cm clearance")
+    if plan.summary.get("collision_probability_bound") is not None:
+        parts.append(f"risk at most {percent(plan.summary['collision_probability_bound'])}")
+    return ", ".join(parts)
+
+
+def unsafe(plan: PlanRecord, session: Session) -> str:
+    """Why a plan is not to be flown, and what helps."""
+    assert plan.outcome is not None, "only a plan that has ended is unsafe"
+    if plan.outcome is PlanOutcome.OVER_LIMITS:
+        seconds = MoreTimeQuery.seconds_for(plan, session)
+        helps = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
+        return f"Too fast for {duration_of(plan):.1f} s: {helps}."
+    if plan.settings.weights != CostWeights() and plan.outcome not in NOWHERE:
+        return f"{outcome_in_words(plan.outcome).split(':')[0]}, with these weights: restore them."
+    return outcome_in_words(plan.outcome)

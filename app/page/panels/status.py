@@ -5,11 +5,11 @@ from collections.abc import Callable
 import viser
 
 from app.page.html import heading, legend
-from app.page.panels.status_words import NEXT, asks, next_step, status
+from app.page.panels.next_step import NEXT, next_step
+from app.page.panels.status_words import asks, status
 from app.page.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from app.places.sources import title_of
-from app.state.actions import Cancel, Command, Reset, StartFlight, StartPlan
-from app.state.history import Redo, Undo
+from app.state.actions import Cancel, Command, Redo, Reset, StartFlight, StartPlan, Undo
 from app.state.job import JobKind
 from app.state.plan_actions import StayDown
 from app.state.session import Session

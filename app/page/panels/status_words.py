@@ -1,23 +1,18 @@
-"""The status line: what is being done, or how it ended, in plain words, and what a person may do about it."""
+"""The status line: what is being done, or how it ended, in plain words."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from app.page.html import fine, note, warning
-from app.page.panels.plan_words import duration_of, outcome_in_words, percent
+from app.page.panels.plan_words import planned, unsafe
 from app.page.panels.track_words import ended as track_ended
 from app.places.ends import Which
-from app.queries.more_time import MoreTimeQuery
-from app.state.actions import Cancel, Command, StartFlight, StartPlan
 from app.state.job import JobKind
-from app.state.plan_actions import AllowTime, RestoreWeights
-from app.state.records import NOWHERE, FlightRecord, PlanRecord
+from app.state.records import FlightRecord, PlanRecord
 from app.state.session import Session
 from app.text import capital, sentence
 from nerfnav.navigation import EpisodeOutcome
-from nerfnav.planner import CostWeights, PlanOutcome, planners
-
-NEXT = {JobKind.PLAN: "Plan the way", JobKind.FLY: "Fly it"}
+from nerfnav.planner import planners
 
 
 @dataclass(frozen=True)
@@ -80,28 +75,6 @@ def _of_plan(plan: PlanRecord, session: Session) -> Status:
     return Status(planned(plan), fine) if plan.is_good else Status("Planning was stopped too early: plan again.")
 
 
-def planned(plan: PlanRecord) -> str:
-    """How good a plan is, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
-    parts, safety = [f"Planned: {duration_of(plan):.1f} s"], plan.summary.get("safety", {})
-    if safety.get("min_clearance_m") is not None:
-        parts.append(f"{100 * safety['min_clearance_m']:.1f} cm clearance")
-    if plan.summary.get("collision_probability_bound") is not None:
-        parts.append(f"risk at most {percent(plan.summary['collision_probability_bound'])}")
-    return ", ".join(parts)
-
-
-def unsafe(plan: PlanRecord, session: Session) -> str:
-    """Why a plan is not to be flown, and what helps."""
-    assert plan.outcome is not None, "only a plan that has ended is unsafe"
-    if plan.outcome is PlanOutcome.OVER_LIMITS:
-        seconds = MoreTimeQuery.seconds_for(plan, session)
-        helps = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
-        return f"Too fast for {duration_of(plan):.1f} s: {helps}."
-    if plan.settings.weights != CostWeights() and plan.outcome not in NOWHERE:
-        return f"{outcome_in_words(plan.outcome).split(':')[0]}, with these weights: restore them."
-    return outcome_in_words(plan.outcome)
-
-
 def landed(flight: FlightRecord) -> str:
     """How a flight ended, such as "Arrived after 2.4 s, 5 cm from the goal"."""
     last = flight.steps[-1]
@@ -123,27 +96,6 @@ def landed(flight: FlightRecord) -> str:
 def asks(session: Session) -> bool:
     """Whether a person is asked if a plan is to be flown though it is not safe."""
     return session.doubt is not None and session.doubt is session.unsafe_plan
-
-
-def remedy(session: Session) -> tuple[Command, str] | None:
-    """What helps against a plan that is not to be flown, and what to call it; None where the page cannot help."""
-    plan = session.unsafe_plan
-    if plan is None or session.job is not None:
-        return None
-    if plan.outcome is PlanOutcome.OVER_LIMITS:
-        seconds = MoreTimeQuery.seconds_for(plan, session)
-        return None if seconds is None else (AllowTime(seconds), f"Allow {seconds:.1f} s")
-    return (RestoreWeights(), "Restore the weights") if plan.settings.weights != CostWeights() else None
-
-
-def next_step(session: Session) -> tuple[Command, str]:
-    """What a person most likely wants now, and what to call it."""
-    if session.job is not None and session.job.kind is not JobKind.OPEN:
-        return Cancel(), "Stop now"
-    plan = session.unsafe_plan
-    if session.fresh_plan is not None or (plan is not None and plan.leads):
-        return remedy(session) or (StartFlight(), NEXT[JobKind.FLY])
-    return StartPlan(), NEXT[JobKind.PLAN]
 
 
 def activity(session: Session) -> str:

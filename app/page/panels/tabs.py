@@ -19,6 +19,7 @@ from app.page.panels import (
     plan,
     robot,
     runs,
+    screenshot,
     status,
     timeline,
     track,
@@ -51,6 +52,7 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
         "experiments", lambda page: experiments.ExperimentsPanel(page.server, page.post), "Experiments", _ICON.FLASK
     ),
     PanelEntry("export", lambda page: export.ExportPanel(page.server, page.post), "Export", _ICON.DOWNLOAD),
+    PanelEntry("screenshot", lambda page: screenshot.ScreenshotPanel(page.server, page.post), "Export"),
     PanelEntry("map", lambda page: map_panel.MapPanel(page.server, page.post), "Export"),
 ))  # fmt: skip
 """Name to panel, in the order of the page; a tab is where its first panel is."""

@@ -13,7 +13,7 @@ from app.places.uploads import UploadError
 from app.state.actions import Command, Tell
 from app.state.session import Session
 from app.state.tracks import ForgetTrack, StartTrack
-from nerfnav.export.track import TRACK_FILES, texts_of_track
+from nerfnav.export import TRACK_FILES, texts_of_track
 
 
 class TrackPanel:

@@ -3,7 +3,8 @@
 import io
 
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.ros.messages import about, definition, messages, quality_of, topics
+from nerfnav.export.ros.messages import LATCHED, about, messages, topics
+from nerfnav.export.ros.types import definition, quality
 from nerfnav.extras import from_extra
 
 
@@ -20,7 +21,7 @@ def mcap(recording: Recording) -> Exported:
     for topic, kind in topics(recording).items():
         schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
         channels[topic] = writer.register_channel(
-            topic, "cdr", schema, {"offered_qos_profiles": dump([quality_of(topic)])}
+            topic, "cdr", schema, {"offered_qos_profiles": dump([quality(topic in LATCHED)])}
         )
     for message in messages(recording):
         writer.add_message(channels[message.topic], message.time_ns, message.content, message.time_ns)

@@ -17,23 +17,16 @@ happened in the simulation, that of a plan what is intended: both are exact, whi
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
-from torch import Tensor
 
 from nerfnav.export.recording import Recording
-from nerfnav.extras import from_extra
-from nerfnav.geometry import picture_file, so3
+from nerfnav.export.ros.types import compressed, header, new, pose_of, typestore, vector
+from nerfnav.geometry import so3
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION
-
-if TYPE_CHECKING:
-    from rosbags.interfaces import Qos
-    from rosbags.typesys.store import Typestore
 
 WORLD, BODY = "map", "base_link"
 """Frames."""
@@ -47,9 +40,8 @@ TOPICS = {
 }
 """What is said under which name."""
 _OF_FLIGHTS = ("/estimate", "/picture")
-_QUALITY = 90
-_LATCHED = ("/about", "/path")
-_FOREVER_S, _FOREVER_NS = 9223372036, 854775807
+LATCHED = ("/about", "/path")
+"""What comes once, and is kept for who comes later."""
 
 
 @dataclass(frozen=True)
@@ -62,18 +54,6 @@ class RosMessage:
     """From the start [ns]."""
     content: bytes
     """In CDR, the encoding of ROS 2."""
-
-
-@cache
-def typestore() -> "Typestore":
-    """The message types of ROS 2 Humble, which later releases share."""
-    typesys = from_extra("rosbags.typesys", "ros", "exporting ROS messages")
-    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-
-
-def definition(message_type: str) -> str:
-    """The definition of a message type and all that it is made of, in ROS 2's language."""
-    return typestore().generate_msgdef(message_type, ros_version=2)[0]
 
 
 def topics(recording: Recording) -> dict[str, str]:
@@ -93,21 +73,10 @@ def about(recording: Recording) -> dict[str, str]:
     }
 
 
-def quality_of(topic: str) -> "Qos":
-    """Quality of service that is offered: reliable, and for /about and /path latched."""
-    ros = from_extra("rosbags.interfaces", "ros", "exporting ROS messages")
-    durability = ros.QosDurability.TRANSIENT_LOCAL if topic in _LATCHED else ros.QosDurability.VOLATILE
-    for_ever, depth = ros.QosTime(_FOREVER_S, _FOREVER_NS), 1 if topic in _LATCHED else 10
-    return ros.Qos(
-        ros.QosHistory.KEEP_LAST, depth, ros.QosReliability.RELIABLE, durability, for_ever, for_ever,
-        ros.QosLiveliness.AUTOMATIC, for_ever, False,
-    )  # fmt: skip
-
-
 def messages(recording: Recording) -> Iterator[RosMessage]:
     """All messages in the order of their times."""
     made = _Maker(recording)
-    yield made.message("/about", 0, _new("std_msgs/msg/String", json.dumps(about(recording))))
+    yield made.message("/about", 0, new("std_msgs/msg/String", json.dumps(about(recording))))
     yield made.message("/path", 0, made.path())
     for row in range(len(recording.times)):
         yield made.message("/odometry", row, made.odometry(row))
@@ -137,38 +106,38 @@ class _Maker:
 
     def path(self) -> Any:
         rows = range(len(self._times))
-        poses = [_new("geometry_msgs/msg/PoseStamped", self.header(row), self._pose(row)) for row in rows]
-        return _new("nav_msgs/msg/Path", self.header(0), poses)
+        poses = [new("geometry_msgs/msg/PoseStamped", self.header(row), self._pose(row)) for row in rows]
+        return new("nav_msgs/msg/Path", self.header(0), poses)
 
     def odometry(self, row: int) -> Any:
         exact = np.zeros(36)
-        twist = _new("geometry_msgs/msg/Twist", _vector(self._velocity_body[row]), _vector(self._rate[row]))
-        return _new(
+        twist = new("geometry_msgs/msg/Twist", vector(self._velocity_body[row]), vector(self._rate[row]))
+        return new(
             "nav_msgs/msg/Odometry",
             self.header(row),
             BODY,
-            _new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), exact),
-            _new("geometry_msgs/msg/TwistWithCovariance", twist, exact),
+            new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), exact),
+            new("geometry_msgs/msg/TwistWithCovariance", twist, exact),
         )
 
     def transform(self, row: int) -> Any:
         pose = self._pose(row)
-        moved = _vector([pose.position.x, pose.position.y, pose.position.z])
-        transform = _new("geometry_msgs/msg/Transform", moved, pose.orientation)
-        stamped = _new("geometry_msgs/msg/TransformStamped", self.header(row), BODY, transform)
-        return _new("tf2_msgs/msg/TFMessage", [stamped])
+        moved = vector([pose.position.x, pose.position.y, pose.position.z])
+        transform = new("geometry_msgs/msg/Transform", moved, pose.orientation)
+        stamped = new("geometry_msgs/msg/TransformStamped", self.header(row), BODY, transform)
+        return new("tf2_msgs/msg/TFMessage", [stamped])
 
     def estimate(self, row: int) -> Any:
         believed = self._believed[row]  # whose quaternions have no sign flips
         covariance = pose_covariance(self._steps[row])
-        pose = _new("geometry_msgs/msg/PoseWithCovariance", _pose(believed[:3], believed[3:]), covariance)
-        return _new("geometry_msgs/msg/PoseWithCovarianceStamped", self.header(row), pose)
+        pose = new("geometry_msgs/msg/PoseWithCovariance", pose_of(believed[:3], believed[3:]), covariance)
+        return new("geometry_msgs/msg/PoseWithCovarianceStamped", self.header(row), pose)
 
     def header(self, row: int, frame: str = WORLD) -> Any:
         return header(round(1e9 * self._times[row]), frame)
 
     def _pose(self, row: int) -> Any:
-        return _pose(self._position[row], self._quaternion[row])
+        return pose_of(self._position[row], self._quaternion[row])
 
 
 def pose_covariance(step: NavigationStep) -> np.ndarray:
@@ -181,29 +150,3 @@ def pose_covariance(step: NavigationStep) -> np.ndarray:
     turn = torch.eye(6, dtype=torch.float64)
     turn[3:, 3:] = step.belief.mean.rotation.double()
     return (turn @ covariance @ turn.T).numpy().reshape(-1)
-
-
-def _new(name: str, *values: Any) -> Any:
-    return typestore().types[name](*values)
-
-
-def header(nanoseconds: int, frame: str) -> Any:
-    """A std_msgs/Header at a time [ns]."""
-    stamp = _new("builtin_interfaces/msg/Time", nanoseconds // 10**9, nanoseconds % 10**9)
-    return _new("std_msgs/msg/Header", stamp, frame)
-
-
-def compressed(picture: UInt8[Tensor, "height width 3"], header: Any) -> Any:
-    """A picture as sensor_msgs/CompressedImage."""
-    data = np.frombuffer(picture_file(picture.numpy(), _QUALITY), np.uint8)
-    return _new("sensor_msgs/msg/CompressedImage", header, "jpeg", data)
-
-
-def _vector(values: list[float]) -> Any:
-    return _new("geometry_msgs/msg/Vector3", *values)
-
-
-def _pose(position: list[float], wxyz: list[float]) -> Any:
-    w, x, y, z = wxyz
-    point, quaternion = _new("geometry_msgs/msg/Point", *position), _new("geometry_msgs/msg/Quaternion", x, y, z, w)
-    return _new("geometry_msgs/msg/Pose", point, quaternion)

@@ -6,7 +6,8 @@ import zipfile
 from pathlib import Path
 
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.ros.messages import about, messages, quality_of, topics, typestore
+from nerfnav.export.ros.messages import LATCHED, about, messages, topics
+from nerfnav.export.ros.types import quality, typestore
 from nerfnav.extras import from_extra
 
 _NAME = "nerfnav_bag"
@@ -25,7 +26,7 @@ def rosbag2(recording: Recording) -> Exported:
                 writer.set_custom_data(name, value)
             connections = {
                 topic: writer.add_connection(
-                    topic, kind, typestore=typestore(), offered_qos_profiles=[quality_of(topic)]
+                    topic, kind, typestore=typestore(), offered_qos_profiles=[quality(topic in LATCHED)]
                 )
                 for topic, kind in topics(recording).items()
             }

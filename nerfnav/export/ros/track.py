@@ -16,11 +16,11 @@ from typing import Any
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.export.ros.messages import WORLD, compressed, definition, header, typestore
+from nerfnav.export.ros.messages import WORLD
+from nerfnav.export.ros.types import compressed, definition, header, new, pose_of, typestore
 from nerfnav.export.track import placed
 from nerfnav.extras import from_extra
-from nerfnav.geometry import so3
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Similarity, so3
 from nerfnav.tracking import Tracked
 
 _TOPICS = {
@@ -63,7 +63,7 @@ class TrackRecorder:
         """Add a frame; `shown` is what the field shows, None where no pose is known."""
         nanoseconds = round(1e9 * tracked.time)
         if self._empty:
-            self._write("/about", nanoseconds, _new("std_msgs/msg/String", json.dumps(self._about)))
+            self._write("/about", nanoseconds, new("std_msgs/msg/String", json.dumps(self._about)))
             self._empty = False
         self._write("/picture", nanoseconds, compressed(picture, header(nanoseconds, _CAMERA)))
         if shown is not None:
@@ -80,14 +80,8 @@ class TrackRecorder:
         self._writer.add_message(self._channels[topic], max(0, nanoseconds), content, max(0, nanoseconds))
 
 
-def _new(name: str, *values: Any) -> Any:
-    return typestore().types[name](*values)
-
-
 def _pose(nanoseconds: int, tracked: Tracked) -> Any:
     pose, covariance = placed(tracked, Similarity.identity())
-    w, x, y, z = so3.quaternion_from_matrix(pose.rotation).tolist()
-    point = _new("geometry_msgs/msg/Point", *pose.position.tolist())
-    posed = _new("geometry_msgs/msg/Pose", point, _new("geometry_msgs/msg/Quaternion", x, y, z, w))
-    with_covariance = _new("geometry_msgs/msg/PoseWithCovariance", posed, covariance.numpy().reshape(-1))
-    return _new("geometry_msgs/msg/PoseWithCovarianceStamped", header(nanoseconds, WORLD), with_covariance)
+    posed = pose_of(pose.position.tolist(), so3.quaternion_from_matrix(pose.rotation).tolist())
+    with_covariance = new("geometry_msgs/msg/PoseWithCovariance", posed, covariance.numpy().reshape(-1))
+    return new("geometry_msgs/msg/PoseWithCovarianceStamped", header(nanoseconds, WORLD), with_covariance)

@@ -11,7 +11,6 @@ from nerfnav.importers.captures import depths, pictures
 from nerfnav.importers.captures.boxing import guessed_box
 from nerfnav.importers.captures.imported import CaptureReport, ImportConfig, ImportedCapture
 from nerfnav.importers.captures.photographs import parted, photographs_of
-from nerfnav.importers.captures.pictures import Picture
 from nerfnav.importers.captures.views import Tracks, View, Views
 from nerfnav.importers.captures.world import CameraWorld, world_of
 from nerfnav.importers.placement import Placement
@@ -22,7 +21,7 @@ LONGEST = 640
 
 def assembled(
     found: Views,
-    read: tuple[list[View], list[Picture], list[np.ndarray | None]],
+    read: tuple[list[View], list[pictures.Picture], list[np.ndarray | None]],
     config: ImportConfig,
     downscale: int,
 ) -> ImportedCapture:
@@ -60,7 +59,7 @@ def assembled(
     return ImportedCapture(learned, held_out, box, background, cut_out, report)
 
 
-def _camera(shot: Picture) -> tuple[float, ...]:
+def _camera(shot: pictures.Picture) -> tuple[float, ...]:
     """What took a picture, its lens included; nothing where the lens has more numbers than k1, k2, p1, p2 and k3."""
     if shot.camera.fisheye:
         return shot.camera.numbers
@@ -69,7 +68,7 @@ def _camera(shot: Picture) -> tuple[float, ...]:
 
 
 def _depths(
-    views: list[View], shots: list[Picture], maps: list[np.ndarray | None], world: CameraWorld
+    views: list[View], shots: list[pictures.Picture], maps: list[np.ndarray | None], world: CameraWorld
 ) -> Float[torch.Tensor, "n h w"] | None:
     """Depths along the rays of the camera that all pictures will have [m]; None where there are none."""
     if all(depth is None for depth in maps):

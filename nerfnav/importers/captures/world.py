@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from nerfnav.geometry.similarity import Similarity
+from nerfnav.geometry import Similarity
 from nerfnav.importers.captures import placing
 from nerfnav.importers.captures.views import View
 from nerfnav.importers.placement import Placement, rotation_to_z

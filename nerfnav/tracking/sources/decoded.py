@@ -7,7 +7,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.importers.stored_picture import read_picture
+from nerfnav.importers import read_picture
 
 GREY = "fields are compared in colour: record rgb8 or bgr8"
 """What is said of pictures without colours."""

@@ -9,8 +9,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.geometry import Camera
-from nerfnav.geometry.camera_file import camera_of_matrices
+from nerfnav.geometry import Camera, camera_of_matrices
 from nerfnav.tracking.sources.decoded import GREY, decoded
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.progress import follow
+from app.cli.progress import follow, tell
 from app.cli.terminal import show
 from app.jobs.events import JobEvents, JobResult, Progress
 from tests.waiting import PATIENCE_S
@@ -39,6 +39,13 @@ def counting(total: int, interrupt_at: int | None = None) -> JobEvents:
 
 def test_a_job_is_followed_to_its_end() -> None:
     assert follow(counting(3)).summary == {"done": 3}
+
+
+def test_a_job_is_told_under_its_title_when_it_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    assert tell("count", counting(3), as_json=False).summary == {"done": 3}
+    assert [line.split() for line in capsys.readouterr().out.splitlines()] == [["count"], ["done", "3"]]
+    tell("count", counting(2), as_json=True)
+    assert json.loads(capsys.readouterr().out) == {"done": 2}
 
 
 def test_rows_of_numbers_are_told_one_by_one(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,8 +9,9 @@ import trimesh
 
 from app.page.html import table
 from app.page.layers.camera_modes import sight
-from app.page.layers.flight import FlightLayer, arrows, cone, ellipsoids
+from app.page.layers.flight import FlightLayer, arrows
 from app.page.layers.nodes import dashes, drops, quaternions, segments
+from app.page.layers.regions import cone, ellipsoids
 from app.page.layers.shapes import Shape, ball, robot_shape
 from app.page.panels import ends as ends_panel
 from app.page.panels import flight as fly_panel

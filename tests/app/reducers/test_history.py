@@ -8,7 +8,8 @@ from app.page.panels.status_words import status
 from app.places.ends import End, Which
 from app.queries.click_landing import ClickLandingQuery
 from app.state import actions as m
-from app.state.history import MOST, Redo, Undo
+from app.state.actions import Redo, Undo
+from app.state.history import MOST
 from app.state.plan_actions import AllowTime
 from app.state.session import Session
 from nerfnav.field import Unknown

@@ -8,7 +8,8 @@ import pytest
 
 from app.jobs.events import JobFailed, JobFinished, JobResult
 from app.page.layers.plan import Look, look_of
-from app.page.panels.status_words import asks, next_step, remedy, status
+from app.page.panels.next_step import next_step, remedy
+from app.page.panels.status_words import asks, status
 from app.places.ends import End, Ends, Which
 from app.queries.catalog import pending_queries
 from app.queries.end_fit import EndFitQuery

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from app.page.panels.export import ExportPanel
+from app.page.panels.screenshot import ScreenshotPanel
 from app.page_server import page_server
 from tests.app.security.hostile import CAMERA, connect_as_viser, messages_in, update
 from tests.waiting import PATIENCE_S, free_port, until
@@ -14,7 +14,7 @@ def test_a_tab_that_leaves_before_its_screenshot_is_drawn_leaves_no_traceback(
 ) -> None:
     server, ended = page_server("127.0.0.1", free_port()), []
     try:
-        panel = ExportPanel(server, lambda command: None)
+        panel = ScreenshotPanel(server, lambda command: None)
         shoot = panel._shoot
         panel._shot._impl.update_cb = [lambda event: (shoot(event), ended.append(event))[0]]
         with connect_as_viser(server) as tab:

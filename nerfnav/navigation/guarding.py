@@ -5,8 +5,7 @@ from dataclasses import replace
 from nerfnav.estimator import StateNoise
 from nerfnav.field import Field
 from nerfnav.navigation.backup import Guard
-from nerfnav.planner import CostTerm, FieldPlanner, OccupancyMap, Planner, PlannerConfig, PlannerEntry
-from nerfnav.planner.spread import Disturbance
+from nerfnav.planner import CostTerm, Disturbance, FieldPlanner, OccupancyMap, Planner, PlannerConfig, PlannerEntry
 from nerfnav.robots import Robot
 
 
