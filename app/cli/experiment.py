@@ -42,8 +42,7 @@ class Arguments:
     truth: bool = False
     """Of flights: fly each a second time with the state known, which says what noise alone costs."""
     robot: str | None = None
-    """Of flights: what moves, a name or a file as for `fly`, each flight for as long as its way takes; by default what
-    the tasks are for."""
+    """Of flights: what moves, a name or a file as for `fly`; by default what the tasks are for."""
     json: bool = False
     """Print one JSON object and nothing else."""
 

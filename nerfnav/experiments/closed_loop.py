@@ -2,7 +2,7 @@
 
 Trial k is flown with the seed S + k, between the ends of a task of the place (the tasks in turn) or random ends (at
 rest anywhere, with 8 cm to spare on the mesh and free for the planner, as long as the way takes). With `robot` that
-one flies, the tasks of its kind as long as the way takes, too. With `truth` each
+one flies, between random ends or those of the tasks of its kind. With `truth` each
 flight is flown again with the same noise and the state known. Equal seeds give equal flights; with more trials the
 first ones stay.
 """

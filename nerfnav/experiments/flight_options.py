@@ -23,8 +23,8 @@ class FlightOptions:
     truth: bool = False
     """Whether each flight is flown a second time with the state known: what the noise alone costs."""
     robot: str | None = None
-    """Name or file of the robot that flies what is asked of robots of its kind, each flight for as long as its way
-    takes; None: those that the tasks are for, and the paper's between random ends."""
+    """Name or file of the robot that flies what is asked of robots of its kind; None: those that the tasks are for, and
+    the paper's between random ends."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a risk that is no weight."""

@@ -1,5 +1,6 @@
 """One flight by Algorithm 1, set up as `nerfnav fly` does it, and what it shows."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -33,7 +34,7 @@ from nerfnav.navigation import (
 )
 from nerfnav.navigation.guarded import guarded
 from nerfnav.planner import FastPlanConfig, OccupancyConfig, OccupancyMap, PlanProblem, planners
-from nerfnav.planner.duration import timing_of
+from nerfnav.planner.duration import is_hurried, timing_of
 from nerfnav.planner.problem import way_length
 from nerfnav.world import MeshRenderer, Task, contact_check
 
@@ -43,7 +44,8 @@ class FlightTrial:
     """One trial."""
 
     task: Task | None
-    """From where to where; None: between random ends, drawn by the seed, as long as the way takes."""
+    """From where to where, in 20 steps of 0.1 s where so many can be enough, else as long as the way takes; None:
+    between random ends, drawn by the seed, as long as the way takes."""
     seed: int
     """Of everything random in it."""
     known: bool = False
@@ -53,7 +55,7 @@ class FlightTrial:
     risk: float | None = None
     """What a collision by noise costs [J]; None: as flights have it."""
     robot: str | None = None
-    """Name or file of what flies, for as long as its way takes; None: what the task is for, in 20 steps of 0.1 s."""
+    """Name or file of what flies; None: what the task is for."""
 
 
 def fly(arena: Arena, trial: FlightTrial) -> Row:
@@ -86,7 +88,8 @@ def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     robot = _planned(task.robot, trial.world)
     field = planning_field(arena.field, Unknown.OCCUPIED)
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
-    if trial.task is not None and trial.robot is None:
+    seconds = problem.steps * problem.dt
+    if trial.task is not None and not is_hurried(robot, math.dist(task.start, task.goal), seconds):
         return problem
     weights = planners.load("fast").in_flight(FastPlanConfig(), trial.risk).weights
     length = way_length(problem, _map(arena, problem), FastPlanConfig(weights=weights).ways)

@@ -59,7 +59,7 @@ def test_a_robot_that_is_asked_for_flies_what_is_asked_of_its_kind() -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_of_a_file_flies_a_task_for_as_long_as_its_way_takes(tmp_path: Path) -> None:
+def test_a_robot_of_a_file_that_is_too_slow_for_a_tasks_time_takes_as_long_as_its_way_does(tmp_path: Path) -> None:
     file = tmp_path / "slow.yaml"
     file.write_text(
         "name: slow\nkind: quadrotor\nmass: 0.1\nbody: {box: [0.08, 0.08, 0.03]}\nlimits: {speed: 0.5}\n"
