@@ -34,7 +34,7 @@ def typed(tab: Tab, label: str, value: str) -> None:
 def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Path) -> None:
     app = tab.app
     has = {"mass", "thrust", "tilt", "speed", "body_rate", "angular_acceleration", "width", "height", "fov", "pitch"}
-    has |= {"x", "y", "z"}  # of the inertia
+    has |= {"x", "y", "z"}  # of the inertia and the camera
     for number in NUMBERS:
         box = tab.page.get_by_label(number.label, exact=True)
         tab.until(lambda box=box, number=number: box.is_visible() == (number.name in has), f"{number.label}: wrong")
@@ -43,6 +43,7 @@ def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Pat
     typed(tab, "Mass [kg]", "0.4")
     typed(tab, "Inertia about z [g m²]", "0.35")
     typed(tab, "Field of view [°]", "70")
+    typed(tab, "Camera ahead of the middle [m]", "0.04")
     tab.until_shown()
     tab.choose("Scene", "Body", "cylinder")
     tab.until(lambda: tab.says("Changed: the robot is as before"), "nobody says that it is not taken yet")
@@ -58,6 +59,7 @@ def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Pat
     file.write_bytes(saved.read_bytes().replace(b"name: heavy", b"name: mine"))
     own = load(str(file))
     assert own.config.inertia == pytest.approx((2.4e-4, 2.4e-4, 3.5e-4))  # type: ignore
+    assert own.mount.position.tolist() == pytest.approx([0.04, 0, 0])
     assert own.config.mass == pytest.approx(0.4) and own.camera.fx == pytest.approx(robot.camera.fx)  # type: ignore
     with tab.page.expect_file_chooser() as chooser:
         tab.page.get_by_role("button", name="Load robot").click()

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from app.state.robot_draft import NUMBERS, EditRobot, ForgetEdits, box_of, cylinder_of, shape_of
@@ -46,6 +47,19 @@ def test_moments_of_inertia_that_no_file_tells_are_told_as_they_come_out(tmp_pat
     file.write_text("name: plank\nkind: quadrotor\nmass: 1.2\nbody: {box: [0.3, 0.2, 0.1]}\n")
     plank, _ = described(str(file))
     assert plank.inertia == pytest.approx((0.1 * 0.05, 0.1 * 0.1, 0.1 * 0.13)), "of a solid box"
+
+
+def test_a_camera_is_moved_along_one_axis_and_a_calibrated_one_keeps_what_its_file_says() -> None:
+    told, meshes = described("quadrotor")
+    ahead = next(number for number in NUMBERS if (number.part, number.name) == ("position", "x"))
+    pitch = next(number for number in NUMBERS if number.name == "pitch")
+    moved = pitch.edit(told, 30.0).of(ahead.edit(told, 0.05).of(None))
+    assert robot_of(moved, meshes).mount.position.tolist() == pytest.approx([0.05, 0, 0])
+    assert moved.camera is not None and moved.camera.pitch == pytest.approx(math.pi / 6)
+    calibrated = msgspec.structs.replace(moved, camera=msgspec.structs.replace(moved.camera, file="camera.yaml"))
+    assert [n.name for n in NUMBERS if n.part in ("camera", "position") and n.of(calibrated) is not None] == [
+        "x", "y", "z", "pitch"
+    ]  # fmt: skip
 
 
 def test_changes_come_together_until_they_are_forgotten_or_another_robot_is_taken(opened: Session) -> None:
