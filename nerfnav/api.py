@@ -70,7 +70,8 @@ def fly(
     """
     config, generator = config or NavigateConfig(), torch.Generator().manual_seed(seed)
     if isinstance(problem.field, GridField):
-        config = replace(config, filter=config.filter.for_field(problem.field.info.noise_std))
+        info = problem.field.info
+        config = replace(config, filter=config.filter.for_field(info.noise_std, info.pose_floor))
     seen, robot = _careful(problem), problem.robot
     camera, settings = camera or robot.camera, FastPlanConfig()
     where = (seen.field, map_for(seen, settings.occupancy), robot)

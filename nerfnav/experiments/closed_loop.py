@@ -26,8 +26,9 @@ def run(study: Study) -> Iterator[ExperimentStep]:
     flights = yield from run_trials(study, "flying", fly, trials)
     rows = tuple(flight["row"] for flight in flights)
     left = [task.name for task in study.tasks if task not in tasks_of(study)]
-    kind = "quadrotor" if study.flights.robot is None else f"robot of the kind of {load(study.flights.robot).name}"
-    told = {"left_out": dict.fromkeys(left, f"its robot is no {kind}")} if left else {}
+    robot = study.flights.robot
+    why = "its robot is no quadrotor" if robot is None else f"its robot moves otherwise than {load(robot).name} does"
+    told = {"left_out": dict.fromkeys(left, why)} if left else {}
     yield Results(summary_of(flights) | told, rows, {"flights": partial(picture, flights)})
 
 
