@@ -70,8 +70,7 @@ def fly(
     """
     config, generator = config or NavigateConfig(), torch.Generator().manual_seed(seed)
     if isinstance(problem.field, GridField):
-        info = problem.field.info
-        config = replace(config, filter=config.filter.for_field(info.noise_std, info.pose_floor))
+        config = replace(config, filter=config.filter.for_field(problem.field.info.noise_std))
     seen, robot = _careful(problem), problem.robot
     camera, settings = camera or robot.camera, FastPlanConfig()
     where = (seen.field, map_for(seen, settings.occupancy), robot)

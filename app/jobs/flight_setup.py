@@ -76,6 +76,6 @@ def timed(request: FlyRequest, place: Place) -> FlyRequest:
 
 
 def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:
-    """What was measured for this field, unless another colour noise was asked for."""
-    asked, info = config.color_noise.std != ColorNoise.std, place.field.info
-    return config if asked else config.for_field(info.noise_std, info.pose_floor)
+    """The colour noise that was measured for this field, unless another was asked for."""
+    asked = config.color_noise.std != ColorNoise.std
+    return config if asked else config.for_field(place.field.info.noise_std)

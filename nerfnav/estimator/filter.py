@@ -78,20 +78,9 @@ class FilterConfig:
         """The paper's numbers: 300 steps without early stop, 256 pixels, Q = 0.1 I."""
         return cls(process_noise=StateNoise.isotropic(0.1), adaptive=False, retries=0)
 
-    def for_field(self, noise_std: float | None, pose_floor: tuple[float, ...] = ()) -> "FilterConfig":
-        """The same with what was measured for a field: the noise (`field.info.noise_std`; None changes nothing), and
-        how far the poses that fit best are from the true ones (`field.info.pose_floor`, 6 x 6; none changes nothing).
-        """
-        mine = replace(self, color_noise=self.color_noise.measured(noise_std))
-        if not pose_floor:
-            return mine
-        position, attitude = torch.tensor(pose_floor).reshape(6, 6).diagonal().reshape(2, 3).mean(1).sqrt().tolist()
-        floor = replace(
-            self.floor,
-            position_m=max(self.floor.position_m, position),
-            attitude_rad=max(self.floor.attitude_rad, attitude),
-        )
-        return replace(mine, floor=floor)
+    def for_field(self, noise_std: float | None) -> "FilterConfig":
+        """The same with the noise that was measured for a field (`field.info.noise_std`); None changes nothing."""
+        return replace(self, color_noise=self.color_noise.measured(noise_std))
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,8 @@ def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
 
 def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[LoopEvent]:
     world = WORLDS[trial.world]
-    config, info = world.expecting(NavigateConfig()), arena.field.info
-    config = replace(config, filter=config.filter.for_field(info.noise_std, info.pose_floor))
+    config = world.expecting(NavigateConfig())
+    config = replace(config, filter=config.filter.for_field(arena.field.info.noise_std))
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
     where, again = (problem.field, _map(arena, problem), problem.robot), entry.in_flight(settings, trial.risk)

@@ -181,13 +181,6 @@ def test_the_paper_preset_has_the_papers_numbers():
 def test_the_noise_of_a_field_is_taken_over_where_it_is_known():
     assert FilterConfig().for_field(0.03).color_noise.std == 0.03
     assert FilterConfig().for_field(None) == FilterConfig()
-    assert FilterConfig().for_field(0.03, ()).floor == FilterConfig().floor
-    measured = torch.diag(torch.tensor([1e-4, 4e-4, 4e-4, 1e-6, 1e-6, 4e-6])).flatten().tolist()
-    floor = FilterConfig().for_field(None, tuple(measured)).floor
-    assert floor.position_m == pytest.approx(3e-4**0.5) and floor.attitude_rad == pytest.approx(2e-6**0.5)
-    assert (floor.velocity_mps, floor.body_rate_radps) == (0.0, 0.0)
-    finer = FilterConfig().for_field(None, tuple(1e-4 * number for number in measured)).floor
-    assert finer == FilterConfig().floor, "no finer than for the bundled fields"
     mine = FilterConfig(color_noise=ColorNoise(alike=7.0))
     assert mine.for_field(0.03).color_noise == ColorNoise(std=0.03, alike=7.0)
 
