@@ -41,6 +41,8 @@ class Arguments:
     """Of flights: what a collision that noise brings about costs [J], as for `fly`; 0: plan as if nothing pushed."""
     truth: bool = False
     """Of flights: fly each a second time with the state known, which says what noise alone costs."""
+    robot: str | None = None
+    """Of flights: what moves, a name or a file as for `fly`; by default what the tasks are for."""
     json: bool = False
     """Print one JSON object and nothing else."""
 
@@ -64,7 +66,8 @@ def run(arguments: Arguments) -> None:
 
 def _options(arguments: Arguments) -> FlightOptions | None:
     """The options of whole flights; None where none was given."""
-    if arguments.ends is None and (arguments.world, arguments.risk) == (None, None) and not arguments.truth:
+    given = arguments.ends, arguments.world, arguments.risk, arguments.robot
+    if all(option is None for option in given) and not arguments.truth:
         return None
-    own = FlightOptions()
-    return FlightOptions(arguments.ends or own.ends, arguments.world or own.world, arguments.risk, arguments.truth)
+    own, (ends, world, risk, robot) = FlightOptions(), given
+    return FlightOptions(ends or own.ends, world or own.world, risk, arguments.truth, robot)

@@ -1,5 +1,6 @@
 """Arguments of a route, for the subcommands that plan: the place, start and goal, the planner."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -14,6 +15,7 @@ from app.places.place import Place, open_place
 from nerfnav.errors import InvalidInputError, require_not_negative
 from nerfnav.field import Unknown
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
+from nerfnav.planner.duration import is_hurried
 
 PLANNER = "fast"
 """Which planner is used where none is named."""
@@ -47,7 +49,8 @@ class Route:
     planner: str = PLANNER
     """Which planner."""
     steps: int | None = None
-    """Number of time steps; by default 20 for the tasks of a scene, elsewhere as many as the way takes."""
+    """Number of time steps; by default 20 for the tasks of a scene that so many can be enough for, elsewhere as many as
+    the way takes."""
     dt: float | None = None
     """Length of a step [s]; by default 0.1, and longer where a large robot's way would have more than 80 of them."""
     unknown: Literal["occupied", "free"] = "occupied"
@@ -72,12 +75,16 @@ class Route:
     def request(self, place: Place, config: PlannerConfig) -> PlanRequest:
         """What is asked of the planner."""
         steps = PlanRequest.steps if self.steps is None else self.steps
+        dt = PlanRequest.dt if self.dt is None else self.dt
+        ends = self._ends(place)
+        distance = math.dist(ends.start.position, ends.goal.position)
+        unknown = self.task_name(place) is None or is_hurried(place.robot, distance, steps * dt)
         return PlanRequest(
-            self._ends(place),
+            ends,
             steps=steps,
-            dt=PlanRequest.dt if self.dt is None else self.dt,
+            dt=dt,
             keep_dt=self.dt is not None,
-            shortest=self.steps is None and self.task_name(place) is None,
+            shortest=self.steps is None and unknown,
             planner=self.planner,
             unknown=Unknown(self.unknown),
             config=self.weighing_risk(config),

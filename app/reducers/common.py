@@ -12,7 +12,7 @@ from app.state.notice import Notice
 from app.state.records import FlightRecord
 from app.state.session import Session
 from app.state.settings import PlanSettings
-from nerfnav.robots import Robot
+from nerfnav.planner.duration import is_hurried
 
 Value = TypeVar("Value")
 _NOTICES_KEPT = 5
@@ -67,14 +67,9 @@ def settled(session: Session, place: Place) -> Session:
 
 def first_settings(settings: PlanSettings, place: Place, ends: Ends, task: str | None) -> PlanSettings:
     """The settings with a duration to be found where that of now is surely too short, or nobody knows one."""
-    hurried = task is None or _is_hurried(ends, settings.duration_s, place.robot)
+    distance = math.dist(ends.start.position, ends.goal.position)
+    hurried = task is None or is_hurried(place.robot, distance, settings.duration_s)
     return replace(settings, shortest=settings.shortest or hurried)
-
-
-def _is_hurried(ends: Ends, seconds: float, robot: Robot) -> bool:
-    """Whether a duration is surely too short: a way around is 1.4 times the straight line, easing takes 1.4 times."""
-    speed = next((bound.upper for bound in robot.bounds if bound.name == "speed"), None)
-    return speed is not None and 2 * math.dist(ends.start.position, ends.goal.position) > seconds * speed
 
 
 def _followed(session: Session, ends: Ends) -> FlightRecord | None:

@@ -9,6 +9,8 @@ import msgspec
 from nerfnav.robots import LIMITS, WITH_MASS, BodyFile, Cylinder, RobotFile
 
 _DEGREES = math.degrees(1)
+_CALIBRATED = ("width", "height", "fov")
+"""Of a camera with a calibration these are in that file."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,7 @@ class EditRobot:
     chosen: RobotFile
     """The robot without any changes."""
     part: str
-    """`limits`, `camera` or `inertia`; empty: what is changed stands at the top."""
+    """`limits`, `camera`, `inertia` or `position` (of the camera); empty: what is changed stands at the top."""
     name: str
     value: Any
     """In the file's own unit."""
@@ -33,9 +35,16 @@ class EditRobot:
             return msgspec.structs.replace(told, camera=msgspec.structs.replace(told.camera, **{self.name: self.value}))
         if self.part == "inertia":
             assert told.inertia is not None, "only numbers that there are are changed"
-            about = [self.value if axis == self.name else old for axis, old in zip("xyz", told.inertia, strict=True)]
-            return msgspec.structs.replace(told, inertia=tuple(about))
+            return msgspec.structs.replace(told, inertia=self._along(told.inertia))
+        if self.part == "position":
+            assert told.camera is not None, "only numbers that there are are changed"
+            at = self._along(told.camera.position)
+            return msgspec.structs.replace(told, camera=msgspec.structs.replace(told.camera, position=at))
         return msgspec.structs.replace(told, **{self.name: self.value})
+
+    def _along(self, before: tuple[float, float, float]) -> tuple[float, ...]:
+        """Three numbers with the one of the changed axis."""
+        return tuple(self.value if axis == self.name else old for axis, old in zip("xyz", before, strict=True))
 
 
 @dataclass(frozen=True)
@@ -48,7 +57,8 @@ class RobotNumber:
     """One number of a robot's file."""
 
     part: str
-    """Where it stands: `limits`, `camera` or `inertia`, of which it is one axis; empty: at the top."""
+    """Where it stands: `limits`, `camera`, or `inertia` and `position` (of the camera), of which it is one axis; empty:
+    at the top."""
     name: str
     label: str
     """What people read, with the unit."""
@@ -62,10 +72,12 @@ class RobotNumber:
         if self.part == "limits":
             value = told.limits.get(self.name) if self.name in LIMITS[told.kind] else None
         elif self.part == "camera":
-            # the size of a calibrated camera is in its own file
-            value = None if told.camera is None or told.camera.file is not None else getattr(told.camera, self.name)
-        elif self.part == "inertia":
-            value = None if told.inertia is None else told.inertia["xyz".index(self.name)]
+            value = None if told.camera is None else getattr(told.camera, self.name)
+            if self.name in _CALIBRATED and told.camera is not None and told.camera.file is not None:
+                value = None
+        elif self.part in ("inertia", "position"):
+            where = told.inertia if self.part == "inertia" else told.camera and told.camera.position
+            value = None if where is None else where["xyz".index(self.name)]
         else:
             value = getattr(told, self.name) if told.kind in WITH_MASS else None
         return None if value is None else round(self.scale * value, 6)
@@ -90,6 +102,10 @@ NUMBERS = (
     RobotNumber("camera", "width", "Picture width [pixels]", step=1),
     RobotNumber("camera", "height", "Picture height [pixels]", step=1),
     RobotNumber("camera", "fov", "Field of view [°]"),
+    *(
+        RobotNumber("position", axis, f"Camera {where} of the middle [m]", step=0.001)
+        for axis, where in (("x", "ahead"), ("y", "left"), ("z", "above"))
+    ),
     RobotNumber("camera", "pitch", "Camera down [°]", _DEGREES, step=0.1),
 )
 """What a person may change, in the order of the page."""

@@ -22,6 +22,9 @@ class FlightOptions:
     """What a collision that noise brings about costs [J], as `nerfnav fly --risk` has it; None: as flights have it."""
     truth: bool = False
     """Whether each flight is flown a second time with the state known: what the noise alone costs."""
+    robot: str | None = None
+    """Name or file of the robot that flies what is asked of robots of its kind; None: those that the tasks are for, and
+    the paper's between random ends."""
 
     def __post_init__(self) -> None:
         """Raise InvalidInputError for a risk that is no weight."""

@@ -1,5 +1,6 @@
 """One flight by Algorithm 1, set up as `nerfnav fly` does it, and what it shows."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -33,6 +34,7 @@ from nerfnav.navigation import (
     world_generator,
 )
 from nerfnav.planner import FastPlanConfig, OccupancyConfig, OccupancyMap, PlanProblem, planners, timing_of, way_length
+from nerfnav.planner.duration import is_hurried
 from nerfnav.world import MeshRenderer, Task, contact_check
 
 
@@ -41,7 +43,8 @@ class FlightTrial:
     """One trial."""
 
     task: Task | None
-    """From where to where, in 20 steps of 0.1 s; None: between random ends, drawn by the seed, as long as it takes."""
+    """From where to where, in 20 steps of 0.1 s where so many can be enough, else as long as the way takes; None:
+    between random ends, drawn by the seed, as long as the way takes."""
     seed: int
     """Of everything random in it."""
     known: bool = False
@@ -50,14 +53,16 @@ class FlightTrial:
     """Where it happens."""
     risk: float | None = None
     """What a collision by noise costs [J]; None: as flights have it."""
+    robot: str | None = None
+    """Name or file of what flies; None: what the task is for."""
 
 
 def fly(arena: Arena, trial: FlightTrial) -> Row:
     """Fly: `row` of the table, and `steps`, lists of what was measured at each time step."""
-    task = random_task(arena, trial.seed) if trial.task is None else trial.task
+    task = _task(arena, trial)
     problem = _problem(arena, task, trial)
     told = {
-        "ends": "tasks" if trial.task else "random", "task": task.name, "seed": trial.seed,
+        "ends": "tasks" if trial.task else "random", "task": task.name, "robot": problem.robot.name, "seed": trial.seed,
         "state": "known" if trial.known else "camera", "world": trial.world,
         "planned_steps": problem.steps,
         "start": _words(*task.start, task.start_yaw), "goal": _words(*task.goal, task.goal_yaw),
@@ -70,12 +75,20 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
     return {"row": told | row_of(flown, task.goal_state, steps), "steps": steps}
 
 
+def _task(arena: Arena, trial: FlightTrial) -> Task:
+    """From where to where, for the robot that flies."""
+    if trial.task is None:
+        return random_task(arena, trial.seed, None if trial.robot is None else _robot(trial.robot))
+    return trial.task if trial.robot is None else replace(trial.task, robot=trial.robot)
+
+
 def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     """What is to be planned, in the field with what no camera saw taken for solid."""
     robot = _planned(task.robot, trial.world)
     field = planning_field(arena.field, Unknown.OCCUPIED)
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
-    if trial.task is not None:
+    seconds = problem.steps * problem.dt
+    if trial.task is not None and not is_hurried(robot, math.dist(task.start, task.goal), seconds):
         return problem
     weights = planners.load("fast").in_flight(FastPlanConfig(), trial.risk).weights
     length = way_length(problem, _map(arena, problem), FastPlanConfig(weights=weights).ways)
@@ -86,7 +99,7 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     world = WORLDS[trial.world]
     config = world.expecting(NavigateConfig())
     config = replace(config, filter=config.filter.for_field(arena.field.info.noise_std))
-    robot, draws = _robot(problem.robot.name), world_generator(trial.seed)
+    robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
     where, again = (problem.field, _map(arena, problem), problem.robot), entry.in_flight(settings, trial.risk)
     planner, guard = guarded(entry, where, settings, again, config.noise)
@@ -128,7 +141,7 @@ def _searcher(arena: Arena, camera: Camera, noise: ColorNoise) -> Searcher:
 
 def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
     """Made once for each robot, and for each height of one on the ground."""
-    return _map_at(arena, problem.robot.name, problem.start.position[2].item() if problem.robot.planar else None)
+    return _map_at(arena, problem.robot.source, problem.start.position[2].item() if problem.robot.planar else None)
 
 
 @lru_cache(maxsize=4)

@@ -13,7 +13,7 @@ from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.robots import Robot, limit_uses
 
 _HOPELESS = (PlanOutcome.NO_PATH, PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.DIVERGED)
-_EASING, _LEAST_JERK = 1.4, 10 / 3**0.5
+_AROUND, _EASING, _LEAST_JERK = 1.4, 1.4, 10 / 3**0.5
 _SAMPLES = 3
 """Densities taken along each step, see CostWeights.samples_per_step."""
 _MANY = 80
@@ -62,7 +62,7 @@ def timing_of(robot: Robot, length: float, dt: float, longest_dt: float | None =
     Steps may be up to `longest_dt` long (default: see `longest_step`) where there would be very many of them.
     """
     fewest = max(DurationConfig.fewest, robot.minimum_steps)
-    speed = next((bound.upper for bound in robot.bounds if bound.name == "speed"), None)
+    speed = speed_limit(robot)
     if not speed:
         return Timing(fewest, dt, 0)
     least_s = length / speed
@@ -72,6 +72,18 @@ def timing_of(robot: Robot, length: float, dt: float, longest_dt: float | None =
     if robot.acceleration is not None:
         enough_s = max(enough_s, math.sqrt(_LEAST_JERK * length / robot.acceleration))
     return Timing(max(fewest, math.ceil(enough_s / dt)), dt, math.floor(least_s / dt))
+
+
+def is_hurried(robot: Robot, distance: float, seconds: float) -> bool:
+    """Whether a time is surely too short for a robot's limit of speed where its ends are a distance [m] apart: a way
+    around is about 1.4 times the straight line, easing in and out takes 1.4 times as long."""
+    speed = speed_limit(robot)
+    return speed is not None and _AROUND * _EASING * distance > seconds * speed
+
+
+def speed_limit(robot: Robot) -> float | None:
+    """How fast it may be [m/s]; None where it may have any speed."""
+    return next((bound.upper for bound in robot.bounds if bound.name == "speed"), None)
 
 
 def longest_step(robot: Robot, speed: float) -> float:

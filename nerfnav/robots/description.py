@@ -17,7 +17,7 @@ WITH_MASS = ("quadrotor", "couch")
 def described(name: str) -> tuple[RobotFile, Path]:
     """What describes a robot, a name or a file as `load` knows it, and the folder that its meshes lie in.
 
-    Mass, limits and camera that its file leaves out are told as they come out. Raises as `load` does.
+    Mass, inertia, limits and camera that its file leaves out are told as they come out. Raises as `load` does.
     """
     robot = load(name)
     file = Path(name) if is_file(name) else BUNDLED / f"{name}.yaml"
@@ -31,6 +31,8 @@ def described(name: str) -> tuple[RobotFile, Path]:
     told.limits = {limit: getattr(config, attribute) for limit, attribute in known.items()} or told.limits
     if told.kind in WITH_MASS:
         told.mass = getattr(config, "mass", told.mass)
+    if told.kind == "quadrotor":
+        told.inertia = getattr(config, "inertia", told.inertia)
     told.camera = told.camera or CameraFile()
     if told.camera.file is None:
         told.camera.width, told.camera.height = told.camera.width or CAMERA.width, told.camera.height or CAMERA.height

@@ -19,7 +19,11 @@ class TrackerConfig:
     taken, which goes further astray in fields of photographs, but follows more abrupt motion in rendered ones."""
     search: RelocaliseConfig = dataclass_field(
         default_factory=lambda: RelocaliseConfig(
-            looks=LooksConfig(most_places=1200), kept=(96, 20, 5, 2), iterations=(6, 6, 8, 10), pixels=448, gate=1.1
+            looks=LooksConfig(spacing=0.03, most_places=2500),
+            kept=(96, 20, 5, 2),
+            iterations=(6, 6, 8, 10),
+            pixels=448,
+            gate=1.1,
         )
     )
     """How it is looked for: sooner done than `localize`, and sooner in doubt, for the next picture comes soon."""

@@ -34,13 +34,16 @@ def typed(tab: Tab, label: str, value: str) -> None:
 def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Path) -> None:
     app = tab.app
     has = {"mass", "thrust", "tilt", "speed", "body_rate", "angular_acceleration", "width", "height", "fov", "pitch"}
+    has |= {"x", "y", "z"}  # of the inertia and the camera
     for number in NUMBERS:
         box = tab.page.get_by_label(number.label, exact=True)
         tab.until(lambda box=box, number=number: box.is_visible() == (number.name in has), f"{number.label}: wrong")
     tab.fill("Robot name", "heavy")
     tab.until(lambda: app.session.robot_draft is not None, "the name is not told")
     typed(tab, "Mass [kg]", "0.4")
+    typed(tab, "Inertia about z [g m²]", "0.35")
     typed(tab, "Field of view [°]", "70")
+    typed(tab, "Camera ahead of the middle [m]", "0.04")
     tab.until_shown()
     tab.choose("Scene", "Body", "cylinder")
     tab.until(lambda: tab.says("Changed: the robot is as before"), "nobody says that it is not taken yet")
@@ -55,6 +58,8 @@ def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Pat
     file = tmp_path / "mine.yaml"
     file.write_bytes(saved.read_bytes().replace(b"name: heavy", b"name: mine"))
     own = load(str(file))
+    assert own.config.inertia == pytest.approx((2.4e-4, 2.4e-4, 3.5e-4))  # type: ignore
+    assert own.mount.position.tolist() == pytest.approx([0.04, 0, 0])
     assert own.config.mass == pytest.approx(0.4) and own.camera.fx == pytest.approx(robot.camera.fx)  # type: ignore
     with tab.page.expect_file_chooser() as chooser:
         tab.page.get_by_role("button", name="Load robot").click()
@@ -62,16 +67,25 @@ def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Pat
     tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "mine", "it was not loaded")
 
 
-def test_numbers_that_cannot_be_are_said_and_not_taken(tab: Tab) -> None:
-    typed(tab, "Most thrust [N]", "1")
-    tab.until(lambda: tab.says("A thrust of 1 N does not lift 0.25 kg"), "nobody says what is wrong")
+@pytest.mark.parametrize(
+    ("label", "bad", "good", "said"),
+    [
+        ("Most thrust [N]", "1", "7", "A thrust of 1 N does not lift 0.25 kg"),
+        ("Inertia about z [g m²]", "0.5", "0.3", "none exceeds the sum of the two others"),
+        ("Inertia about x [g m²]", "-0.1", "0.3", "inertia is a number above 0, not -0.0001"),
+    ],
+)
+def test_numbers_that_cannot_be_are_said_and_not_taken(tab: Tab, label: str, bad: str, good: str, said: str) -> None:
+    before = tab.page.get_by_label(label, exact=True).input_value()
+    typed(tab, label, bad)
+    tab.until(lambda: tab.says(said), "nobody says what is wrong")
     use = tab.page.get_by_role("button", name="Use this robot")
     tab.until(use.is_disabled, "what cannot be can be taken")
-    typed(tab, "Most thrust [N]", "7")
-    tab.until(lambda: not tab.says("does not lift"), "the complaint has outlived its cause")
+    typed(tab, label, good)
+    tab.until(lambda: not tab.says(said), "the complaint has outlived its cause")
     tab.until(use.is_enabled, "what is right cannot be taken")
     tab.page.get_by_role("button", name="Forget changes").click()
-    tab.until(lambda: tab.page.get_by_label("Most thrust [N]", exact=True).input_value() == "6", "it was not forgotten")
+    tab.until(lambda: tab.page.get_by_label(label, exact=True).input_value() == before, "it was not forgotten")
 
 
 def test_files_that_are_no_robots_are_refused_in_one_sentence(tab: Tab, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.estimator.align import AlignConfig, _lens, _scene, fitted, spaced
+from nerfnav.estimator.align import AlignConfig, _lens, _scene, blurred, fitted, spaced
 from nerfnav.estimator.kernels.align import align
 from nerfnav.estimator.newton import Guess, Prior, joined
 from nerfnav.estimator.photometric import Observation
@@ -92,3 +92,12 @@ def test_pixels_are_spread_evenly() -> None:
     assert 400 < len(pixels) <= 480 and (pixels >= 0).all() and (pixels < torch.tensor([120, 96])).all()
     quarters = (pixels // torch.tensor([60, 48])).unique(dim=0, return_counts=True)[1]
     assert len(quarters) == 4 and quarters.max() - quarters.min() < 30
+
+
+@pytest.mark.parametrize("blur", [1.5, 5.9, 6.0, 8.0, 12.0, 16.0])
+def test_wide_blurs_on_smaller_pictures_are_gaussian(blur: float) -> None:
+    colors = np.zeros((93, 121, 3), np.float32)
+    colors[:, 40:80] = 1.0
+    colors[30:60, :, 1] = 0.7
+    off = np.abs(blurred(colors, blur) - cv2.GaussianBlur(colors, (0, 0), blur))
+    assert off.max() < (0.02 if blur >= 6 else 1e-6)

@@ -1,8 +1,11 @@
 """Whole flights: which are flown, what is told of each, and how they are summed up."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.experiments.closed_loop import run, trials_of
 from nerfnav.experiments.closed_loop_results import picture, summary_of, wilson
 from nerfnav.experiments.flight_options import FlightOptions
@@ -10,7 +13,7 @@ from nerfnav.experiments.flight_row import is_silent
 from nerfnav.experiments.random_ends import SPARE, random_task
 from nerfnav.experiments.study import Results, Study
 from nerfnav.experiments.whole_flight import FlightTrial, fly
-from nerfnav.robots import Quadrotor
+from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
 from tests.experiments.places import TASKS, column
 
@@ -39,6 +42,38 @@ def test_the_physical_world_leaves_out_tasks_of_other_robots() -> None:
     assert [trial.task for trial in trials] == [TASKS[1]] * 2
     with pytest.raises(InvalidInputError, match="ask for random ends"):
         trials_of(Study(column, (drive,), trials=1, flights=options))
+
+
+def test_a_robot_that_is_asked_for_flies_what_is_asked_of_its_kind() -> None:
+    drive = Task("Drive", (-0.7, 0.0, 0.1), (0.7, 0.0, 0.1), robot="cart")
+    study = Study(column, (drive, TASKS[1]), trials=4, flights=FlightOptions(robot="crazyflie"))
+    trials = trials_of(study)
+    assert [trial.task for trial in trials] == [TASKS[1], None] * 2
+    assert {trial.robot for trial in trials} == {"crazyflie"}
+    wheels = FlightOptions("tasks", robot="turtlebot3")
+    assert [trial.task for trial in trials_of(replace(study, flights=wheels))] == [drive] * 4
+    with pytest.raises(InvalidInputError, match="no turtlebot3 can be: fly its tasks"):
+        trials_of(replace(study, flights=replace(wheels, ends="both")))
+    with pytest.raises(UnknownNameError, match="crazyfly"):
+        trials_of(replace(study, flights=FlightOptions(robot="crazyfly")))
+
+
+@pytest.mark.slow
+def test_a_robot_of_a_file_that_is_too_slow_for_a_tasks_time_takes_as_long_as_its_way_does(tmp_path: Path) -> None:
+    file = tmp_path / "slow.yaml"
+    file.write_text(
+        "name: slow\nkind: quadrotor\nmass: 0.1\nbody: {box: [0.08, 0.08, 0.03]}\nlimits: {speed: 0.5}\n"
+    )
+    row = fly(column(), FlightTrial(TASKS[1], 1, known=True, robot=str(file)))["row"]
+    assert (row["robot"], row["outcome"], row["touches"]) == ("slow", "reached", 0)
+    assert row["planned_steps"] == 40, "1.4 m at 0.5 m/s, with 1.4 times as long to ease in and out"
+
+
+def test_random_ends_leave_room_for_the_robot_that_flies() -> None:
+    large = load("x500")
+    touches = contact_check(column().scene, large.body.grown(SPARE))
+    task = random_task(column(), 2, large)
+    assert task.robot == "x500" and not any(touches(end, end) for end in (task.start_state, task.goal_state))
 
 
 @pytest.mark.slow

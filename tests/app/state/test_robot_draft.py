@@ -1,12 +1,14 @@
 """Numbers of robots as people read and change them."""
 
 import math
+from pathlib import Path
 
+import msgspec
 import pytest
 
 from app.state.robot_draft import NUMBERS, EditRobot, ForgetEdits, box_of, cylinder_of, shape_of
 from app.state.session import Session
-from nerfnav.robots import BodyFile, described, names, robot_of
+from nerfnav.robots import BodyFile, QuadrotorConfig, described, names, robot_of
 from tests.app.sessions import after
 
 
@@ -36,6 +38,28 @@ def test_moments_of_inertia_are_told_in_gram_square_metres_and_changed_one_by_on
     both = about["z"].edit(told, 0.03).of(first)
     assert both.inertia == pytest.approx((2e-5, 1.66e-5, 3e-5))
     assert about["x"].of(described("cart")[0]) is None
+
+
+def test_moments_of_inertia_that_no_file_tells_are_told_as_they_come_out(tmp_path: Path) -> None:
+    paper, _ = described("quadrotor")
+    assert paper.inertia == QuadrotorConfig().inertia
+    file = tmp_path / "plank.yaml"
+    file.write_text("name: plank\nkind: quadrotor\nmass: 1.2\nbody: {box: [0.3, 0.2, 0.1]}\n")
+    plank, _ = described(str(file))
+    assert plank.inertia == pytest.approx((0.1 * 0.05, 0.1 * 0.1, 0.1 * 0.13)), "of a solid box"
+
+
+def test_a_camera_is_moved_along_one_axis_and_a_calibrated_one_keeps_what_its_file_says() -> None:
+    told, meshes = described("quadrotor")
+    ahead = next(number for number in NUMBERS if (number.part, number.name) == ("position", "x"))
+    pitch = next(number for number in NUMBERS if number.name == "pitch")
+    moved = pitch.edit(told, 30.0).of(ahead.edit(told, 0.05).of(None))
+    assert robot_of(moved, meshes).mount.position.tolist() == pytest.approx([0.05, 0, 0])
+    assert moved.camera is not None and moved.camera.pitch == pytest.approx(math.pi / 6)
+    calibrated = msgspec.structs.replace(moved, camera=msgspec.structs.replace(moved.camera, file="camera.yaml"))
+    assert [n.name for n in NUMBERS if n.part in ("camera", "position") and n.of(calibrated) is not None] == [
+        "x", "y", "z", "pitch"
+    ]  # fmt: skip
 
 
 def test_changes_come_together_until_they_are_forgotten_or_another_robot_is_taken(opened: Session) -> None:
