@@ -57,9 +57,11 @@ class LiveServer:
             async with serve(
                 self._vehicle, self._host, port,
                 process_request=self._refusal, max_size=messages.MOST_BYTES, compression=None,
-            ) as server:  # fmt: skip
+            ):  # fmt: skip
                 ready()
-                await server.serve_forever()
+                # not serve_forever: from Python 3.12.1 on, once cancelled, it waits until the vehicle has left, whom
+                # only the end of this block tells to
+                await asyncio.get_running_loop().create_future()
         finally:
             self._computing.shutdown(cancel_futures=True)
 
