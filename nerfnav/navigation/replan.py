@@ -81,7 +81,7 @@ def navigate(
         if course.end is None or step.sees_little:  # turn to something
             here, way = step.belief.mean, doubt.way.states.position
             way = torch.stack([here.position, course.goal.position]) if course.end is None else way
-            course = replace(course, end=flight.in_sight(way, here, course.goal))
+            course = replace(course, end=flight.in_sight(way, here, course.end or course.goal))
         now = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, doubt))
         passing = _with_missed(step, now, flight)
         for step in passing:
