@@ -51,19 +51,6 @@ def reaches_beyond(box: Box, body: Body, state: RigidState) -> bool:
     return bool(is_beyond(box, body.points_at(state)).any())
 
 
-def leaves(box: Box, body: Body, motion: Motion) -> bool:
-    """Whether a motion that starts inside takes a point of the body beyond the border.
-
-    One that starts beyond has to come back first, as gently as it may.
-    """
-    lower, upper = (edge.to(motion.states.position) for edge in (box.lower, box.upper))
-    inside = motion.states.position - lower, upper - motion.states.position
-    if torch.minimum(*inside).min() > body.radius:
-        return False
-    beyond = is_beyond(box, body.points_at(motion.states)).any(-1)
-    return bool(beyond.any() and not beyond[0])
-
-
 def holds_level(box: Box, body: Body, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
     """At which points [m] the whole body is in the box as long as it is level, whatever its heading."""
     side, tall = 0.5 * max(body.extents[:2]), 0.5 * body.extents[2]

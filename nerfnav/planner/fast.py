@@ -17,7 +17,6 @@ import numpy as np
 import torch
 
 from nerfnav.planner.astar import SearchConfig
-from nerfnav.planner.border import leaves, reaches_beyond
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.ends import check_finite
 from nerfnav.planner.fused import Evaluation
@@ -28,10 +27,10 @@ from nerfnav.planner.quasi_newton import NewtonConfig, minimise, preconditioner
 from nerfnav.planner.safety import verdict
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots import Motion, limit_uses
+from nerfnav.robots import limit_uses
 
 _FIRMER = (10.0, 100.0)
-"""How much more limits and the border weigh, in turn, for a plan that ends beyond them."""
+"""How much more limits weigh, in turn, for a plan that ends beyond them."""
 _FINER = 4
 """How many times as many densities are taken to choose between finalists: a body must not slip through a wall."""
 
@@ -176,28 +175,21 @@ class _Desk:
         return {index: self.objective(_last(searches[index], found[index]).free) for index in ahead}
 
     def within_limits(self, reached: Evaluation) -> Evaluation:
-        """The same where it keeps the robot's limits and stays in the box, else what heavier weights on both lead to,
-        where that does.
+        """The same where it keeps the robot's limits, else what heavier weights on them lead to, where that does.
 
         Penalties end a little beyond what they bound.
         """
-        tried, weights, route = reached, self._config.weights, self._trajectory.route
-        astray = reaches_beyond(self._problem.field.box, self._problem.robot.body, route.start)
+        tried = reached
         for firmer in (1.0, *_FIRMER):
             if firmer > 1:
-                outside = weights.outside * (1.0 if astray else firmer)  # a robot beyond comes back gently
-                firm = self._weighing(replace(weights, limits=firmer * weights.limits, outside=outside))
+                weights = self._config.weights
+                firm = self._weighing(replace(weights, limits=firmer * weights.limits))
                 inverse = preconditioner(firm.effort_curvature, tried.free, self.scales, self._config.newton.prior)
                 tried = _last(minimise(firm, firm(tried.free), self.scales, self._config.newton, inverse))
             self._flat.forward(tried.free)
-            if self._keeps(self._flat.motion()):
+            if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):
                 return self.objective(tried.free) if firmer > 1 else reached
         return reached
-
-    def _keeps(self, motion: Motion) -> bool:
-        """Whether a motion keeps the robot's limits, and all of the body in the box."""
-        robot, box = self._problem.robot, self._problem.field.box
-        return not (any(use.violated for use in limit_uses(robot, motion)) or leaves(box, robot.body, motion))
 
     def fine_total(self, reached: Evaluation) -> float:
         """J with so many densities that nothing is missed between them."""
