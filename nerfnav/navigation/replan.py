@@ -9,12 +9,14 @@ plan is no longer safe (navigation/backup.py).
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import torch
 from torch import Tensor
 
 from nerfnav.estimator import Belief, FilterOutcome, FilterStep
 from nerfnav.estimator.predict import predict
+from nerfnav.geometry import so3
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.realtime import Overrun
@@ -22,7 +24,7 @@ from nerfnav.navigation.recovery import Lookout, Recovery, come_to_rest, side_of
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
-from nerfnav.planner import PlanOutcome, Route
+from nerfnav.planner import PlanOutcome, Route, fits
 from nerfnav.planner.sight import turned_to_see
 from nerfnav.robots import Motion, RigidState
 
@@ -45,11 +47,13 @@ class _Flight:
         return Lookout(self.pilot.relocaliser, self.config.recovery, self.simulator.mount)
 
     def in_sight(self, way: Tensor, start: RigidState, goal: RigidState) -> RigidState:
-        """The goal, turned so that the camera sees something on the way to it (n, 3) [m]."""
-        seen, enough = self.pilot.seen, self.config.in_sight
+        """The goal, turned so that the camera sees something on the way to it (n, 3) [m], and the robot fits there."""
+        seen, enough, guard = self.pilot.seen, self.config.in_sight, self.pilot.guard
         if seen is None or enough == 0 or self.simulator.robot.planar or self.config.open_loop:
             return goal
-        return turned_to_see(seen, way, (start, goal), enough, self.simulator.mount)
+        solid = seen if guard is None else guard.field
+        may_be = partial(fits, solid, self.simulator.robot.body)
+        return turned_to_see(seen, way, (start, goal), enough, self.simulator.mount, may_be)
 
 
 def navigate(
@@ -69,14 +73,15 @@ def navigate(
     flight = _Flight(mission, simulator, pilot, config, generator)
     step, end = yield from _begin(flight)
     yield step
-    touched, held, doubt, course = False, 0, Doubt(step.plan), Course(mission.goal, end=end)
+    touched, held, course = False, 0, Course(mission.goal, end=end)
+    doubt = Doubt(step.plan, unsure=1)  # until a picture says where the robot is
     while step.outcome is None:
         world = replace(flight, orders=mission.orders())
         course = course.heeding(world.orders, step.index)
         if course.end is None or step.sees_little:  # turn to something
             here, way = step.belief.mean, doubt.way.states.position
             way = torch.stack([here.position, course.goal.position]) if course.end is None else way
-            course = replace(course, end=flight.in_sight(way, here, course.goal))
+            course = replace(course, end=flight.in_sight(way, here, course.end or course.goal))
         now = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, doubt))
         passing = _with_missed(step, now, flight)
         for step in passing:
@@ -171,9 +176,19 @@ def _advance(
 
 
 def _onward(last: NavigationStep, belief: Belief, flight: _Flight) -> RigidState:
-    """Where the next plan begins."""
-    led = last.plan.states[1]
-    return led if (led.position - belief.mean.position).norm() < flight.config.leash_m else belief.mean
+    """Where the next plan begins: where the last one has led by now, or where the robot believes to be.
+
+    A robot that tracks plans is tilted by what it corrects. To plan from there would be to go on with the correction:
+    where it is off by more than its leash, the plan is moved to it, with the tilt and the body rate that were planned.
+    """
+    mean, (before, led) = belief.mean, (last.plan.states[0], last.plan.states[1])
+    if flight.config.leash_m == 0:
+        return mean
+    if (led.position - mean.position).norm() < flight.config.leash_m:
+        return led
+    passing = 0.5 * (before.velocity + led.velocity)  # a plan's velocities are those between two of its times
+    turn = so3.from_yaw(so3.yaw_of(mean.rotation) - so3.yaw_of(led.rotation))
+    return RigidState(mean.position, led.velocity + mean.velocity - passing, turn @ led.rotation, led.body_rate)
 
 
 def _rest(last: NavigationStep, belief: Belief, turn: float, flight: _Flight) -> Motion:

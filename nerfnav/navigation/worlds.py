@@ -7,7 +7,7 @@ from typing import Literal, TypeVar
 
 from nerfnav.estimator import FilterConfig, StateNoise
 from nerfnav.navigation.mission import NavigateConfig, Pilot
-from nerfnav.navigation.physical.config import INERTIAL, LEASH_M, PhysicalConfig
+from nerfnav.navigation.physical.config import INERTIAL, LEASH_M, UNSEEN_M, PhysicalConfig
 from nerfnav.navigation.physical.inertial import Strapdown
 from nerfnav.navigation.physical.late_pictures import LatePictures
 from nerfnav.navigation.physical.simulator import PhysicalSimulator
@@ -35,7 +35,9 @@ def in_physical_world(simulator: Simulator, world: PhysicalConfig | None = None)
 
 def expecting_physics(config: NavigateConfig) -> NavigateConfig:
     """A flight whose plans are tracked, and whose filter expects inertial measurements, unless it was told what."""
-    config = replace(config, leash_m=config.leash_m or LEASH_M)
+    most = min(config.recovery.widest, UNSEEN_M)
+    recovery = replace(config.recovery, widest=most, sure=min(config.recovery.sure, most))
+    config = replace(config, leash_m=config.leash_m or LEASH_M, recovery=recovery)
     if config.filter.process_noise != StateNoise():
         return config
     return replace(config, filter=replace(config.filter, process_noise=INERTIAL))

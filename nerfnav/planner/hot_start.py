@@ -34,5 +34,8 @@ def hot_start(
     positions = planned.position.clone()
     positions[:astray] += away[:astray, None] * (rolled - positions[:astray])
     index = torch.arange(steps + 1).clamp_max(left)
-    waypoints = torch.cat([positions[index], unwrapped(so3.yaw_of(planned.rotation))[index, None]], -1)
+    yaws = unwrapped(so3.yaw_of(planned.rotation))[index]
+    turn = so3.yaw_of(goal.rotation @ planned.rotation[-1].mT)  # by which the goal has turned since
+    yaws = yaws + turn * torch.arange(steps + 1) / max(steps, 1)
+    waypoints = torch.cat([positions[index], yaws[:, None]], -1)
     return Trajectory(robot.encode(waypoints, start, goal, motion.dt), Route(start, goal, steps, motion.dt))

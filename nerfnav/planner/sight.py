@@ -1,6 +1,7 @@
 """What a camera sees by its heading: a robot that flies by its camera is lost in front of the void."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
@@ -46,13 +47,15 @@ def seen_from(
 
 def turned_to_see(
     matter: Field, way: Float[torch.Tensor, "n 3"], ends: tuple[RigidState, RigidState], enough: float,
-    mount: Pose = FORWARD_MOUNT,
+    mount: Pose = FORWARD_MOUNT, may_be: Callable[[RigidState], bool] | None = None,
 ) -> RigidState:  # fmt: skip
     """The goal with the heading by which a robot knows best where it is on the way to it: it turns evenly as it goes.
 
     `way` leads from start to goal [m]. Between pictures the variance grows by 1, and a picture of which a share shows
     something takes that share of it away, all where it is `enough`: to see nothing for long is worse than to see
-    nothing now and then. Half a turn from the heading that was asked for is made where the mean falls by 0.1.
+    nothing now and then. Half a turn from the heading that was asked for is made where the mean falls by 0.1. Of the
+    headings with which the robot `may_be` there: a corner needs more room than a side. Where it may with none, the goal
+    stays as it is.
     """
     start, goal = (so3.yaw_of(end.rotation).item() for end in ends)
     places = resample(way, torch.linspace(0, 1, _PLACES))
@@ -64,9 +67,13 @@ def turned_to_see(
     low, rest, row = np.floor(at).astype(int), at % 1, np.arange(_PLACES)[:, None]
     shown = (1 - rest) * seen[row, low % _HEADINGS] + rest * seen[row, (low + 1) % _HEADINGS]
     off = np.abs(_wrapped(start + turns - goal))
-    turn = float(turns[np.argmin((_mean_variance(shown) + _DEAR * off / math.pi).round(6))])
-    turned = so3.from_yaw(torch.tensor(start + turn - goal)).to(way)
-    return replace(ends[1], rotation=turned @ ends[1].rotation)
+    best_first = np.argsort((_mean_variance(shown) + _DEAR * off / math.pi).round(6), kind="stable")
+    for turn in turns[best_first].tolist():
+        turned = so3.from_yaw(torch.tensor(start + turn - goal)).to(way)
+        end = replace(ends[1], rotation=turned @ ends[1].rotation)
+        if may_be is None or may_be(end):
+            return end
+    return ends[1]
 
 
 def _mean_variance(shown: Float[np.ndarray, "n t"]) -> Float[np.ndarray, " t"]:

@@ -20,6 +20,7 @@ from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.problem import FirstGuesses, PlanProblem, map_for, way_length, ways_between
 from nerfnav.planner.scales import scales_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart
+from nerfnav.planner.terms.delay import DELAY
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import ATTITUDE, POSITION, Motion
 
@@ -54,9 +55,11 @@ def carry_on(
     """
     warm = WarmStartConfig() if warm is None else warm
     check_finite("start", problem.start)
-    problem = replace(problem, overdue=len(last.actions) - executed < problem.steps)
-    reason, kept = _goal_left(problem, last, warm), None
-    trajectory = None if reason else _rest(problem, last, executed)
+    if len(last.actions) - executed < problem.steps:
+        problem = replace(problem, overdue=True, terms=(*problem.terms, DELAY))
+    moved, turned = _goal_left(problem, last, warm)
+    reason, kept = Restart.GOAL_MOVED if moved or turned else None, None
+    trajectory = None if moved else _rest(problem, last, executed)
     if trajectory is None:
         reason = reason or Restart.UNUSABLE
     else:
@@ -66,7 +69,7 @@ def carry_on(
                 yield kept
             kept = step
         assert kept is not None, "a planner yields at least one step"
-        reason = _fault(kept, expected, warm)
+        reason = _fault(kept, expected, warm) or reason
         if reason is None:
             yield kept
             return
@@ -106,12 +109,12 @@ def _ways(
     return problem, ways_between(problem, config.initial, occupancy, config.ways)
 
 
-def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> Restart | None:
+def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> tuple[bool, bool]:
+    """Whether the goal is elsewhere than the last plan ends, and whether its heading is another one: with that the rest
+    of the last plan may still be better than any way that is found anew."""
     apart = last.states[-1].local(problem.goal)
     drift = scales_of(problem.field, problem.robot.body).drift if warm.drift_m is None else warm.drift_m
-    if apart[POSITION].norm() > drift or apart[ATTITUDE].norm() > warm.drift_rad:
-        return Restart.GOAL_MOVED
-    return None
+    return bool(apart[POSITION].norm() > drift), bool(apart[ATTITUDE].norm() > warm.drift_rad)
 
 
 def _rest(problem: PlanProblem, last: Motion, executed: int) -> Trajectory | None:

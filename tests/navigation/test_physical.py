@@ -14,6 +14,7 @@ from nerfnav import robots
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import Belief, FilterStep, StateNoise
 from nerfnav.geometry import Pose, so3
+from nerfnav.navigation.mission import NavigateConfig
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.inertial import Strapdown
 from nerfnav.navigation.physical.late_pictures import LatePictures
@@ -23,9 +24,9 @@ from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrat
 from nerfnav.navigation.physical.simulator import PhysicalSimulator, airframe
 from nerfnav.navigation.physical.tracking import TrackingGains
 from nerfnav.navigation.physical.wind import Wind
-from nerfnav.navigation.recovery import come_to_rest
+from nerfnav.navigation.recovery import RecoveryConfig, come_to_rest
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.worlds import in_physical_world
+from nerfnav.navigation.worlds import expecting_physics, in_physical_world
 from nerfnav.robots import Motion, RigidState
 from tests.navigation.doubles import ROBOT, START, Oracle, draws, grey, simulator
 
@@ -258,6 +259,14 @@ def test_a_late_picture_corrects_the_belief_of_then() -> None:
     torch.testing.assert_close(last.posterior.mean.position, expected, atol=1e-5, rtol=0)
     with pytest.raises(InvalidInputError, match=r"time steps longer than 0\.02 s"):
         list(late.update(Belief(START, torch.eye(12)), grey(None), HOVER[0], 0.02, draws(0)))
+
+
+def test_a_robot_that_sees_nothing_holds_before_it_may_be_five_centimetres_off() -> None:
+    config = expecting_physics(NavigateConfig())
+    assert config.recovery.widest * 7.815**0.5 == pytest.approx(0.05, abs=0.001), "95 % of chi-squared of 3 numbers"
+    assert config.recovery.sure == config.recovery.widest < NavigateConfig().recovery.widest
+    careful = RecoveryConfig(widest=0.01, sure=0.005)
+    assert expecting_physics(NavigateConfig(recovery=careful)).recovery == careful
 
 
 def test_other_robots_than_quadrotors_are_refused_in_one_sentence() -> None:

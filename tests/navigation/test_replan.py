@@ -1,21 +1,25 @@
 """Algorithm 1, with stand-ins for planner and estimator."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import pytest
 import torch
+from torch import Tensor
 
 from nerfnav.errors import OccupiedError
+from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.geometry import so3
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
+from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.planner.ends import fits
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.state import RigidState
@@ -35,6 +39,26 @@ def fly(
     world = simulator() if world is None else world
     pilot = Pilot(StraightPlanner() if planner is None else planner, Oracle(world, lost))
     return list(navigate(mission, world, pilot, config, draws(1)))
+
+
+@dataclass
+class _Told:
+    """An oracle that says something, or nothing, by the index of the picture."""
+
+    simulator: Simulator
+    says: Callable[[int], FilterOutcome]
+    index: int = 0
+
+    def update(
+        self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        says, self.index = self.says(self.index), self.index + 1
+        yield from Oracle(self.simulator, says).update(belief, image, action, dt, generator)
+
+
+def flown_by(says: Callable[[int], FilterOutcome]) -> list[LoopEvent]:
+    world = simulator()
+    return list(navigate(MISSION, world, Pilot(StraightPlanner(), _Told(world, says)), CONFIG, draws(1)))
 
 
 def steps_of(events: list[LoopEvent]) -> list[NavigationStep]:
@@ -122,8 +146,17 @@ def test_pictures_that_disagree_again_and_again_end_the_flight():
     assert steps[-1].index == CONFIG.recovery.patience
 
 
-def test_pictures_that_say_nothing_do_not_end_the_flight():
-    assert steps_of(fly(lost=FilterOutcome.PREDICTED_ONLY))[-1].outcome is EpisodeOutcome.REACHED
+def test_pictures_that_say_nothing_do_not_end_the_flight_once_one_has_said_something():
+    steps = steps_of(flown_by(lambda index: FilterOutcome.PREDICTED_ONLY if index else FilterOutcome.UPDATED))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED and not any(step.holds for step in steps)
+
+
+def test_a_robot_looks_around_before_it_leaves_until_a_picture_says_something():
+    steps = steps_of(flown_by(lambda index: FilterOutcome.PREDICTED_ONLY if index < 4 else FilterOutcome.UPDATED))
+    assert [step.recovery for step in steps[:7]] == [None, *[Recovery.BLIND] * 4, None, None]
+    turned = so3.local(START.rotation, steps[4].truth.rotation).norm()
+    assert turned > 0.3 and (steps[4].truth.position - START.position).norm() < 0.12, "but for the first action"
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
 
 
 def test_a_robot_that_touches_flies_on_and_has_collided_in_the_end():
@@ -217,6 +250,16 @@ def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is
         torch.testing.assert_close(end.position, GOAL.position, atol=1e-4, rtol=0)
 
 
+def test_a_goal_is_turned_to_headings_alone_with_which_the_robot_fits_there() -> None:
+    box, ahead = ((-1.0, -0.5, -1.0), (0.46, 0.5, 1.0)), ((0.3, -0.5, -1.0), (0.46, -0.3, 1.0))
+    world, field = simulator(), field_of(box, ahead)  # 6 cm to the border: enough for a side, too little for a corner
+    pilot = Pilot(StraightPlanner(), Oracle(world), seen=field)
+    steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    for step in steps:
+        assert fits(field, ROBOT.body, step.plan.states[-1])
+
+
 def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():
     gust = StateNoise(0.3, 0.0, 0.0, 0.0)
     asked = []
@@ -243,3 +286,21 @@ def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leas
     for before, step, start in zip(steps, steps[1:], planner.starts[1:], strict=False):
         led = before.plan.states[1] if leash else step.belief.mean
         assert torch.equal(start.position, led.position)
+
+
+def test_a_plan_is_moved_to_a_robot_that_is_off_its_leash_with_the_tilt_and_the_rate_that_were_planned() -> None:
+    gust, asked, world, planner = StateNoise(0.3, 0.0, 0.0, 0.0), [], simulator(), StraightPlanner()
+
+    def orders() -> Orders:
+        asked.append(None)
+        return Orders(gust=gust if len(asked) == 4 else None)
+
+    pilot, config = Pilot(planner, Oracle(world)), NavigateConfig(noise=CALM, leash_m=0.1)
+    steps = steps_of(list(navigate(replace(MISSION, orders=orders), world, pilot, config, draws(1))))
+    before, pushed, start = steps[3], steps[4], planner.starts[4]
+    led = before.plan.states[1]
+    assert (pushed.belief.mean.position - led.position).norm() > config.leash_m
+    assert torch.equal(start.position, pushed.belief.mean.position) and torch.equal(start.body_rate, led.body_rate)
+    torch.testing.assert_close(start.rotation[2], led.rotation[2])
+    yaws = so3.yaw_of(torch.stack([start.rotation, pushed.belief.mean.rotation]))
+    torch.testing.assert_close(yaws[0], yaws[1])

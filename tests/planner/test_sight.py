@@ -53,6 +53,16 @@ def test_it_turns_where_it_sees_more_on_the_way_not_only_at_the_end() -> None:
     assert arriving(-0.3, 0.0, field=corner) < -1, "past the wall in the south, not past the void in the north"
 
 
+def test_of_the_headings_in_which_something_is_seen_it_takes_one_with_which_it_may_be_there() -> None:
+    way = torch.tensor([[0.0, -0.8, 0.0], [0.0, 0.8, 0.0]])
+    ends = RigidState.at_rest((0.0, -0.8, 0.0), 0.0), RigidState.at_rest((0.0, 0.8, 0.0), 0.0)
+    free = so3.yaw_of(turned_to_see(_BEHIND, way, ends, 0.4).rotation).item()
+    north = turned_to_see(_BEHIND, way, ends, 0.4, may_be=lambda end: so3.yaw_of(end.rotation).item() * free < 0)
+    assert abs(free) > 2 and so3.yaw_of(north.rotation).item() * free < 0
+    nowhere = turned_to_see(_BEHIND, way, ends, 0.4, may_be=lambda _: False)
+    assert torch.equal(nowhere.rotation, ends[1].rotation)
+
+
 def test_nothing_to_be_seen_changes_nothing() -> None:
     assert arriving(0.5, 0.7, field=field_of(_PLACE, spacing=0.1)) == pytest.approx(0.7, abs=1e-5)
 

@@ -59,6 +59,15 @@ def test_a_goal_that_moved_is_followed(flown: Motion):
     assert goal.local(last.motion.states[-1]).abs().max() < 1e-5
 
 
+def test_where_a_goal_has_turned_a_plan_is_never_dearer_than_what_was_left_of_it_and_turns_evenly(flown: Motion):
+    turned = RigidState.at_rest((0.7, 0.0, 0.4), 0.5)
+    steps, straight = again(flown, turned), again(flown)[-1]
+    assert steps[-1].restart is Restart.GOAL_MOVED and steps[-1].outcome is PlanOutcome.CONVERGED
+    assert turned.local(steps[-1].motion.states[-1]).abs().max() < 1e-5
+    assert steps[-1].cost.total < straight.cost.total + 0.2
+    assert steps[-1].cost.total <= min(step.cost.total for step in steps) + 1e-6
+
+
 def test_a_plan_that_has_become_dear_is_made_anew_and_the_better_one_is_kept(flown: Motion):
     steps = again(flown, warm=WarmStartConfig(rise=0.5, slack=0.0))
     assert steps[-1].restart is Restart.COST_ROSE

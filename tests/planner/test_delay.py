@@ -1,0 +1,50 @@
+"""The price of coming later: what it is, and that with it a robot arrives whose arrival is put off at each step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.objective import Objective
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import last_step
+from nerfnav.planner.terms.control import CONTROL
+from nerfnav.planner.terms.delay import DELAY, delay
+from nerfnav.planner.warm_start import carry_on
+from nerfnav.robots.state import RigidState
+from tests.planner.places import ROBOT, Fog, straight_motion
+from tests.planner.test_fused import ROUTE, room
+from tests.planner.test_objective import guess
+
+GOAL = RigidState.at_rest((0.0, 0.0, 0.4))
+
+
+def test_it_is_the_way_that_is_left_and_less_near_the_goal() -> None:
+    context = PlanProblem(Fog(rho=0.0), ROBOT, GOAL, GOAL).context(CostWeights())
+    far, near = straight_motion((-2.0, 0.0, 0.4), (0.0, 0.0, 0.4), 2), straight_motion((-0.01, 0, 0.4), (0, 0, 0.4), 1)
+    assert delay(context, far).item() == pytest.approx(2 + 1, abs=0.11)
+    assert 0 < delay(context, near).item() < 0.002
+
+
+def test_its_kernel_has_the_value_and_the_derivative_of_the_reference() -> None:
+    context = PlanProblem(room(), ROBOT, ROUTE.start, ROUTE.goal, ROUTE.steps, ROUTE.dt).context(CostWeights())
+    objective, free = Objective(context, ROUTE, (CONTROL, DELAY)), guess(0.3)
+    by_autograd = Objective(context, ROUTE, (CONTROL, replace(DELAY, kernel=None)))
+    ours, reference = objective(free), by_autograd(free)
+    assert ours.cost.added[0].value == pytest.approx(reference.cost.added[0].value, rel=1e-6) and ours.cost.added
+    np.testing.assert_allclose(ours.gradient, reference.gradient, rtol=1e-4, atol=1e-5 * np.abs(ours.gradient).max())
+
+
+def test_a_robot_whose_arrival_is_put_off_at_each_step_comes_near_at_once() -> None:
+    start = RigidState.at_rest((0.0, 0.0, 0.22))
+    problem = PlanProblem(Fog(rho=0.0), ROBOT, start, GOAL, 6)
+    last = last_step(plan_fast(problem)).motion
+    for step in range(4):
+        if step:
+            assert torch.allclose(last.states.position[-1], GOAL.position, atol=1e-5) and len(last.actions) == 6
+        here = replace(problem, start=last.states[1])
+        last = last_step(carry_on(here, last, 1, FastPlanConfig())).motion
+    assert (last.states.position[0] - GOAL.position).norm() < 0.03, "9 cm without"
