@@ -1,5 +1,6 @@
 """What the field looks like to the robot's camera."""
 
+import cv2
 import numpy as np
 
 from app.places.place import Place
@@ -7,6 +8,12 @@ from nerfnav.field import render_image
 from nerfnav.robots import RigidState
 
 
-def view_from(place: Place, state: RigidState) -> np.ndarray:
-    """The field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes."""
-    return render_image(place.field, place.robot.camera, state.pose.compose(place.robot.mount)).image.numpy()
+def view_from(place: Place, state: RigidState, rough: bool = False) -> np.ndarray:
+    """The field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes.
+
+    Rough, it is made of a quarter of the pixels, and as large.
+    """
+    camera = place.robot.camera
+    looking = camera.resized(-(-camera.width // 2), -(-camera.height // 2)) if rough else camera
+    picture = render_image(place.field, looking, state.pose.compose(place.robot.mount)).image.numpy()
+    return cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR) if rough else picture
