@@ -14,6 +14,6 @@ def view_from(place: Place, state: RigidState, rough: bool = False) -> np.ndarra
     Rough, it is made of a quarter of the pixels, and as large.
     """
     camera = place.robot.camera
-    looking = camera.resized(-(-camera.width // 2), -(-camera.height // 2)) if rough else camera
+    looking = camera.scaled(0.5) if rough else camera
     picture = render_image(place.field, looking, state.pose.compose(place.robot.mount)).image.numpy()
     return cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR) if rough else picture
