@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import torch
 
+from app.jobs.events import COMPILING, Progress
 from app.state.actions import QueryAnswered, Reported, RunChanged, Tell
 from app.state.runs import RunChange
 from app.state.session import Session
@@ -36,6 +37,7 @@ class Worker:
         self._wanted: Session | None = None
         self._stopping = False
         self._running: RunningJob | None = None
+        self._compiles = False
         self._queries = OpenQueries(work)
         self._changed_runs: set[int] = set()
         self._gave_back = time.monotonic()
@@ -51,6 +53,7 @@ class Worker:
             self._wanted = session
             self._queries.follow(session)
             self._changed.notify()
+        self._tell_who_waits(session)
 
     def stop(self, timeout_s: float = 10.0) -> None:
         """Close the running job and end the thread, waiting at most `timeout_s` for the step in progress."""
@@ -133,5 +136,19 @@ class Worker:
         running, job = self._running, session.job
         if running is not None and job is not None and running.may_go_on(job):
             self._work.follow(session)
-            event = running.next_event(lambda told: self._post(Reported(running.id, told)))
+            event = running.next_event(lambda told: self._tell_meanwhile(running, told))
             self._post(Reported(running.id, event))
+
+    def _tell_meanwhile(self, running: RunningJob, told: Progress) -> None:
+        """Pass on what a step tells before it ends."""
+        self._compiles = told.label == COMPILING
+        self._post(Reported(running.id, told))
+        self._tell_who_waits(self._wanted)
+
+    def _tell_who_waits(self, session: Session | None) -> None:
+        """Say so where a job cannot begin because the step of another one waits for the compiler."""
+        running, job = self._running, None if session is None else session.job
+        if running is None or job is None or not self._compiles:
+            return
+        if job.id != running.id and job.label != COMPILING:
+            self._post(Reported(job.id, Progress(COMPILING, 0.0)))

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numba.core.event
 import pytest
 
 from app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
@@ -107,6 +108,28 @@ def test_a_step_that_compiles_says_so_and_then_says_again_what_the_job_is_about(
     loop.until(lambda: loop.session.job is None)
     told = [event for event in loop.events() if isinstance(event, Progress)]
     assert told[-3:] == [way, Progress(COMPILING, 0.3), way]
+
+
+def test_a_job_that_waits_for_the_step_of_another_one_that_compiles_says_so(
+    loop_for: Callable[[ScriptedWork], Loop],
+) -> None:
+    compiling, done = threading.Event(), threading.Event()
+    Kernel(lambda x: x + 1, {})(1.0)  # from now on compilation is heard of
+
+    def compile_long(job: Job) -> PlanStep:
+        with numba.core.event.trigger_event("numba:compile"):
+            compiling.set()
+            assert done.wait(PATIENCE_S)
+        return plan_step(job.ends, 0)
+
+    loop = loop_for(ScriptedWork({JobKind.PLAN: [compile_long, JobResult()]}))
+    loop.take(m.StartPlan())
+    loop.until(compiling.is_set)
+    loop.take(m.Cancel(), m.StartFlight())
+    loop.until(lambda: loop.session.job is not None and loop.session.job.label == COMPILING)
+    assert loop.session.job is not None and loop.session.job.kind is JobKind.FLY
+    done.set()
+    loop.until(lambda: loop.session.job is None)
 
 
 @pytest.mark.parametrize(
