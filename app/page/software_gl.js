@@ -23,24 +23,32 @@
   if (asked !== null) return;
 
   // react-three-fiber's store, which knows the pixel ratio
-  const store = () => window.__viserMutable?.scene?.__r3f?.root?.getState();
-  let rested = null, timer = 0;
+  const store = () => window.__viserMutable?.scene?.__r3f?.root;
+  let rested = null, held = null, watched = null, timer = 0;
   const draw = ratio => {
-    store()?.setDpr(ratio);
-    const {gl, scene, camera} = store() ?? {};
+    store()?.getState().setDpr(ratio);
+    const {gl, scene, camera} = store()?.getState() ?? {};
     gl?.render(scene, camera);  // at once: another size has emptied the canvas
   };
+  // viser sets the ratio too, by how many frames come: while a pointer holds, that is for when it rests
+  const keep = ({viewport: {dpr}}) => {
+    if (rested === null || dpr === held) return;
+    rested = dpr;
+    draw(held);
+  };
   window.addEventListener("pointerdown", event => {
-    const now = store()?.viewport.dpr;
+    const now = store()?.getState().viewport.dpr;
     if (event.target !== window.__viserMutable?.canvas || now === undefined) return;
     clearTimeout(timer);
+    if (watched !== store()) (watched = store()).subscribe(keep);
+    held = Math.min(HELD_RATIO, rested ?? now);
     rested ??= now;
-    draw(Math.min(HELD_RATIO, rested));
+    draw(held);
   }, true);
   const rest = () => {
     if (rested === null) return;
     clearTimeout(timer);
-    timer = setTimeout(() => { draw(rested); rested = null; }, REST_MS);
+    timer = setTimeout(() => { const ratio = rested; rested = null; draw(ratio); }, REST_MS);
   };
   for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, rest, true);
 })();

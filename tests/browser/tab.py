@@ -15,7 +15,7 @@ from tests.browser.in_page import DRAWN, IS_SCENE, POSITION, PROPERTY, VISIBLE, 
 from tests.browser.shown import Shown
 from tests.waiting import PATIENCE_S
 
-_WITHOUT_COMPLAINT = """
+WITHOUT_COMPLAINT = """
 new MutationObserver(() => {
   for (const told of document.querySelectorAll('.mantine-Notification-root'))
     if (told.textContent.includes('WebGL')) told.style.display = 'none';
@@ -42,7 +42,7 @@ class Tab:
         self.page, self.app = page, app
         page.set_default_timeout(1000 * PATIENCE_S)
         page.add_init_script(KNOWS_HELP)
-        page.add_init_script(_WITHOUT_COMPLAINT)
+        page.add_init_script(WITHOUT_COMPLAINT)
 
     def load(self) -> None:
         """Load the page, and wait until its place can be used."""
