@@ -4,7 +4,8 @@ Its walls and its ceiling are plain paint: nothing on them says how far away the
 the windows have no glass, a hatch joins kitchen and living room; legs of chairs and wires of lamps are thinner than a
 voxel. Its robots are those of rooms: a 25 cm quadrotor, a sofa that passes doors only lengthwise, a cart.
 
-The field is trained from pictures alone by `nerfnav train apartment --out scenes/trained/apartment.npz`.
+The field is trained from pictures alone by `nerfnav train apartment --iterations 5500 --out
+scenes/trained/apartment.npz`; then `python -m scenes.prove apartment` says what is free, see there.
 """
 
 from functools import partial

@@ -134,8 +134,7 @@ def improve(
     for found in searches[winner]:
         latest[winner] = found
         yield desk.record(winner, found[0])
-    best, settled = latest[winner]
-    best = desk.within_limits(best)
+    best, settled = desk.within_limits(*latest[winner])
     outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
     last = desk.record(winner, best)
     yield replace(last, outcome=verdict(problem, last.motion, last.cost, outcome))
@@ -171,25 +170,27 @@ class _Desk:
         newton = replace(self._config.newton, iterations=scout.iterations)
         searches = [minimise(self._light, self._light(free), self.scales, newton, inverse) for free in starts]
         found = {index: _last(islice(search, scout.heat)) for index, search in enumerate(searches)}
-        ahead = sorted(found, key=lambda index: _rank(found[index]))[: scout.survivors]
-        return {index: self.objective(_last(searches[index], found[index]).free) for index in ahead}
+        ahead = sorted(found, key=lambda index: _rank(found[index][0]))[: scout.survivors]
+        return {index: self.objective(_last(searches[index], found[index])[0].free) for index in ahead}
 
-    def within_limits(self, reached: Evaluation) -> Evaluation:
-        """The same where it keeps the robot's limits, else what heavier weights on them lead to, where that does.
+    def within_limits(self, reached: Evaluation, settled: bool) -> tuple[Evaluation, bool]:
+        """The same where it keeps the robot's limits, else what heavier weights on them lead to, where that does, and
+        whether the search that led there had settled.
 
         Penalties end a little beyond what they bound.
         """
-        tried = reached
+        tried, rests = reached, settled
         for firmer in (1.0, *_FIRMER):
             if firmer > 1:
                 weights = self._config.weights
                 firm = self._weighing(replace(weights, limits=firmer * weights.limits))
                 inverse = preconditioner(firm.effort_curvature, tried.free, self.scales, self._config.newton.prior)
-                tried = _last(minimise(firm, firm(tried.free), self.scales, self._config.newton, inverse))
+                search = minimise(firm, firm(tried.free), self.scales, self._config.newton, inverse)
+                tried, rests = _last(search)
             self._flat.forward(tried.free)
             if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):
-                return self.objective(tried.free) if firmer > 1 else reached
-        return reached
+                return (self.objective(tried.free), rests) if firmer > 1 else (reached, settled)
+        return reached, settled
 
     def fine_total(self, reached: Evaluation) -> float:
         """J with so many densities that nothing is missed between them."""
@@ -214,9 +215,11 @@ def _rank(reached: Evaluation) -> float:
     return total if np.isfinite(total) else np.inf
 
 
-def _last(found: Iterator[tuple[Evaluation, bool]], before: Evaluation | None = None) -> Evaluation:
+def _last(
+    found: Iterator[tuple[Evaluation, bool]], before: tuple[Evaluation, bool] | None = None
+) -> tuple[Evaluation, bool]:
     """The last of what a search yields, or what came before it."""
-    for evaluation, _ in found:
-        before = evaluation
+    for each in found:
+        before = each
     assert before is not None, "a search yields at least its start"
     return before

@@ -29,6 +29,10 @@ class NewtonConfig:
 
     iterations: int = 300
     """At most so many steps."""
+    stretch: int = 50
+    """After so many, what was learned of the curvature is forgotten: J has kinks, and on long ways what was learned far
+    back leads into ever shorter steps. The search begins again from where it is, with the control cost's curvature
+    there."""
     prior: float = 1.0
     """Curvature that is added for what the control cost does not see, in units of J for a change by one scale."""
     reach: float = 1.0
@@ -58,17 +62,30 @@ def minimise(
     `scales` (k) say by how much each free number may change before the motion is quite another one. `inverse` (k, k),
     the first inverse Hessian, is the preconditioner at the start where none is given.
     """
-    if inverse is None:
-        inverse = preconditioner(objective.effort_curvature, now.free, scales, config.prior)
     yield now, False
+    made, settled = 0, False
+    while made < config.iterations and not settled:
+        if inverse is None:
+            inverse = preconditioner(objective.effort_curvature, now.free, scales, config.prior)
+        stretch = replace(config, iterations=min(config.stretch, config.iterations - made))
+        following = _descend(objective, now, inverse, config.reach * scales, stretch)
+        for now, settled in following:
+            made += 1
+            yield now, settled
+        inverse = None
+
+
+def _descend(
+    objective: Objective, now: Evaluation, inverse: np.ndarray, reach: np.ndarray, config: NewtonConfig
+) -> Iterator[tuple[Evaluation, bool]]:
+    """The iterates that come after `now`, from one inverse Hessian on."""
     if objective.fused is not None:
         settled = (config.patience, config.tolerance, config.least)
-        rule = SearchRule(config.iterations, _SEARCH, _DAMPING, settled)
-        yield from objective.fused.steps(now, inverse, config.reach * scales, rule)
+        yield from objective.fused.steps(now, inverse, reach, SearchRule(config.iterations, _SEARCH, _DAMPING, settled))
         return
     first, history, fresh = inverse, [now.cost.total], True
     for _ in range(config.iterations):
-        moved = _advance(objective, now, inverse, config.reach * scales)
+        moved = _advance(objective, now, inverse, reach)
         if moved is None:
             if fresh:
                 yield now, True

@@ -31,7 +31,7 @@ _DRIVES = [
     ("From the hall into the living room", (1.9, 1.05, math.pi), (-1.8, -0.6, math.pi)),
     ("Around the dining table", (-2.1, -0.6, math.pi), (-1.9, -2.7, 0.0)),
     ("Kitchen to bedroom", (-3.4, 1.2, 0.0), (3.3, -0.8, 0.0)),
-    ("Hall to study", (2.4, 0.95, 0.0), (2.2, 2.2, math.pi)),
+    ("Bedroom to the dining table", (3.3, -0.8, math.pi), (-1.9, -2.7, math.pi)),
 ]
 TASKS = (
     *(Task(name, start, goal, robot="quadrotor25") for name, start, goal in _FLIGHTS),

@@ -133,3 +133,20 @@ def test_every_step_of_the_search_lowers_the_cost_until_it_settles():
     assert [settled for _, settled in steps].index(True) == len(steps) - 1
     assert totals[-1] < 0.2 * totals[0]
     assert steps[-1][0].cost.collision < 0.1
+
+
+def test_a_search_begins_again_from_where_it_is_after_each_stretch(monkeypatch: pytest.MonkeyPatch):
+    """With the control cost's curvature there; J goes on falling, and what is yielded is one search."""
+    made: list[np.ndarray] = []
+    scales = ROBOT.free_scales(torch.from_numpy(guess())).numpy()
+
+    def counted(*asked: object) -> np.ndarray:
+        made.append(asked[1])  # type: ignore[arg-type]
+        return preconditioner(*asked)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("nerfnav.planner.quasi_newton.preconditioner", counted)
+    steps = list(minimise(objective(), objective()(guess()), scales, NewtonConfig(iterations=25, stretch=10)))
+    totals = [step.cost.total for step, _ in steps]
+    assert len(steps) == 26 and totals == sorted(totals, reverse=True)
+    for begun, at in zip(made, (0, 10, 20), strict=True):
+        np.testing.assert_array_equal(begun, steps[at][0].free)

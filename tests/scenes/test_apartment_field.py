@@ -1,0 +1,35 @@
+"""The apartment's own field: plain walls that photographs alone cannot place, and the plans that planners make in it."""
+
+import pytest
+
+import nerfnav
+import scenes
+from nerfnav import robots
+from nerfnav.field import VoxelField, load_field
+from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.steps import PlanOutcome
+from nerfnav.world import Task, judge
+
+
+@pytest.fixture(scope="module")
+def field() -> VoxelField:
+    field = load_field(scenes.trained_path("apartment"))
+    assert isinstance(field, VoxelField)
+    return field
+
+
+def test_it_is_learned_from_pictures_and_its_walls_are_walls(field: VoxelField):
+    info = field.info
+    assert info.learned_from == "pictures"
+    assert info.surface_taken_for_free is not None and info.surface_taken_for_free < 0.01
+    assert info.free_taken_for_free is not None and info.free_taken_for_free > 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", scenes.tasks_of("apartment"), ids=lambda task: f"{task.robot}: {task.name}")
+def test_each_task_is_planned_within_limits_and_touches_nothing(field: VoxelField, task: Task):
+    robot = robots.load(task.robot)
+    problem = PlanProblem(field, robot, task.start_state, task.goal_state)
+    last = nerfnav.plan(problem, duration="auto")
+    assert last.outcome is PlanOutcome.CONVERGED
+    assert judge(scenes.load("apartment"), robot.body, last.motion.states).max_overlap_m3 == 0
