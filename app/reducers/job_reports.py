@@ -11,6 +11,7 @@ from app.state.downloads import Download
 from app.state.job import Job, JobKind
 from app.state.records import PlanRecord, SearchRecord
 from app.state.session import Session
+from app.state.settings import Choice
 from app.state.view_settings import Backdrop
 from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
@@ -61,10 +62,21 @@ def reported(session: Session, event: e.JobReport) -> Session:
 
 def _opened(session: Session, place: Place) -> Session:
     """The session in another place; in the one that it began with, as it was left off."""
-    there, left = settled(session, place), session.left_off
+    there, left = settled(_suited(session, place), place), session.left_off
     if left is not None:
         there = history.restored(replace(there, left_off=None, view=left.view, viewed=left.view), left.moment)
     return _doubted(there, place)
+
+
+def _suited(session: Session, place: Place) -> Session:
+    """The session with the robot of the place's first task, where none of its tasks is for the one of now, and nobody
+    chose that: it is what was there at first, or in the place before."""
+    before = session.before.place if session.before is not None else None
+    unchosen = before.tasks[0].robot if before is not None and before.tasks else Choice().robot
+    fitting = [task.robot for task in place.tasks]
+    if session.choice.robot != unchosen or not fitting or unchosen in fitting:
+        return session
+    return replace(session, choice=replace(session.choice, robot=fitting[0]))
 
 
 def _unseen(session: Session) -> Session:

@@ -38,6 +38,7 @@ from .render import FastRenderer as FastRenderer
 from .render import Rendering as Rendering
 from .render import render_image as render_image
 from .render import render_rays as render_rays
+from .rooms import open_rooms as open_rooms
 from .states import StateGrid as StateGrid
 from .states import VoxelState as VoxelState
 from .states import voxel_states as voxel_states

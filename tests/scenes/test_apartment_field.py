@@ -1,4 +1,4 @@
-"""The apartment's own field: plain walls that photographs alone cannot place, and the plans that planners make in it."""
+"""The apartment's own field: plain walls, which photographs alone cannot place, and what is planned among them."""
 
 import pytest
 

@@ -114,3 +114,17 @@ def test_experiments_are_listed_in_every_place_that_is_opened(opened: Session) -
     assert not list(ExperimentsQuery.pending(session))
     session = reports(after(session, m.OpenPlace("elsewhere.npz")), PlaceOpened(balls_place()), JobFinished("open"))
     assert list(ExperimentsQuery.pending(session)) == [query]
+
+
+def test_a_place_whose_tasks_are_for_another_robot_has_that_unless_one_was_chosen() -> None:
+    of_true_size = place_with(replace(_FLIGHT, robot="crazyflie"), _MOVE)
+    session = opened_in(of_true_size)
+    assert (session.choice.robot, session.task) == ("crazyflie", "fly")
+    assert session.place is not None and session.place.robot.name == "crazyflie"
+    assert opened_in(of_true_size, "x500").choice.robot == "x500"
+
+    def then_opened(session: Session) -> Session:
+        return reports(after(session, m.OpenPlace("other")), PlaceOpened(place_with(_FLIGHT)), JobFinished("open"))
+
+    assert then_opened(session).choice.robot == "quadrotor"
+    assert then_opened(choosing(session, "x500")).choice.robot == "x500"
