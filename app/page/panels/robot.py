@@ -26,7 +26,7 @@ from app.state.robot_draft import (
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.robots import RobotFile, described, robot_of, to_yaml
+from nerfnav.robots import Kind, RobotFile, described, robot_of, to_yaml
 
 _ICON = viser.Icon
 _SHAPES = ("box", "cylinder")
@@ -93,9 +93,9 @@ class RobotPanel:
         told = self._told
         if event.client is None or self._own is None or told is None:
             return
-        kind = next(kind for kind, label in KINDS.items() if label == self._kind.value)
+        labels: dict[str, Kind] = {label: kind for kind, label in KINDS.items()}
         try:
-            self._post(kind_changed(self._own[0], told, kind, self._own[1]))
+            self._post(kind_changed(self._own[0], told, labels[str(self._kind.value)], self._own[1]))
         except NerfnavError as error:
             self._post(Tell("Not taken", sentence(str(error)), bad=True))
             self._kind.value = KINDS[told.kind]
