@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from nerfnav.robots import LIMITS, WITH_MASS, BodyFile, Cylinder, RobotFile
+from nerfnav.robots import LIMITS, WITH_MASS, BodyFile, Cylinder, Kind, RobotFile, of_kind
 
 _DEGREES = math.degrees(1)
 _CALIBRATED = ("width", "height", "fov")
@@ -20,16 +21,19 @@ class EditRobot:
     chosen: RobotFile
     """The robot without any changes."""
     part: str
-    """`limits`, `camera`, `inertia` or `position` (of the camera); empty: what is changed stands at the top."""
+    """`limits`, `camera`, `inertia`, `position` (of the camera) or `kind`; empty: what is changed stands at the top."""
     name: str
     value: Any
-    """In the file's own unit."""
+    """In the file's own unit; of a kind, a robot of it, whose mass, inertia and limits are taken."""
 
     def of(self, draft: RobotFile | None) -> RobotFile:
         """The robot with this change besides those that were made before."""
         told = self.chosen if draft is None else draft
         if self.part == "limits":
             return msgspec.structs.replace(told, limits={**told.limits, self.name: self.value})
+        if self.part == "kind":
+            moved = {name: getattr(self.value, name) for name in ("kind", "mass", "inertia", "limits")}
+            return msgspec.structs.replace(told, **moved)
         if self.part == "camera":
             assert told.camera is not None, "only numbers that there are are changed"
             return msgspec.structs.replace(told, camera=msgspec.structs.replace(told.camera, **{self.name: self.value}))
@@ -109,6 +113,24 @@ NUMBERS = (
     RobotNumber("camera", "pitch", "Camera down [°]", _DEGREES, step=0.1),
 )
 """What a person may change, in the order of the page."""
+
+
+KINDS: dict[Kind, str] = {
+    "quadrotor": "quadrotor",
+    "couch": "omnidirectional (couch)",
+    "diffdrive": "two wheels (diffdrive)",
+    "handheld": "carried by hand",
+}
+"""How a robot may move, as a file and as a person says it."""
+
+
+def kind_changed(chosen: RobotFile, draft: RobotFile | None, kind: Kind, folder: Path) -> EditRobot:
+    """The change to another kind, with what that needs; back to the kind of `chosen`, as it was there.
+
+    `folder` is where meshes lie. Raises InvalidInputError where there can be no such robot.
+    """
+    told = chosen if draft is None else draft
+    return EditRobot(chosen, "kind", kind, chosen if kind == chosen.kind else of_kind(told, kind, folder))
 
 
 def shape_of(body: BodyFile) -> str:

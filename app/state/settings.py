@@ -29,8 +29,11 @@ class Choice:
     """One of `nerfnav.estimator.estimators.names()`."""
 
     def check(self) -> None:
-        """Raise UnknownNameError, which lists what exists, for a name that nothing has."""
-        robots.load(self.robot)
+        """Raise UnknownNameError, which lists what exists, for a name that nothing has.
+
+        InvalidInputError for a robot that cannot be, or does not move by itself.
+        """
+        robots.load(self.robot).require_planned()
         planners.load(self.planner)
         estimators.load(self.estimator)
 

@@ -94,16 +94,18 @@ class Looks:
             return image
         return (255 * reduced(image, small)).round().to(torch.uint8).reshape(small.height, small.width, 3)
 
-    def likeliest(self, image: UInt8[Tensor, "h w 3"], most: int) -> tuple[Pose, Float[Tensor, " m"]]:
+    def likeliest(
+        self, image: UInt8[Tensor, "h w 3"], most: int, exposure: tuple[float, float]
+    ) -> tuple[Pose, Float[Tensor, " m"]]:
         """The poses T_world_camera, `most` of them, from which the field looks most like a picture, best first.
 
-        Told with their misfits, mean squares of colour (see `Panoramas.misfit`). Only headings that fit better than
-        their neighbours on either side count.
+        Told with their misfits, mean squares of colour (see `Panoramas.misfit`, also for `exposure`). Only headings
+        that fit better than their neighbours on either side count.
         """
         halvings = max(0, math.floor(math.log2(max(1.0, 0.5 * COLUMN * self.view.camera.fx))))
         small = self.view.camera.scaled(0.5**halvings)
         ahead = small.directions(small.pixels()) @ FORWARD_MOUNT.rotation.T
-        misfit, tilt = self.panoramas.misfit(reduced(image, small), ahead, self.tilts).min(1)
+        misfit, tilt = self.panoramas.misfit(reduced(image, small), ahead, self.tilts, exposure).min(1)
         dip = (misfit <= misfit.roll(1, -1)) & (misfit <= misfit.roll(-1, -1))
         dips = torch.where(dip, misfit, torch.inf).flatten()
         value, index = dips.topk(min(most, int(dip.sum())), largest=False)

@@ -6,8 +6,13 @@ every place needs three sums over cells,
 
     sum w_i P_{i+s},   sum w_i |P_{i+s}|^2,   sum w_i x_i P_{i+s},
 
-which are correlations along the rows: products of their Fourier transforms, for all places at once. From these follows
-the least mean square difference over all gains and biases of the camera's colours (`misfit`).
+which are correlations along the rows: products of their Fourier transforms, for all places at once. With <> the mean
+over weights and channels, and d = x - P, they tell how well the camera's gain 1 + h and bias b explain the picture,
+
+    min over h, b of <(d - h P - b)^2> + k_h h^2 + k_b b^2 = <d^2> - s' [<P^2> + k_h, <P>; <P>, 1 + k_b]^-1 s
+
+with s = (<d P>, <d>): ridge regression (Hoerl and Kennard 1970), `misfit`. Without k a gain of nothing would make any
+place explain a picture of hardly any contrast.
 """
 
 import math
@@ -36,8 +41,6 @@ _ROOM, _FREE = 0.02, 2.6
 """Room around a camera [longest edges of the box], and density that still counts as free [in one such edge]."""
 _COARSER = 1.15
 """Factor on the distance of places while there are too many."""
-_FLAT = 2e-3
-"""Variance of colours below which a view has no contrast that a gain could stretch."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,13 @@ class Panoramas:
         )
 
     def misfit(
-        self, colors: Float[Tensor, "m 3"], directions: Float[Tensor, "m 3"], tilts: Float[Tensor, "t 3 3"]
+        self,
+        colors: Float[Tensor, "m 3"],
+        directions: Float[Tensor, "m 3"],
+        tilts: Float[Tensor, "t 3 3"],
+        exposure: tuple[float, float],
     ) -> Float[Tensor, "n t h"]:
-        """How badly pixels fit: mean square of what no gain and bias explains, for each place, tilt and heading.
+        """How badly pixels fit, as a mean square, for each place, tilt and heading; `exposure` is (k_h, k_b).
 
         `colors` in [0, 1]; `directions` are unit vectors in the level frame of a carrier that looks along x (FLU), and
         a carrier's attitude is Rz(h COLUMN) tilt.
@@ -86,13 +93,15 @@ class Panoramas:
         laid = [_laid(colors, directions @ tilt.T) for tilt in tilts]
         weights, means = torch.stack([w for w, _ in laid])[..., None], torch.stack([x for _, x in laid])
         known = _spectrum(weights).conj()
-        together = _turned(self.colors, _spectrum(weights * means).conj())
         total = 3 * weights.sum((1, 2, 3)).clamp_min(1)[:, None]
         mean, square = _turned(self.sums, known) / total, _turned(self.squares, known) / total
+        together = _turned(self.colors, _spectrum(weights * means).conj()) / total
         own = (weights * means).sum((1, 2, 3))[:, None] / total
-        spread = (weights * means.square()).sum((1, 2, 3))[:, None] / total - own.square()
-        shared = (together / total - mean * own).clamp_min(0)
-        return spread - shared.square() / ((square - mean.square()).clamp_min(0) + _FLAT)
+        own_square = (weights * means.square()).sum((1, 2, 3))[:, None] / total
+        by_gain, by_bias = together - square, own - mean
+        stiff, free = square + exposure[0], 1 + exposure[1]
+        explained = free * by_gain.square() - 2 * mean * by_gain * by_bias + stiff * by_bias.square()
+        return own_square - 2 * together + square - explained / (stiff * free - mean.square())
 
 
 def free_places(field: Field, spacing: float) -> Float[Tensor, "n 3"]:

@@ -152,8 +152,10 @@ def relocalise(
     config = RelocaliseConfig() if config is None else config
     config = config.in_place(float(looks.view.levels[0].box.size.max()))
     image = looks.fitted(image)
-    poses, misfit = looks.likeliest(image, config.attempts * config.kept[0])
-    first = _Ranking(poses, misfit / (noise.std**2 / _INDEPENDENT), misfit.clamp_min(0).sqrt())
+    unit = noise.std**2 / _INDEPENDENT
+    gain, bias = (unit / std**2 for std in config.exposure_std)
+    poses, misfit = looks.likeliest(image, config.attempts * config.kept[0], (gain, bias))
+    first = _Ranking(poses, misfit / unit, misfit.clamp_min(0).sqrt())
     search, ended, done = _Search(image, looks, noise, config), None, 0.0
     while ended is None or (ended.outcome is RelocaliseOutcome.LOST and len(first.cost)):
         mine, first = first[: config.kept[0]], first[config.kept[0] :]

@@ -5,6 +5,7 @@ from .couch import Couch as Couch
 from .couch_config import CouchConfig as CouchConfig
 from .description import WITH_MASS as WITH_MASS
 from .description import described as described
+from .description import of_kind as of_kind
 from .description import to_yaml as to_yaml
 from .diffdrive import DiffDrive as DiffDrive
 from .diffdrive_config import DiffDriveConfig as DiffDriveConfig
@@ -18,6 +19,7 @@ from .robot import CAMERA as CAMERA
 from .robot import Limit as Limit
 from .robot import Robot as Robot
 from .robot_file import LIMITS as LIMITS
+from .robot_file import Kind as Kind
 from .robot_file import RobotFile as RobotFile
 from .robot_file import decoded as decoded
 from .robot_file import robot_of as robot_of

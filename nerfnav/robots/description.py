@@ -6,8 +6,8 @@ import msgspec
 
 from nerfnav.robots.body_file import BodyFile
 from nerfnav.robots.camera_file import CameraFile
-from nerfnav.robots.robot import CAMERA
-from nerfnav.robots.robot_file import LIMITS, RobotFile, decoded
+from nerfnav.robots.robot import CAMERA, Robot
+from nerfnav.robots.robot_file import LIMITS, Kind, RobotFile, decoded, robot_of
 from nerfnav.robots.robots import BUNDLED, is_file, load
 
 WITH_MASS = ("quadrotor", "couch")
@@ -21,22 +21,40 @@ def described(name: str) -> tuple[RobotFile, Path]:
     """
     robot = load(name)
     file = Path(name) if is_file(name) else BUNDLED / f"{name}.yaml"
-    config = getattr(robot, "config", None)
     if file.is_file():
         told = decoded(file)
     else:
-        box = BodyFile(box=config.extents, points=config.point_counts)  # type: ignore[union-attr]
+        config = robot.config  # type: ignore[attr-defined]
+        box = BodyFile(box=config.extents, points=config.point_counts)
         told = RobotFile(name=robot.name, kind=robot.name, body=box)  # type: ignore[arg-type]
-    known = LIMITS[told.kind]
-    told.limits = {limit: getattr(config, attribute) for limit, attribute in known.items()} or told.limits
+    return _completed(told, robot), file.parent
+
+
+def of_kind(told: RobotFile, kind: Kind, folder: Path) -> RobotFile:
+    """The same body, camera and, where both kinds have one, mass, moved in another way; meshes lie in `folder`.
+
+    What else this kind needs is the bundled robot's, at this size and mass (see robots/robot_file.py). Raises
+    InvalidInputError where there can be no such robot.
+    """
+    mass = None
+    if kind in WITH_MASS:
+        mass = load(kind).config.mass if told.mass is None else told.mass  # type: ignore[attr-defined]
+    plain = msgspec.structs.replace(told, kind=kind, mass=mass, inertia=None, limits={})
+    return _completed(plain, robot_of(plain, folder))
+
+
+def _completed(told: RobotFile, robot: Robot) -> RobotFile:
+    """The same with the numbers of the robot that it describes, which it may have left out."""
+    config, mass, inertia, camera = getattr(robot, "config", None), told.mass, told.inertia, told.camera or CameraFile()
+    limits = {limit: getattr(config, attribute) for limit, attribute in LIMITS[told.kind].items()} or told.limits
     if told.kind in WITH_MASS:
-        told.mass = getattr(config, "mass", told.mass)
+        mass = getattr(config, "mass", mass)
     if told.kind == "quadrotor":
-        told.inertia = getattr(config, "inertia", told.inertia)
-    told.camera = told.camera or CameraFile()
-    if told.camera.file is None:
-        told.camera.width, told.camera.height = told.camera.width or CAMERA.width, told.camera.height or CAMERA.height
-    return told, file.parent
+        inertia = getattr(config, "inertia", inertia)
+    if camera.file is None:
+        width, height = camera.width or CAMERA.width, camera.height or CAMERA.height
+        camera = msgspec.structs.replace(camera, width=width, height=height)
+    return msgspec.structs.replace(told, mass=mass, inertia=inertia, limits=limits, camera=camera)
 
 
 def to_yaml(told: RobotFile) -> bytes:

@@ -32,6 +32,10 @@ class HandHeld(Robot):
         self.name = name
         self.body = Body.box(_EXTENTS, (3, 3, 3)) if body is None else body
 
+    def require_planned(self) -> None:
+        """Raises InvalidInputError, always."""
+        raise self._never()
+
     def step(self, state: RigidState, action: Float[Tensor, "*batch 0"], dt: float) -> RigidState:
         """The state after `dt` [s] of moving on."""
         return RigidState(

@@ -86,6 +86,10 @@ class Robot(ABC):
         other.camera, other.mount = camera, mount
         return other
 
+    def require_planned(self) -> None:
+        """Raise InvalidInputError for what does not move by itself: it is tracked, and never planned for."""
+        return
+
     def body_with_room(self, margin: float) -> Body:
         """The body with so much room around it [m]; a robot on the ground needs none above what it stands on."""
         return self.body.grown(margin, upright=not self.planar)

@@ -32,6 +32,8 @@ from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from nerfnav.robots.robot import Robot
 
+Kind = Literal["quadrotor", "couch", "diffdrive", "handheld"]
+"""How a robot moves."""
 SUFFIXES = (".yaml", ".yml")
 """How the names of robots' files end."""
 LIMITS = {
@@ -53,7 +55,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
     """What a robot's file may hold."""
 
     name: str
-    kind: Literal["quadrotor", "couch", "diffdrive", "handheld"]
+    kind: Kind
     body: BodyFile
     mass: float | None = None
     """[kg]; quadrotors and couches have one."""

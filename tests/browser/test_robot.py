@@ -1,13 +1,14 @@
 """The robot's numbers in the page: seen with their units, changed, refused, taken, saved and loaded."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from app.server import App
 from app.state.robot_draft import NUMBERS
-from nerfnav.robots import load
+from nerfnav.robots import DiffDrive, load
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 
@@ -65,6 +66,64 @@ def test_a_robot_is_changed_taken_saved_and_loaded_again(tab: Tab, tmp_path: Pat
         tab.page.get_by_role("button", name="Load robot").click()
     chooser.value.set_files(file)
     tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "mine", "it was not loaded")
+
+
+def test_a_robot_becomes_one_of_another_kind(tab: Tab, tmp_path: Path) -> None:
+    app = tab.app
+
+    def needs(*names: str) -> None:
+        for number in NUMBERS:
+            if number.part in ("", "inertia", "limits"):
+                box = tab.page.get_by_label(number.label, exact=True)
+                shown = number.name in names or (number.part == "inertia" and "inertia" in names)
+                tab.until(lambda box=box, shown=shown: box.is_visible() == shown, f"{number.label}: wrong")
+
+    tab.fill("Robot name", "rover")
+    tab.until(lambda: app.session.robot_draft is not None, "the name is not told")
+    tab.until_shown()
+    tab.choose("Scene", "Kind", "omnidirectional (couch)")
+    needs("mass", "speed", "yaw_rate", "force")
+    typed(tab, "Most force [N]", "6")
+    tab.until_shown()
+    tab.choose("Scene", "Kind", "carried by hand")
+    needs()
+    tab.until(lambda: tab.says("Rover is carried by hand: it can be tracked, not planned for"), "nobody says so")
+    use = tab.page.get_by_role("button", name="Use this robot")
+    tab.until(use.is_disabled, "what is carried can be planned for")
+    tab.choose("Scene", "Kind", "two wheels (diffdrive)")
+    needs("speed", "yaw_rate", "acceleration", "yaw_acceleration")
+    tab.until(use.is_enabled, "it cannot be taken")
+    use.click()
+    tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "rover", "it was not taken")
+    assert app.session.place is not None
+    robot = app.session.place.robot
+    assert isinstance(robot, DiffDrive) and robot.body.extents == (0.1, 0.1, 0.04)
+    tab.until(lambda: tab.page.get_by_label("Kind", exact=True).input_value().startswith("two wheels"), "it is another")
+    saved = tab.download("Save robot")
+    file = tmp_path / "mine.yaml"
+    file.write_bytes(saved.read_bytes().replace(b"name: rover", b"name: mine"))
+    own = load(str(file))
+    assert isinstance(own, DiffDrive) and own.config == replace(robot.config, name="mine")
+    carried = tmp_path / "carried.yaml"
+    carried.write_text("name: phone\nkind: handheld\nbody: {box: [0.1, 0.1, 0.1]}\n")
+    for brought in (file, carried):
+        with tab.page.expect_file_chooser() as chooser:
+            tab.page.get_by_role("button", name="Load robot").click()
+        chooser.value.set_files(brought)
+        tab.until(lambda: app.session.place is not None and app.session.place.robot.name == "mine", "not loaded")
+    tab.until(lambda: tab.says("Phone is carried by hand"), "nobody says why it is not taken")
+    assert app.session.place.robot.name == "mine"
+
+
+def test_a_kind_that_a_robot_cannot_be_is_refused_in_one_sentence(tab: Tab) -> None:
+    typed(tab, "Mass [kg]", "-1")
+    tab.until_shown()
+    tab.choose("Scene", "Kind", "omnidirectional (couch)")
+    tab.until(lambda: tab.says("Not taken"), "nobody says that it is not taken")
+    kind = tab.page.get_by_label("Kind", exact=True)
+    tab.until(lambda: kind.input_value() == "quadrotor", "the list says what it is not")
+    draft = tab.app.session.robot_draft
+    assert draft is not None and draft.kind == "quadrotor"
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,16 @@
 """Panoramas, and where pictures fit into them."""
 
+import pytest
 import torch
 
-from nerfnav.estimator.panorama import COLUMN, Panoramas, free_places, thinned, tilts_of
-from nerfnav.field.render import render_image
+from nerfnav.estimator.panorama import COLUMN, Panoramas, _directions, _laid, free_places, thinned, tilts_of
+from nerfnav.field.render import render_image, render_rays
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.geometry.so3 import from_yaw
 from tests.estimator.places import BOX, CAMERA, balls
 
 PLACES = torch.tensor([[-0.5, 0.0, 0.25], [-0.3, 0.3, 0.3], [0.3, 0.35, 0.2], [0.3, 0.1, 0.6]])
+EXPOSURE = (1e-3, 1e-3)
 TILTS = tilts_of((-0.3, 0.0, 0.3), (0.0, 0.25))
 AHEAD = CAMERA.directions(CAMERA.pixels()) @ FORWARD_MOUNT.rotation.T
 
@@ -27,22 +29,45 @@ def test_a_picture_fits_best_where_it_was_taken_whatever_its_exposure() -> None:
     for where in ((0, 2, 0), (1, 3, 63), (2, 1, 30)):
         colors = colors_from(*where)
         for exposed in (colors, 0.7 * colors + 0.1):
-            misfit = panoramas.misfit(exposed, AHEAD, TILTS)
+            misfit = panoramas.misfit(exposed, AHEAD, TILTS, EXPOSURE)
             assert misfit.shape == (4, 6, 64)
             assert best_of(misfit) == where
             assert misfit[where] < 0.3 * exposed.var()
 
 
-def test_a_picture_of_one_colour_fits_everywhere_alike() -> None:
-    misfit = Panoramas.of(balls(), PLACES).misfit(torch.full((len(AHEAD), 3), 0.6), AHEAD, TILTS)
-    assert misfit.abs().max() < 1e-4
+def test_a_misfit_is_the_least_over_gain_and_bias_each_at_its_price() -> None:
+    panoramas, colors = Panoramas.of(balls(), PLACES), 0.8 * colors_from(1, 3, 7) + 0.1
+    weight, told = _laid(colors, AHEAD @ TILTS[3].T)
+    price = (0.02, 0.3)
+    misfit = panoramas.misfit(colors, AHEAD, TILTS[3:4], price)
+    directions = _directions().reshape(-1, 3)
+    for place, heading in ((1, 7), (2, 40)):
+        cells = render_rays(balls(), PLACES[place].expand_as(directions), directions).color.reshape(24, 64, 3)
+        shown = cells.roll(-heading, 1)[weight > 0].double()
+        gain = torch.stack([shown.flatten(), torch.ones(shown.numel())], 1)
+        share = (weight[weight > 0] / weight.sum() / 3).double().repeat_interleave(3)
+        off = (told[weight > 0] - shown).flatten()
+        normal = gain.T @ (share[:, None] * gain) + torch.diag(torch.tensor(price)).double()
+        best = torch.linalg.solve(normal, gain.T @ (share * off))
+        left = (share * (off - gain @ best).square()).sum() + (torch.tensor(price) * best.square()).sum()
+        assert float(misfit[place, 0, heading]) == pytest.approx(float(left), abs=1e-5)
+
+
+def test_a_picture_of_hardly_any_contrast_fits_where_the_field_shows_as_little() -> None:
+    away = torch.tensor([[-0.9, -0.9, 0.9]])
+    panoramas = Panoramas.of(balls(), torch.cat([PLACES, away]))
+    sky = balls().background.expand(len(AHEAD), 3)
+    misfit = panoramas.misfit(sky, AHEAD, TILTS, EXPOSURE)
+    shown = panoramas.misfit(colors_from(0, 2, 0), AHEAD, TILTS, EXPOSURE)
+    assert misfit.min() < 1e-4 and misfit.flatten(1).amax(1)[:-1].min() > 1e-3, "any place explains it"
+    assert shown.min() >= -1e-5
 
 
 def test_turning_a_picture_by_a_column_turns_its_misfit() -> None:
     panoramas, colors = Panoramas.of(balls(), PLACES), colors_from(0, 2, 0)
     turned = AHEAD @ from_yaw(torch.tensor(5 * COLUMN)).T
-    here = panoramas.misfit(colors, AHEAD, TILTS[2:3])
-    there = panoramas.misfit(colors, turned, TILTS[2:3])
+    here = panoramas.misfit(colors, AHEAD, TILTS[2:3], EXPOSURE)
+    there = panoramas.misfit(colors, turned, TILTS[2:3], EXPOSURE)
     torch.testing.assert_close(there, here.roll(-5, -1), atol=1e-4, rtol=0)
 
 

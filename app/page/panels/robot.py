@@ -12,11 +12,21 @@ from app.page.html import note, warning
 from app.places.library import PlaceLibrary
 from app.places.robot_library import MESHES, ROBOTS
 from app.state.actions import Choose, Command, Tell
-from app.state.robot_draft import NUMBERS, EditRobot, ForgetEdits, RobotNumber, box_of, cylinder_of, shape_of
+from app.state.robot_draft import (
+    KINDS,
+    NUMBERS,
+    EditRobot,
+    ForgetEdits,
+    RobotNumber,
+    box_of,
+    cylinder_of,
+    kind_changed,
+    shape_of,
+)
 from app.state.session import Session
 from app.text import sentence
 from nerfnav.errors import NerfnavError
-from nerfnav.robots import RobotFile, described, robot_of, to_yaml
+from nerfnav.robots import Kind, RobotFile, described, robot_of, to_yaml
 
 _ICON = viser.Icon
 _SHAPES = ("box", "cylinder")
@@ -37,6 +47,9 @@ class RobotPanel:
         gui = server.gui
         with gui.add_folder("Robot in numbers", expand_by_default=False):
             self._name = gui.add_text("Robot name", "", hint="What you call it")
+            self._kind: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+                "Kind", list(KINDS.values()), hint="How it moves: what another kind needs besides comes with it"
+            )
             self._shape: viser.GuiDropdownHandle[str] = gui.add_dropdown("Body", list[str](_SHAPES))
             self._box = gui.add_vector3("Edges [m]", (0.1, 0.1, 0.1), step=0.001, hint="Length, width, height")
             self._radius = gui.add_number("Radius [m]", 0.1, step=0.001)
@@ -53,6 +66,7 @@ class RobotPanel:
         for number, widget in self._numbers.items():
             widget.on_update(partial(self._number, number))
         self._name.on_update(self._rename)
+        self._kind.on_update(self._move_as)
         for widget in (self._shape, self._box, self._radius, self._height):
             widget.on_update(self._reshape)
         self._use.on_click(self._take)
@@ -73,6 +87,18 @@ class RobotPanel:
     async def _rename(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None and self._own is not None:
             self._post(EditRobot(self._own[0], "", "name", str(self._name.value)))
+
+    def _move_as(self, event: viser.GuiEvent[Any]) -> None:
+        """Take another kind with what that needs; runs on a thread of the server's pool, for meshes are read."""
+        told = self._told
+        if event.client is None or self._own is None or told is None:
+            return
+        labels: dict[str, Kind] = {label: kind for kind, label in KINDS.items()}
+        try:
+            self._post(kind_changed(self._own[0], told, labels[str(self._kind.value)], self._own[1]))
+        except NerfnavError as error:
+            self._post(Tell("Not taken", sentence(str(error)), bad=True))
+            self._kind.value = KINDS[told.kind]
 
     async def _reshape(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is None or self._own is None:
@@ -147,7 +173,7 @@ class RobotPanel:
         shapes = _SHAPES if self._own is None else tuple(dict.fromkeys((*_SHAPES, shape_of(self._own[0].body))))
         if self._shape.options != shapes:
             self._shape.options = shapes
-        self._name.value, self._shape.value = told.name, shape
+        self._name.value, self._kind.value, self._shape.value = told.name, KINDS[told.kind], shape
         self._box.visible, self._radius.visible = body.box is not None, body.cylinder is not None
         self._height.visible = body.cylinder is not None
         if body.box is not None:
@@ -162,9 +188,9 @@ class RobotPanel:
 
 
 def problem_of(told: RobotFile, folder: Path) -> str:
-    """Why there can be no such robot, in one sentence; empty where there can."""
+    """Why there can be no such robot here, in one sentence; empty where there can."""
     try:
-        robot_of(told, folder)
+        robot_of(told, folder).require_planned()
     except NerfnavError as error:
         return sentence(str(error).replace(f"{folder}/", ""))
     return ""

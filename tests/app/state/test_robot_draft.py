@@ -6,9 +6,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from app.state.robot_draft import NUMBERS, EditRobot, ForgetEdits, box_of, cylinder_of, shape_of
+from app.state.robot_draft import (
+    KINDS,
+    NUMBERS,
+    EditRobot,
+    ForgetEdits,
+    box_of,
+    cylinder_of,
+    kind_changed,
+    shape_of,
+)
 from app.state.session import Session
-from nerfnav.robots import BodyFile, QuadrotorConfig, described, names, robot_of
+from nerfnav.errors import InvalidInputError
+from nerfnav.robots import LIMITS, BodyFile, CouchConfig, Kind, QuadrotorConfig, described, names, robot_of
 from tests.app.sessions import after
 
 
@@ -75,3 +85,38 @@ def test_changes_come_together_until_they_are_forgotten_or_another_robot_is_take
 def test_bodies_change_their_shape() -> None:
     body = BodyFile(box=(0.2, 0.1, 0.05))
     assert shape_of(cylinder_of(body, 0.1, 0.05)) == "cylinder" and shape_of(box_of(body, (1, 1, 1))) == "box"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["quadrotor", "couch", "turtlebot3"])
+def test_another_kind_keeps_body_and_camera_and_has_all_that_it_needs(name: str, kind: Kind) -> None:
+    told, meshes = described(name)
+    moved = kind_changed(told, None, kind, meshes).of(None)
+    assert (moved.name, moved.body, moved.camera) == (told.name, told.body, told.camera)
+    assert moved.kind == kind and moved.limits.keys() == LIMITS[kind].keys()
+    assert (moved.mass is None) == (kind in ("diffdrive", "handheld"))
+    assert (moved.inertia is None) == (kind != "quadrotor")
+    robot = robot_of(moved, meshes)
+    assert robot.body.extents == pytest.approx(robot_of(told, meshes).body.extents)
+    assert kind_changed(told, moved, told.kind, meshes).of(moved) == told, "it is another one than at first"
+
+
+def test_what_another_kind_needs_is_the_bundled_robots_at_this_size_and_mass() -> None:
+    quadrotor, meshes = described("quadrotor")
+    heavy = EditRobot(quadrotor, "", "mass", 2.0).of(None)
+    couch = kind_changed(quadrotor, heavy, "couch", meshes).of(heavy)
+    assert couch.mass == 2.0 and couch.limits["force"] == pytest.approx(2.0 * CouchConfig().max_force)
+    cart, _ = described("turtlebot3")
+    flying, usual = kind_changed(cart, None, "quadrotor", meshes).of(None), QuadrotorConfig()
+    assert flying.mass == usual.mass and flying.limits["thrust"] == pytest.approx(usual.max_thrust)
+    assert flying.limits["body_rate"] < usual.max_rate, "a larger body turns more slowly"
+    assert flying.limits["speed"] == usual.max_speed, "of what it was before"
+
+
+def test_a_kind_that_this_robot_cannot_be_is_refused(tmp_path: Path) -> None:
+    told, meshes = described("quadrotor")
+    with pytest.raises(InvalidInputError, match="mass is a number above 0, not -1"):
+        kind_changed(told, EditRobot(told, "", "mass", -1.0).of(None), "couch", meshes)
+    hull = msgspec.structs.replace(told, body=BodyFile(mesh="hull.stl"))
+    with pytest.raises(InvalidInputError, match="hull"):
+        kind_changed(hull, None, "couch", tmp_path)
