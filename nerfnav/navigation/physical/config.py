@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import StateNoise
 
-INERTIAL = StateNoise(position_m=0.0014, velocity_mps=0.014, attitude_rad=0.002, body_rate_radps=0.035)
+INERTIAL = StateNoise(position_m=0.001, velocity_mps=0.01, attitude_rad=0.0014, body_rate_radps=0.021)
 """Process noise that a filter should expect of a time step here: what inertial measurements are wrong by after 0.1 s,
 with some room for biases, which last."""
 
