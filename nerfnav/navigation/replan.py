@@ -216,7 +216,7 @@ def _trusted(
     found = (yield from lookout.search(belief, image)) if wanted else None
     if found is not None:
         return found, Recovery.RELOCALISED
-    blind = lookout.is_blind(belief, update.outcome is not FilterOutcome.PREDICTED_ONLY, doubt.unsure > 0)
+    blind = lookout.is_blind(belief, update.outcome, doubt.unsure > 0)
     return belief, Recovery.BLIND if blind else None
 
 
