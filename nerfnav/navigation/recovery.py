@@ -118,12 +118,12 @@ class Lookout:
         """Whether so many pictures have disagreed that only a search can end the doubt."""
         return disagreed >= self.config.patience
 
-    def is_blind(self, belief: Belief, outcome: FilterOutcome, doubts: bool) -> bool:
+    def is_blind(self, belief: Belief, outcome: FilterOutcome | None, doubts: bool) -> bool:
         """Whether a robot whose picture did not disagree had better look around all the same."""
         spread = float(belief.covariance.diagonal()[POSITION].max().sqrt())
         if doubts:
             return outcome is FilterOutcome.PREDICTED_ONLY or spread > self.config.sure
-        return outcome is not FilterOutcome.UPDATED and spread > self.config.widest
+        return outcome in (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY) and spread > self.config.widest
 
     def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
         """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no
