@@ -291,7 +291,7 @@ def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_
     world = simulator()
     for little in (FilterOutcome.PREDICTED_ONLY, FilterOutcome.WEAK):
         spread, pictures = 1e-6 * torch.eye(12), 0
-        while not Lookout(None).is_blind(Belief(world.state, spread), little, doubts=False):
+        while pictures < 50 and not Lookout(None).is_blind(Belief(world.state, spread), little, doubts=False):
             spread, pictures = spread + StateNoise().covariance(), pictures + 1
         level, _ = position_spread(ROBOT, MISSION.dt, PAPERS_NOISE)
         assert 1 < pictures <= 5 and RecoveryConfig().widest <= level

@@ -87,7 +87,8 @@ class _Listening:
 
 
 def test_what_the_field_is_wrong_by_is_told_and_neither_averages_out_nor_holds_the_robot_up():
-    wrong = LastingError(tuple(torch.diag(torch.tensor([0.05, 0.06, 0.07, 0.01, 0.02, 0.03])).square().flatten().tolist()))
+    spread = torch.diag(torch.tensor([0.05, 0.06, 0.07, 0.01, 0.02, 0.03]))
+    wrong = LastingError(tuple(spread.square().flatten().tolist()))
     world, plain = simulator(), steps_of(fly())
     listening = _Listening(world)
     pilot = Pilot(StraightPlanner(), listening, lasting=wrong)
