@@ -10,7 +10,7 @@ from typing import Literal
 
 import torch
 
-from nerfnav.estimator import FastFilter
+from nerfnav.estimator import FastFilter, LastingError
 from nerfnav.field import GridField, Unknown, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
@@ -77,9 +77,11 @@ def fly(
     noise. Raises as `plan` does.
     """
     config, generator = config or NavigateConfig(), torch.Generator().manual_seed(seed)
+    seen, robot, lasting = _careful(problem), problem.robot, LastingError()
     if isinstance(problem.field, GridField):
-        config = replace(config, filter=config.filter.for_field(problem.field.info.noise_std))
-    seen, robot = _careful(problem), problem.robot
+        info = problem.field.info
+        config = replace(config, filter=config.filter.for_field(info.noise_std))
+        lasting = lasting if scene is None else LastingError(info.pose_floor, robot.mount)
     camera, settings = camera or robot.camera, FastPlanConfig()
     where = (seen.field, map_for(seen, settings.occupancy), robot)
     planner, guard = guarded(planners.load("fast"), where, settings, None, config.noise, problem.terms)
@@ -88,6 +90,7 @@ def fly(
         FastFilter(problem.field, robot, camera, robot.mount, config=config.filter),
         guard=guard,
         seen=problem.field,
+        lasting=lasting,
     )
     contact = None if scene is None else contact_check(scene, robot.body)
     look = _pictures(problem, scene, camera)

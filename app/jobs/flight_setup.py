@@ -11,7 +11,7 @@ from app.jobs.simulated_world import camera_function, contact_function
 from app.jobs.warm_filter import first_update
 from app.places.derived import occupancy_of, planning_place, searcher_of
 from app.places.place import Place
-from nerfnav.estimator import ColorNoise, FilterConfig, estimators
+from nerfnav.estimator import ColorNoise, FilterConfig, LastingError, estimators
 from nerfnav.navigation import (
     WORLDS,
     LoopEvent,
@@ -38,12 +38,14 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     planner, guard = guarded(planners.load(route.planner), where, route.settings, route.again, config.noise)
     config = replace(config, filter=_with_noise_of(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
+    lasting = LastingError(() if place.scene is None else place.field.info.pose_floor, robot.mount)
     pilot = Pilot(
         planner,
         estimator.make(place.field, world.estimated(robot), seen_with, mount=robot.mount, config=config.filter),
         searcher_of(place, seen_with, config.filter.color_noise),
         guard,
         place.field,
+        lasting,
     )
     camera, contact = camera_function(place), contact_function(place)
     simulator = world.simulated(Simulator(

@@ -10,6 +10,7 @@ from .fast import FastFilter as FastFilter
 from .fast import inerf as inerf
 from .filter import FilterConfig as FilterConfig
 from .filter import PoseFilter as PoseFilter
+from .lasting_error import LastingError as LastingError
 from .noise import ProcessNoise as ProcessNoise
 from .noise import RandomAcceleration as RandomAcceleration
 from .noise import StateNoise as StateNoise

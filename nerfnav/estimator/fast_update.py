@@ -164,7 +164,7 @@ class Update:
 
     @cached_property
     def _patches(self) -> float:
-        return patches(self.image)
+        return patches(self.image, noise_std=self.config.color_noise.std)
 
     def _spread_px(self) -> float:
         """Standard deviation of where things show in the first stage's picture, as far as the prediction can tell."""

@@ -178,17 +178,21 @@ def _directions(camera: Camera) -> Float[Tensor, "hw 3"]:
     return camera.directions(camera.pixels())
 
 
-def patches(image: UInt8[Tensor, "height width 3"], side: int = 10) -> float:
+def patches(image: UInt8[Tensor, "height width 3"], side: int = 10, noise_std: float = 0.0) -> float:
     """How many patches of a picture, of `side` by `side`, share what it tells: 1 where all edges are in one of them.
 
-    With g a patch's sum of squared differences between neighbouring pixels, that is (sum g)^2 / sum g^2.
+    With g a patch's sum of squared differences between neighbouring pixels, that is (sum g)^2 / sum g^2, times the
+    share of g that stands out from errors of the field of `noise_std` [1 = full scale]: a patch whose colours vary by v
+    is worth w = v / (v + noise_std^2) of one (Wiener's gain), and a blank wall in all patches alike is worth nothing.
     """
     grey = image.float().mean(-1)
     energy = torch.zeros_like(grey)
     energy[:, 1:] += grey.diff(dim=1).square()
     energy[1:] += grey.diff(dim=0).square()
-    shares = torch.nn.functional.adaptive_avg_pool2d(energy[None], side)
-    return max(1.0, float(shares.sum() ** 2 / shares.square().sum().clamp_min(1e-9)))
+    moments = torch.nn.functional.adaptive_avg_pool2d(torch.stack([energy, grey, grey.square()])[None], side)[0]
+    shares, spread = moments[0], (moments[2] - moments[1].square()).clamp_min(0)
+    told = shares * spread / (spread + (255 * noise_std) ** 2 + 1e-9)
+    return max(1.0, float(shares.sum() * told.sum() / shares.square().sum().clamp_min(1e-9)))
 
 
 def difference(residual: Float[Tensor, "m 3"]) -> Float[Tensor, " m"]:

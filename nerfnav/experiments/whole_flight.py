@@ -10,7 +10,7 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.errors import OccupiedError, OutsideBoxError
-from nerfnav.estimator import ColorNoise, Searcher, estimators
+from nerfnav.estimator import ColorNoise, LastingError, Searcher, estimators
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.flight_row import row_of, steps_of
 from nerfnav.experiments.known_state import KNOWN, KnownState
@@ -112,8 +112,10 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
         config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator), guard=guard)
     else:
         make, camera = estimators.load("fast").make, robot.camera
+        lasting = LastingError(arena.field.info.pose_floor, robot.mount)
         estimator = make(arena.field, world.estimated(robot), camera, mount=robot.mount, config=config.filter)
-        pilot = Pilot(planner, estimator, _searcher(arena, camera, config.filter.color_noise), guard, arena.field)
+        searcher = _searcher(arena, camera, config.filter.color_noise)
+        pilot = Pilot(planner, estimator, searcher, guard, arena.field, lasting)
         pilot = with_late_pictures(pilot, simulator, config.filter)
     mission = Mission(problem.goal, problem.steps, problem.dt)
     return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))

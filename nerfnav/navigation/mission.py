@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
 
-from nerfnav.estimator import Estimator, FilterConfig, StateNoise
+from nerfnav.estimator import Estimator, FilterConfig, LastingError, StateNoise
 from nerfnav.field import Field
 from nerfnav.navigation.backup import Guard
 from nerfnav.navigation.orders import Orders
@@ -86,3 +86,5 @@ class Pilot:
     """Keeps a way to come to rest ready beside each plan; None: plans are flown whatever becomes of them."""
     seen: Field | None = None
     """What its camera sees, as a field; None: it needs no pictures."""
+    lasting: LastingError = field(default_factory=LastingError)
+    """By what this field shows its camera elsewhere, in picture after picture."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import torch
 
-from nerfnav.estimator import Estimator
+from nerfnav.estimator import Estimator, LastingError
 from nerfnav.navigation.recovery import RecoveryConfig, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
@@ -35,6 +35,8 @@ class Overrun:
     """Moves the belief on, without pictures."""
     generator: torch.Generator
     """Its draws."""
+    lasting: LastingError
+    """What is told of its beliefs besides."""
 
     @property
     def missed(self) -> int:
@@ -43,7 +45,7 @@ class Overrun:
 
     def steps(self) -> Iterator[NavigationStep]:
         """The time steps that were missed, in each of which the robot flies blind; the last one has the late plan."""
-        belief, robot, dt = self.step.belief, self.simulator.robot, self.step.plan.dt
+        belief, robot, dt = self.step.followed, self.simulator.robot, self.step.plan.dt
         for late in range(1, self.missed + 1):
             flown = later(self.before, late - 1, belief.mean, robot)
             touched = self.simulator.follow(flown, believed=belief.mean)
@@ -53,8 +55,9 @@ class Overrun:
             made = self.step.plan if late == self.missed else self.before
             index = self.step.index + late
             yield NavigationStep(
-                index, index * dt, flown.actions[0], self.simulator.state, belief, None, None,
+                index, index * dt, flown.actions[0], self.simulator.state, self.lasting.beside(belief), None, None,
                 later(made, late, belief.mean, robot), touched, 0.0, 0.0, recovery=self.step.recovery, late=True,
+                apparent=belief,
             )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep, StateNoise
+from nerfnav.estimator import Belief, FilterOutcome, RelocaliseOutcome, RelocaliseStep, StateNoise
 from nerfnav.geometry import FORWARD_MOUNT, Pose
 from nerfnav.robots import POSITION, Motion, RigidState, Robot
 
@@ -67,7 +67,7 @@ class RecoveryConfig:
     between: int = 3
     """Pictures from one search to the next, in which the robot turns: neighbours look alike."""
     widest: float = 0.04
-    """Standard deviation of a coordinate of the position from which a robot that sees nothing is BLIND [m]: what plans
+    """Standard deviation of a coordinate of the position from which a robot that sees little is BLIND [m]: what plans
     keep clear of (planner/spread.py), and half of what may be missing to a goal. In the paper's noise that is after
     three pictures that show nothing."""
     sure: float = 0.03
@@ -118,12 +118,12 @@ class Lookout:
         """Whether so many pictures have disagreed that only a search can end the doubt."""
         return disagreed >= self.config.patience
 
-    def is_blind(self, belief: Belief, sees: bool, doubts: bool) -> bool:
+    def is_blind(self, belief: Belief, outcome: FilterOutcome | None, doubts: bool) -> bool:
         """Whether a robot whose picture did not disagree had better look around all the same."""
         spread = float(belief.covariance.diagonal()[POSITION].max().sqrt())
         if doubts:
-            return not sees or spread > self.config.sure
-        return not sees and spread > self.config.widest
+            return outcome is FilterOutcome.PREDICTED_ONLY or spread > self.config.sure
+        return outcome in (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY) and spread > self.config.widest
 
     def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
         """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no

@@ -102,7 +102,10 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: _Flight) ->
     yield step
     if flight.mission.realtime:
         under_way = Motion(last.plan.states[1:], last.plan.actions[1:], last.plan.dt)
-        yield from Overrun(step, under_way, flight.simulator, flight.pilot.estimator, flight.generator).steps()
+        pilot = flight.pilot
+        yield from Overrun(
+            step, under_way, flight.simulator, pilot.estimator, flight.generator, pilot.lasting
+        ).steps()
 
 
 def _begin(flight: _Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, RigidState]]:
@@ -132,8 +135,9 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, 
         if config.most_hits is not None and expected > config.most_hits:
             outcome = EpisodeOutcome.TOO_RISKY
     step = NavigationStep(
-        0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome, hits_expected=expected
-    )
+        0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome, hits_expected=expected,
+        apparent=None if config.open_loop else flight.pilot.lasting.beside(belief),
+    )  # fmt: skip
     return step, goal
 
 
@@ -146,7 +150,7 @@ def _advance(
     image = simulator.look()
     believable = None if flight.lookout.is_lost(doubt.lost) else image  # a false belief may agree with it by chance
     update, filter_ms = yield from timed(
-        flight.pilot.estimator.update(last.belief, believable, action, mission.dt, flight.generator), mission.clock
+        flight.pilot.estimator.update(last.followed, believable, action, mission.dt, flight.generator), mission.clock
     )
     backup, (belief, recovery) = None, (yield from _trusted(update, image, flight, doubt))
     if recovery is not None and recovery.holds:
@@ -170,8 +174,8 @@ def _advance(
             replan_ms += 1e3 * (mission.clock() - began)
             plan, recovery = (backup.motion, Recovery.BACKUP) if taken else (plan, recovery)
     return NavigationStep(
-        index, index * mission.dt, action, simulator.state, belief, image, update, plan,
-        touched, filter_ms, replan_ms, recovery=recovery, restart=restart, backup=backup,
+        index, index * mission.dt, action, simulator.state, flight.pilot.lasting.beside(belief), image, update, plan,
+        touched, filter_ms, replan_ms, recovery=recovery, restart=restart, backup=backup, apparent=belief,
     )  # fmt: skip
 
 
@@ -216,7 +220,7 @@ def _trusted(
     found = (yield from lookout.search(belief, image)) if wanted else None
     if found is not None:
         return found, Recovery.RELOCALISED
-    blind = lookout.is_blind(belief, update.outcome is not FilterOutcome.PREDICTED_ONLY, doubt.unsure > 0)
+    blind = lookout.is_blind(belief, update.outcome, doubt.unsure > 0)
     return belief, Recovery.BLIND if blind else None
 
 

@@ -67,6 +67,14 @@ class NavigationStep:
     as the robot keeps to its plan as well as planner/spread.py says. None where nobody guards the flight."""
     backup: Backup | None = None
     """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
+    apparent: Belief | None = None
+    """Where the field shows the robot, without errors that come with every picture (estimator/lasting_error.py): what
+    the estimator goes on with, and what doubts are about; None: as `belief`, which has them."""
+
+    @property
+    def followed(self) -> Belief:
+        """What the estimator goes on with."""
+        return self.belief if self.apparent is None else self.apparent
 
     @property
     def holds(self) -> bool:

@@ -28,6 +28,7 @@ from nerfnav.estimator import (
     Belief,
     FilterOutcome,
     FilterStep,
+    LastingError,
     ProcessNoise,
     RandomAcceleration,
     RelocaliseOutcome,
@@ -43,7 +44,6 @@ from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots import POSITION, HandHeld, RigidState, Robot
 from nerfnav.tracking.corrections import Correction, correction
 from nerfnav.tracking.frame import Frame
-from nerfnav.tracking.lasting_error import LastingError
 from nerfnav.tracking.likeness import Likeness, Usual
 from nerfnav.tracking.motions import CarrierMotion, InertialMotion, ModelMotion
 from nerfnav.tracking.status import TrackStatus

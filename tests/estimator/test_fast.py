@@ -222,6 +222,17 @@ def test_a_picture_whose_edges_are_in_one_corner_is_worth_one_patch():
     assert patches(torch.zeros(100, 100, 3, dtype=torch.uint8)) == 1
 
 
+def test_a_wall_without_anything_on_it_is_worth_one_patch_however_large_it_is():
+    shaded = 120 + 0.1 * torch.arange(100.0)[None, :, None] + torch.randn(100, 100, 3, generator=draws(0))
+    wall = shaded.round().to(torch.uint8)
+    assert patches(wall) > 90, "all of its patches are alike"
+    assert patches(wall, noise_std=0.05) == 1
+    textured = torch.randint(0, 256, (100, 100, 3), generator=draws(0), dtype=torch.uint8)
+    assert patches(textured, noise_std=0.05) > 0.85 * patches(textured)
+    half = torch.cat([textured[:, :50], wall[:, 50:]], 1)
+    assert patches(half, noise_std=0.05) == pytest.approx(0.5 * patches(textured), rel=0.2)
+
+
 def test_the_process_term_is_that_of_the_papers_cost():
     """Its process term is that of Eq. 6."""
     steps, _, prediction = update(5)

@@ -1,11 +1,14 @@
 """Whole flights: which are flown, what is told of each, and how they are summed up."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.experiments import whole_flight
 from nerfnav.experiments.closed_loop import run, trials_of
 from nerfnav.experiments.closed_loop_results import picture, summary_of, wilson
 from nerfnav.experiments.flight_options import FlightOptions
@@ -13,6 +16,7 @@ from nerfnav.experiments.flight_row import is_silent
 from nerfnav.experiments.random_ends import SPARE, random_task
 from nerfnav.experiments.study import Results, Study
 from nerfnav.experiments.whole_flight import FlightTrial, fly
+from nerfnav.navigation import LoopEvent, Mission, Pilot, Simulator
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
 from tests.experiments.places import TASKS, column
@@ -104,6 +108,23 @@ def test_equal_seeds_give_equal_flights_with_the_state_known() -> None:
     assert timeless == {name: value for name, value in same["row"].items() if name in timeless}
     assert one["row"]["final_m"] != other["row"]["final_m"]
     assert one["row"]["position_p95_m"] == 0
+
+
+def test_flights_by_camera_tell_what_was_measured_of_the_field_at_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    floor, pilots = tuple((1e-4 * torch.eye(6)).flatten().tolist()), []
+
+    def listened(mission: Mission, simulator: Simulator, pilot: Pilot, *rest: object) -> Iterator[LoopEvent]:
+        pilots.append(pilot)
+        return iter(())
+
+    monkeypatch.setattr(whole_flight, "navigate", listened)
+    place = column()
+    place = replace(place, field=replace(place.field, info=replace(place.field.info, pose_floor=floor)))
+    for known in (False, True):
+        fly(place, FlightTrial(TASKS[0], 1, known=known))
+    seen, told = pilots
+    assert seen.lasting.numbers == floor and torch.equal(seen.lasting.mount.rotation, Quadrotor().mount.rotation)
+    assert not told.lasting.numbers, "who is told the state compares no pictures"
 
 
 def test_a_flight_that_the_field_refuses_is_told_as_such() -> None:

@@ -168,6 +168,17 @@ def test_a_plan_is_tracked_in_gusts_with_a_wrong_mass() -> None:
         assert (world.state.position - plan.states.position[step + 1]).norm() < 0.03, step
 
 
+def test_gyroscopes_tell_the_body_rate_of_now_while_rotors_change_it() -> None:
+    quiet = replace(CALM, gyroscope_noise=0.0, gyroscope_bias_radps=0.0, camera_delay=0)
+    turning = replace(START, body_rate=torch.tensor([2.0, -1.5, 0.3]))
+    world = world_of(quiet)
+    world._put(turning)
+    world.follow(Motion(RigidState.stack([START, START]), HOVER, 0.01), believed=turning)
+    assert (world.state.body_rate - turning.body_rate).norm() > 0.2, "it is slowed down"
+    _, after = world.felt
+    assert (after[-3:] - world.state.body_rate).norm() < 2e-3
+
+
 def test_inertial_increments_move_any_state_as_the_robot_was_moved() -> None:
     world = world_of(replace(CALM, gyroscope_noise=0.0, gyroscope_bias_radps=0.0, accelerometer_noise=0.0,
                              accelerometer_bias_mps2=0.0))  # fmt: skip

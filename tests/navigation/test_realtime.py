@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from nerfnav.estimator import LastingError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.realtime import later, missed
@@ -25,9 +26,9 @@ class SlowClock:
         return self.now
 
 
-def flown(slow: set[int], realtime: bool = True) -> list[NavigationStep]:
+def flown(slow: set[int], realtime: bool = True, lasting: LastingError | None = None) -> list[NavigationStep]:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), Oracle(world))
+    pilot = Pilot(StraightPlanner(), Oracle(world), lasting=lasting or LastingError())
     mission = replace(MISSION, realtime=realtime, clock=SlowClock(slow))
     events = navigate(mission, world, pilot, NavigateConfig(noise=CALM), draws(1))
     return [event for event in events if isinstance(event, NavigationStep)]
@@ -41,6 +42,16 @@ def test_a_world_that_waits_and_one_that_does_not_are_the_same_while_nothing_is_
     waits, goes_on = flown(set(), realtime=False), flown(set())
     assert len(waits) == len(goes_on) and not any(step.late for step in goes_on)
     assert torch.equal(waits[-1].truth.position, goes_on[-1].truth.position)
+
+
+def test_late_steps_tell_what_the_field_is_wrong_by_as_well() -> None:
+    lasting = LastingError(tuple((0.05**2 * torch.eye(6)).flatten().tolist()))
+    plain, told = flown({8}), flown({8}, lasting=lasting)
+    assert any(step.late for step in told)
+    for before, step in zip(plain[1:], told[1:], strict=True):
+        assert torch.equal(step.truth.position, before.truth.position)
+        more = step.belief.covariance - before.belief.covariance
+        torch.testing.assert_close(more, lasting.at(step.belief), rtol=0, atol=1e-8)
 
 
 def test_a_late_step_lets_the_robot_fly_by_its_older_plan_meanwhile() -> None:

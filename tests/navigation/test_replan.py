@@ -1,7 +1,7 @@
 """Algorithm 1, with stand-ins for planner and estimator."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import pytest
@@ -10,6 +10,7 @@ from torch import Tensor
 
 from nerfnav.errors import OccupiedError
 from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.lasting_error import LastingError
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.geometry import so3
@@ -69,6 +70,39 @@ def test_the_robot_reaches_the_goal():
     last = steps_of(fly())[-1]
     assert last.outcome is EpisodeOutcome.REACHED
     assert (last.truth.position - GOAL.position).norm() < CONFIG.goal_tolerance_m + 0.01
+
+
+@dataclass
+class _Listening:
+    """An oracle that remembers what it was asked to go on with."""
+
+    simulator: Simulator
+    asked: list[Belief] = field(default_factory=list)
+
+    def update(
+        self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        self.asked.append(belief)
+        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+
+
+def test_what_the_field_is_wrong_by_is_told_and_neither_averages_out_nor_holds_the_robot_up():
+    spread = torch.diag(torch.tensor([0.05, 0.06, 0.07, 0.01, 0.02, 0.03]))
+    wrong = LastingError(tuple(spread.square().flatten().tolist()))
+    world, plain = simulator(), steps_of(fly())
+    listening = _Listening(world)
+    pilot = Pilot(StraightPlanner(), listening, lasting=wrong)
+    steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
+    assert CONFIG.recovery.widest < 0.05, "so that a robot would hold for ever that took it for what pictures tell"
+    assert [step.recovery for step in steps] == [step.recovery for step in plain]
+    for step, before in zip(steps[1:], plain[1:], strict=True):
+        assert torch.equal(step.belief.mean.position, before.belief.mean.position)
+        told = step.belief.covariance - wrong.at(step.belief)
+        torch.testing.assert_close(told, before.belief.covariance, rtol=0, atol=1e-8)
+    for step, asked in zip(steps[1:-1], listening.asked[1:], strict=True):
+        torch.testing.assert_close(asked.covariance, step.belief.covariance - wrong.at(step.belief), rtol=0, atol=1e-8)
+    first = listening.asked[0].covariance - steps[0].belief.covariance
+    torch.testing.assert_close(first, wrong.at(steps[0].belief), rtol=0, atol=1e-8)
 
 
 def test_each_time_step_is_filter_then_plan_then_its_record():

@@ -37,12 +37,22 @@ class InertialUnit:
         return body_rate + off[:3], specific_force + off[3:]
 
 
-def mechanised(state: BodyState, body_rate: np.ndarray, force: np.ndarray, gravity: float, dt: float) -> BodyState:
-    """The state `dt` [s] later by a measured angular velocity [rad/s] and specific force [m/s^2] in the body."""
+def mechanised(
+    state: BodyState, measured: tuple[np.ndarray, np.ndarray], turning: np.ndarray, gravity: float, dt: float
+) -> BodyState:
+    """The state `dt` [s] later by a measured angular velocity [rad/s] and specific force [m/s^2] in the body.
+
+    Gyroscopes measure the mean over that time, which is the angular velocity at its middle. At its end it is
+
+        w = w_measured + dt / 2 w'
+
+    up to the second order, with the angular acceleration w' (`turning` [rad/s^2]) that the rotors bring about.
+    """
+    body_rate, force = measured
     at = state.rotation, state.velocity, state.position
     turns = rotation_of(0.5 * dt * body_rate), rotation_of(dt * body_rate)
     rotation, velocity, position = advanced(at, turns, force, np.array([0.0, 0.0, -gravity]), dt)
-    return BodyState(position, velocity, rotation, body_rate)
+    return BodyState(position, velocity, rotation, body_rate + 0.5 * dt * turning)
 
 
 def increments(before: BodyState, after: BodyState, gravity: float, time: float) -> Float[Tensor, "12"]:

@@ -61,8 +61,7 @@ def integrate(
     def slope(at: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         _, velocity, rotation, rate = at
         acceleration = (rotation[:, 2] * wrench[0] + air) / frame.mass - (0.0, 0.0, frame.gravity)
-        turning = (wrench[1:] - cross(rate, frame.inertia * rate)) / frame.inertia
-        return velocity, acceleration, rotation @ hat(rate), turning
+        return velocity, acceleration, rotation @ hat(rate), turning(frame.inertia, rate, wrench[1:])
 
     first = slope(start)
     second = slope(_moved(start, first, 0.5 * dt))
@@ -71,6 +70,11 @@ def integrate(
     mean = tuple((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(first, second, third, fourth, strict=True))
     position, velocity, rotation, rate = _moved(start, mean, dt)
     return BodyState(position, velocity, orthogonal(rotation), rate)
+
+
+def turning(inertia: np.ndarray, body_rate: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """w' [rad/s^2], for the diagonal of J [kg m^2], w [rad/s] and tau [N m] in the body's axes."""
+    return (torque - cross(body_rate, inertia * body_rate)) / inertia
 
 
 def orthogonal(matrix: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.inertial import InertialUnit, increments, mechanised
 from nerfnav.navigation.physical.powertrain import Powertrain
 from nerfnav.navigation.physical.reference import Flown, Wanted
-from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
+from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate, turning
 from nerfnav.navigation.physical.tracking import TrackingGains, wrench_for
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.simulator import Simulator
@@ -114,7 +114,8 @@ class PhysicalSimulator(Simulator):
         rate, felt = self._inertial.measure(0.5 * (body.body_rate + self._body.body_rate), force)
         surplus = believed.rotation @ (felt - (0.0, 0.0, wrench[0] / self._thought.mass))
         self._disturbance += (1 - np.exp(-dt * self.gains.observer)) * (surplus - self._disturbance)
-        self._estimate = mechanised(believed, rate, felt, frame.gravity, dt)
+        turned = turning(self._thought.inertia, rate, wrench[1:])
+        self._estimate = mechanised(believed, (rate, felt), turned, frame.gravity, dt)
 
     @property
     def _late(self) -> int:
