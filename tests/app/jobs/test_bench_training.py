@@ -10,8 +10,11 @@ import torch
 from PIL import Image
 
 from app.jobs import bench
+from app.jobs.arena import open_arena
 from app.jobs.bench import BenchRequest
-from app.jobs.bench_training import measure_training
+from app.jobs.bench_chart import picture
+from app.jobs.bench_files import save_bench
+from app.jobs.bench_training import Row, measure_training
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.render import render_image
 from tests.app.following import result_of
@@ -49,6 +52,29 @@ def test_a_capture_is_learned_for_each_time_and_judged_on_its_own_test_views(tmp
     assert {f"learning {tmp_path.name} for 0.5 s", f"learning {tmp_path.name} for 1 s"} <= set(labels)
     assert [row["budget_s"] for row in rows] == [0.5, 1.0]
     assert all(row["views"] == 3 and row["iterations"] > 0 and row["psnr_db"] > 10 for row in rows)
+    assert all(row["cpu_s"] > 0 for row in rows)
+
+
+ROWS: list[Row] = [
+    {"budget_s": 30.0, "psnr_db": 24.0, "cpu_s": 55.0},
+    {"budget_s": 300.0, "psnr_db": 26.5, "cpu_s": 570.0},
+]
+
+
+def test_the_chart_shows_what_was_measured_by_minutes() -> None:
+    (axes,) = picture(ROWS, 2).axes
+    minutes, psnr = axes.lines[0].get_data()
+    assert np.asarray(minutes).tolist() == [0.5, 5.0]
+    assert np.asarray(psnr).tolist() == [24.0, 26.5]
+    assert {text.get_text() for text in axes.texts} == {"24.0 dB\n55 CPU s", "26.5 dB\n570 CPU s"}
+    assert "2 cores" in axes.get_title()
+
+
+def test_the_chart_is_among_the_files_of_a_bench_that_learned_a_capture(tmp_path: Path) -> None:
+    summary = {"training": ROWS, "cores": 2, "quick": True}
+    files = save_bench(tmp_path, summary, open_arena("stonehenge"), lambda name: None)
+    assert [path.name for path in files] == ["bench.json", "training.png"]
+    assert Image.open(tmp_path / "training.png").size[0] > 300
 
 
 @pytest.mark.parametrize("seconds", [(30.0,), (30.0, 0.0)])
