@@ -24,6 +24,8 @@ class OpenQueries:
         self._work = work
         self._answered: set[Query[Any]] = set()
         self._last_answer = 0.0
+        self._pauses: dict[type[Query[Any]], float] = {}
+        """Until when a busy worker answers no more queries of a kind [s]."""
 
     def follow(self, session: Session) -> None:
         """Forget the answers to what this session no longer asks."""
@@ -31,9 +33,12 @@ class OpenQueries:
 
     def next(self, session: Session, busy: bool) -> Query[Any] | None:
         """A query that is not answered yet; while a job is `busy`, not too soon after the last one."""
-        if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
+        now = time.monotonic()
+        if busy and now - self._last_answer < _ANSWER_EVERY_S:
             return None
-        return next((query for query in pending_queries(session) if query not in self._answered), None)
+        rests = {kind for kind, until in self._pauses.items() if busy and now < until}
+        open_ = (query for query in pending_queries(session) if type(query) not in rests)
+        return next((query for query in open_ if query not in self._answered), None)
 
     def take(self, session: Session, busy: bool) -> Query[Any] | None:
         """The same, which counts as answered from now on."""
@@ -45,6 +50,7 @@ class OpenQueries:
     def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Tell:
         """The answer, or why there is none."""
         assert session.place is not None, "queries are of a place"
+        began = time.monotonic()
         try:
             return QueryAnswered(query, self._work.answer(session.place, query))
         except NerfnavError as error:
@@ -53,4 +59,5 @@ class OpenQueries:
             _log.exception("answering %s failed", type(query).__name__)
             return Tell("Something broke", describe_fault(error), bad=True)
         finally:
-            self._last_answer = time.monotonic()
+            self._last_answer = now = time.monotonic()
+            self._pauses[type(query)] = now + query.pause * (now - began)
