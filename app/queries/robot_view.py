@@ -1,12 +1,13 @@
 """Query: what does the field look like to the robot's camera?"""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 
 from app.jobs.robot_camera import view_from
+from app.places.ends import End
 from app.queries.query import Query, Resources
 from app.state.records import FlightRecord
 from app.state.session import Session
@@ -26,8 +27,8 @@ class RobotViewQuery(Query[RobotView]):
 
     key: tuple[Any, ...]
     """What the view is of; two queries of one key have the same answer."""
-    states: tuple[RigidState, ...] = field(compare=False)
-    """From where it looks."""
+    stands: tuple[RigidState | End, ...] = field(compare=False)
+    """Where the robot looks from; ends as they are, for states take long to make, and the session is often asked."""
     rough: bool = False
     """Whether a quarter of the pixels will do: in flight each step would wait for the others."""
 
@@ -41,13 +42,14 @@ class RobotViewQuery(Query[RobotView]):
             key = ("flight", session.jobs_begun, session.runs.asked, len(flight.steps))
             query = cls(key, (flight.steps[-1].belief.mean,), _goes_on(session))
         else:
-            query = cls(("ends", ends), ())
-        if not query.is_answered(session):  # asked often, and states take long to make
-            yield query if query.states else replace(query, states=(ends.start.state(), ends.goal.state()))
+            query = cls(("ends", ends), (ends.start, ends.goal))
+        if not query.is_answered(session):
+            yield query
 
     def answer(self, resources: Resources) -> RobotView:
-        """Render the field from each state."""
-        return tuple(view_from(resources.place, state, self.rough) for state in self.states)
+        """Render the field from each of them."""
+        states = (stand.state() if isinstance(stand, End) else stand for stand in self.stands)
+        return tuple(view_from(resources.place, state, self.rough) for state in states)
 
     def step_of(self, flight: FlightRecord | None) -> NavigationStep | None:
         """The time step of the flight that the view is of."""
