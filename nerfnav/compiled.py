@@ -76,7 +76,8 @@ def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False)
     """
 
     def decorate(function: Any) -> Kernel:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": set() if exact else _FAST, "parallel": parallel}
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "parallel": parallel}
+        options["fastmath"] = set() if exact else _FAST
         options |= {"cache": False, "forceinline": True} if inline else {"cache": True}
         # unwrapped: when shapes are checked, every function of the package comes in a wrapper
         return Kernel(inspect.unwrap(function), options)

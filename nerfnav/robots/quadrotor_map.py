@@ -85,7 +85,7 @@ def way(config: QuadrotorConfig, start: RigidState, actions: np.ndarray, dt: flo
 
 
 def held(config: QuadrotorConfig, start: RigidState, wanted: Tensor, dt: float, rest: float) -> Motion:
-    """What comes of holding for up to n steps against wanted velocities (n, 3) [m/s], until it is slower than `rest`."""
+    """What comes of holding, for up to n steps with wanted velocities (n, 3) [m/s]: see `Robot.held`."""
     most = len(wanted)
     states = (np.empty((most + 1, 3)), np.empty((most + 1, 3)), np.empty((most + 1, 3, 3)), np.empty((most + 1, 3)))
     holding = (config.braking, config.max_braking, config.levelling, config.thrust_floor * config.weight)

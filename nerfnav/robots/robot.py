@@ -166,7 +166,7 @@ class Robot(ABC):
     def compiled_hold(
         self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float
     ) -> Motion | None:
-        """The same by the twins of `hold` and `step` in compiled kernels; None where there are none. Asked by `held`."""
+        """The same by compiled twins of `hold` and `step`; None where there are none. Asked by `held`."""
         return None
 
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:

@@ -41,7 +41,7 @@ def hold_out(start, wanted, constants, holding, rest, states, actions):
 
 @kernel(inline=True)
 def _hold(velocity, rotation, rate, constants, holding, action):
-    """Fill the action that brakes, levels out and hovers: thrust for now, torque for the attitude two steps from now."""
+    """Fill the action that brakes, levels out and hovers: thrust now, torque for the attitude two steps from now."""
     dt = constants[5]
     action[1], action[2], action[3] = 0.0, 0.0, 0.0  # what is predicted turns by its own rate alone
     later, ahead, turning = velocity.copy(), rotation.copy(), rate.copy()

@@ -21,7 +21,7 @@ def blend(corners, faces, weights, values):
 
 @kernel(exact=True)
 def average(colors, seen, sky, image):
-    """Fill an image (h, w, 3) with the mean of each pixel's rays: colors (h, k, w, k, 3), the sky's where not `seen`."""
+    """Fill an image (h, w, 3) with the mean of each pixel's rays: colors (h, k, w, k, 3), or the sky."""
     side = colors.shape[1]
     count, half = np.float32(side * side), np.float32(0.5)
     for row in range(image.shape[0]):
