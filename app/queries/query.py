@@ -7,7 +7,7 @@ A query is complete in itself: it reads nothing of the session that it is answer
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from app.places.place import Place
 from app.state.session import Session
@@ -33,8 +33,10 @@ class Resources:
 class Query(ABC, Generic[Result]):
     """Something that the page would like to know. Two queries that are equal have the same answer."""
 
-    pause: ClassVar[float] = 0.0
-    """For how many times as long as an answer took a job goes on before the next one of the same kind."""
+    @property
+    def pause(self) -> float:
+        """For how many times as long as an answer took a job goes on before the next one of the same kind."""
+        return 0.0
 
     @property
     def slot(self) -> Hashable:

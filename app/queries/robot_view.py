@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -22,13 +22,10 @@ RobotView = tuple[np.ndarray, ...]
 class RobotViewQuery(Query[RobotView]):
     """What does the field look like from where the robot believes to be, or from the ends?"""
 
-    pause: ClassVar[float] = 9.0
-    """A tenth of the time for pictures: a flight's next step waits for them."""
-
     key: tuple[Any, ...]
     """What the view is of; two queries of one key have the same answer."""
-    stands: tuple[RigidState | End, ...] = field(compare=False)
-    """Where the robot looks from; ends as they are, for states take long to make, and the session is often asked."""
+    states: tuple[RigidState | End, ...] = field(compare=False)
+    """From where it looks; ends as they are, for states take long to make, and the session is often asked."""
     rough: bool = False
     """Whether a quarter of the pixels will do: in flight each step would wait for the others."""
 
@@ -46,9 +43,14 @@ class RobotViewQuery(Query[RobotView]):
         if not query.is_answered(session):
             yield query
 
+    @property
+    def pause(self) -> float:
+        """A tenth of the time for pictures of a flight whose next step waits for them."""
+        return 9.0 if self.rough else 0.0
+
     def answer(self, resources: Resources) -> RobotView:
         """Render the field from each of them."""
-        states = (stand.state() if isinstance(stand, End) else stand for stand in self.stands)
+        states = (from_.state() if isinstance(from_, End) else from_ for from_ in self.states)
         return tuple(view_from(resources.place, state, self.rough) for state in states)
 
     def step_of(self, flight: FlightRecord | None) -> NavigationStep | None:

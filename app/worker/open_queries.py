@@ -14,6 +14,7 @@ from nerfnav.errors import NerfnavError
 
 _log = logging.getLogger(__name__)
 _ANSWER_EVERY_S = 0.1  # pause between two answers while a job runs, which has the rest of the time
+_LONGEST_PAUSE_S = 0.5  # an answer may have waited for the compiler
 
 
 class OpenQueries:
@@ -33,12 +34,14 @@ class OpenQueries:
 
     def next(self, session: Session, busy: bool) -> Query[Any] | None:
         """A query that is not answered yet; while a job is `busy`, not too soon after the last one."""
-        now = time.monotonic()
-        if busy and now - self._last_answer < _ANSWER_EVERY_S:
+        if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
             return None
-        rests = {kind for kind, until in self._pauses.items() if busy and now < until}
-        open_ = (query for query in pending_queries(session) if type(query) not in rests)
+        open_ = (query for query in pending_queries(session) if not (busy and self.rests(query)))
         return next((query for query in open_ if query not in self._answered), None)
+
+    def rests(self, query: Query[Any]) -> bool:
+        """Whether the last answer to a query of its kind took so long that a job goes on first."""
+        return query.pause > 0 and time.monotonic() < self._pauses.get(type(query), 0.0)
 
     def take(self, session: Session, busy: bool) -> Query[Any] | None:
         """The same, which counts as answered from now on."""
@@ -60,4 +63,4 @@ class OpenQueries:
             return Tell("Something broke", describe_fault(error), bad=True)
         finally:
             self._last_answer = now = time.monotonic()
-            self._pauses[type(query)] = now + query.pause * (now - began)
+            self._pauses[type(query)] = now + min(query.pause * (now - began), _LONGEST_PAUSE_S)
