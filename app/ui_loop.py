@@ -88,10 +88,10 @@ class UiLoop:
 
     def _due(self, message: Action, shown_at: float) -> float:
         """When to show what a message has changed, after the page was shown at `shown_at` [s]."""
-        frame = _FRAME_S
+        frame, job = _FRAME_S, self.session.job
         if self.session.held:  # the worker makes no more plans a second than the hand makes moves: none has to wait
             frame = 0.0
-        elif self.session.hurries and isinstance(message, Reported | QueryAnswered):
+        elif job is not None and job.hurries and isinstance(message, Reported | QueryAnswered):
             frame = _HURRYING_S
         return max(shown_at + frame, time.monotonic() + _SETTLED_S)
 

@@ -213,12 +213,6 @@ class Session:
         return self.job is not None and self.job.kind is JobKind.FLY
 
     @property
-    def hurries(self) -> bool:
-        """Whether a flight goes on as fast as it can be computed: its next step waits for nobody, and nobody can follow
-        all that it tells."""
-        return self.in_flight and self.job is not None and not self.job.paused and self.job.pace <= 0
-
-    @property
     def moves(self) -> bool:
         """Whether something changes with time alone."""
         return self.replaying or self.runs.timeline.playing

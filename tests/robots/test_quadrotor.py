@@ -303,7 +303,7 @@ def test_what_comes_of_holding_is_that_of_its_steps(seed: int):
     class Plain(Quadrotor):
         """Has no twin of its holding, so that it is done in torch."""
 
-        def compiled_hold(self, *_: object) -> None:
+        def compiled_hold(self, start: RigidState, wanted: torch.Tensor, dt: float, rest: float) -> None:
             return None
 
     draws = torch.Generator().manual_seed(seed)

@@ -235,7 +235,7 @@ def test_pictures_of_a_flight_leave_it_most_of_the_time(loop_for: Callable[[Scri
     assert len(work.pictures) > 1  # it is looked at all the same
     assert min(later - before for before, later in itertools.pairwise(work.pictures)) >= 10 * 0.04 - 0.01
     loop.until(lambda: pending_queries(loop.session) == ())
-    assert not work.asked[-1].rough  # where the flight ended, in full
+    assert work.asked[-1].pause == 0  # where the flight ended, in full
 
 
 def test_an_answer_that_took_long_once_does_not_put_the_next_one_off_for_long(
