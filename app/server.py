@@ -63,7 +63,8 @@ class App:
         self._server = surface.server
         self._worker.follow(self.session)  # opens the place while the page is being put up
         self._worker.start()
-        self._loop.start(put_up(surface, self.post, self._library))
+        # all changes of a frame in one message: each would wake up viser's thread, which takes the interpreter's lock
+        self._loop.start(put_up(surface, self.post, self._library), surface.server.atomic)
 
     def stop(self) -> None:
         """End the worker and the page."""

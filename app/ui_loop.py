@@ -8,14 +8,16 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
 from app.reducers.root import reduce
-from app.state.actions import Action, MoveEnd, Reported, Tick
+from app.state.actions import Action, MoveEnd, QueryAnswered, Reported, Tick
 from app.state.session import Session
 
 _log = logging.getLogger(__name__)
 _FRAME_S = 1 / 20  # the page changes at most this often; what happens in between is merged
+_HURRYING_S = 1 / 10  # the same for what a flight at full speed tells: each frame takes time from its next step
 _SETTLED_S = 1 / 200  # what comes together is shown together
 
 
@@ -35,13 +37,19 @@ class UiLoop:
         self.session = session
         self.parts: tuple[Shows, ...] = ()
         """What shows the session."""
+        self._together: Callable[[], AbstractContextManager[None]] = nullcontext
         self._follow = follow
         self._inbox: queue.SimpleQueue[Action | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="nerfnav-ui", daemon=True)
 
-    def start(self, parts: tuple[Shows, ...]) -> None:
-        """Begin to take messages, and to show the session in these parts of the page."""
-        self.parts = parts
+    def start(
+        self, parts: tuple[Shows, ...], together: Callable[[], AbstractContextManager[None]] = nullcontext
+    ) -> None:
+        """Begin to take messages, and to show the session in these parts of the page.
+
+        What they change inside one block of `together` reaches the page at once.
+        """
+        self.parts, self._together = parts, together
         self._thread.start()
 
     def post(self, message: Action) -> None:
@@ -64,9 +72,7 @@ class UiLoop:
         shown_at = time.monotonic()
         while (message := self._next()) is not None:
             changed = self._take(message)
-            # the worker makes no more plans a second than the hand makes moves: none has to wait for a frame
-            frame = 0.0 if self.session.held else _FRAME_S
-            until = max(shown_at + frame, time.monotonic() + _SETTLED_S)
+            until = self._due(message, shown_at)
             while (left := until - time.monotonic()) > 0:
                 try:
                     message = self._inbox.get(timeout=left)
@@ -75,9 +81,19 @@ class UiLoop:
                 if message is None:
                     return
                 changed = self._take(message) or changed
+                until = min(until, self._due(message, shown_at))
             if changed:
                 self._show()
                 shown_at = time.monotonic()
+
+    def _due(self, message: Action, shown_at: float) -> float:
+        """When to show what a message has changed, after the page was shown at `shown_at` [s]."""
+        frame, job = _FRAME_S, self.session.job
+        if self.session.held:  # the worker makes no more plans a second than the hand makes moves: none has to wait
+            frame = 0.0
+        elif job is not None and job.hurries and isinstance(message, Reported | QueryAnswered):
+            frame = _HURRYING_S
+        return max(shown_at + frame, time.monotonic() + _SETTLED_S)
 
     def _next(self) -> Action | None:
         """The next message, or that a frame has passed where something moves by itself."""
@@ -101,8 +117,9 @@ class UiLoop:
         return self.session is not before or not isinstance(message, Reported)
 
     def _show(self) -> None:
-        for part in self.parts:
-            try:
-                part.show(self.session)
-            except Exception:
-                _log.exception("%s could not show the session", type(part).__name__)
+        with self._together():
+            for part in self.parts:
+                try:
+                    part.show(self.session)
+                except Exception:
+                    _log.exception("%s could not show the session", type(part).__name__)

@@ -68,14 +68,16 @@ class Kernel:
             return numba.njit(**options)(self._function)
 
 
-def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Any], Kernel]:
+def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False) -> Callable[[Any], Kernel]:
     """Compile a function with numba, cached, without the interpreter's lock.
 
-    `inline` marks a small function that is only called by other kernels.
+    `inline` marks a small function that is only called by other kernels; `exact` keeps each operation as it is written,
+    so that it rounds as numpy does.
     """
 
     def decorate(function: Any) -> Kernel:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": _FAST, "parallel": parallel}
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "parallel": parallel}
+        options["fastmath"] = set() if exact else _FAST
         options |= {"cache": False, "forceinline": True} if inline else {"cache": True}
         # unwrapped: when shapes are checked, every function of the package comes in a wrapper
         return Kernel(inspect.unwrap(function), options)

@@ -2,6 +2,7 @@
 
 from app.places.place import Place
 from nerfnav.field import render_image
+from nerfnav.geometry import FORWARD_MOUNT, Camera
 from nerfnav.navigation import CameraFunction, ContactFunction
 
 
@@ -23,3 +24,13 @@ def camera_function(place: Place) -> CameraFunction:
 
     renderer = MeshRenderer(place.scene, supersample=2)  # as the photographs that the field learned from
     return lambda pose: renderer.render(seen_with, pose).image
+
+
+def first_picture() -> None:
+    """Look at next to nothing: by then what makes pictures of ground truths is compiled."""
+    import trimesh
+
+    from nerfnav.world import MeshRenderer  # slow to import, as above
+
+    nothing = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    MeshRenderer(nothing).render(Camera.from_fov(2, 2, 90), FORWARD_MOUNT)

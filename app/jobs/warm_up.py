@@ -5,6 +5,7 @@ from contextlib import suppress
 
 from app.jobs import plan
 from app.jobs.events import Progress
+from app.jobs.simulated_world import first_picture
 from app.jobs.warm_filter import first_update
 from app.places.ends import opening_ends
 from app.places.place import Place
@@ -20,6 +21,8 @@ def warm_up(place: Place) -> Iterator[Progress]:
     yield doing
     if place.truth is not None:
         place.truth.load()
+        yield doing
+        first_picture()
         yield doing
     ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None

@@ -34,6 +34,11 @@ class Query(ABC, Generic[Result]):
     """Something that the page would like to know. Two queries that are equal have the same answer."""
 
     @property
+    def pause(self) -> float:
+        """For how many times as long as an answer took a job goes on before the next one of the same kind."""
+        return 0.0
+
+    @property
     def slot(self) -> Hashable:
         """Where its result is kept: one of the same slot takes its place."""
         return type(self)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.jobs.robot_camera import view_from
+from app.places.ends import End
 from app.queries.query import Query, Resources
 from app.state.records import FlightRecord
 from app.state.session import Session
@@ -23,8 +24,8 @@ class RobotViewQuery(Query[RobotView]):
 
     key: tuple[Any, ...]
     """What the view is of; two queries of one key have the same answer."""
-    states: tuple[RigidState, ...] = field(compare=False)
-    """From where it looks."""
+    states: tuple[RigidState | End, ...] = field(compare=False)
+    """From where it looks; ends as they are, for states take long to make, and the session is often asked."""
     rough: bool = False
     """Whether a quarter of the pixels will do: in flight each step would wait for the others."""
 
@@ -38,13 +39,19 @@ class RobotViewQuery(Query[RobotView]):
             key = ("flight", session.jobs_begun, session.runs.asked, len(flight.steps))
             query = cls(key, (flight.steps[-1].belief.mean,), _goes_on(session))
         else:
-            query = cls(("ends", ends), (ends.start.state(), ends.goal.state()))
+            query = cls(("ends", ends), (ends.start, ends.goal))
         if not query.is_answered(session):
             yield query
 
+    @property
+    def pause(self) -> float:
+        """A tenth of the time for pictures of a flight whose next step waits for them."""
+        return 9.0 if self.rough else 0.0
+
     def answer(self, resources: Resources) -> RobotView:
-        """Render the field from each state."""
-        return tuple(view_from(resources.place, state, self.rough) for state in self.states)
+        """Render the field from each of them."""
+        states = (from_.state() if isinstance(from_, End) else from_ for from_ in self.states)
+        return tuple(view_from(resources.place, state, self.rough) for state in states)
 
     def step_of(self, flight: FlightRecord | None) -> NavigationStep | None:
         """The time step of the flight that the view is of."""

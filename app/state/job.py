@@ -64,3 +64,9 @@ class Job:
     """The file that is to be made."""
     track: StartTrack | None = None
     """What is to be tracked."""
+
+    @property
+    def hurries(self) -> bool:
+        """Whether it is a flight that goes on as fast as it is computed: its next step waits for nobody, and nobody can
+        follow all that it tells."""
+        return self.kind is JobKind.FLY and not self.paused and self.pace <= 0

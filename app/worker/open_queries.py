@@ -14,6 +14,7 @@ from nerfnav.errors import NerfnavError
 
 _log = logging.getLogger(__name__)
 _ANSWER_EVERY_S = 0.1  # pause between two answers while a job runs, which has the rest of the time
+_LONGEST_PAUSE_S = 0.5  # an answer may have waited for the compiler
 
 
 class OpenQueries:
@@ -24,6 +25,8 @@ class OpenQueries:
         self._work = work
         self._answered: set[Query[Any]] = set()
         self._last_answer = 0.0
+        self._pauses: dict[type[Query[Any]], float] = {}
+        """Until when a busy worker answers no more queries of a kind [s]."""
 
     def follow(self, session: Session) -> None:
         """Forget the answers to what this session no longer asks."""
@@ -33,7 +36,12 @@ class OpenQueries:
         """A query that is not answered yet; while a job is `busy`, not too soon after the last one."""
         if busy and time.monotonic() - self._last_answer < _ANSWER_EVERY_S:
             return None
-        return next((query for query in pending_queries(session) if query not in self._answered), None)
+        open_ = (query for query in pending_queries(session) if not (busy and self.rests(query)))
+        return next((query for query in open_ if query not in self._answered), None)
+
+    def rests(self, query: Query[Any]) -> bool:
+        """Whether the last answer to a query of its kind took so long that a job goes on first."""
+        return query.pause > 0 and time.monotonic() < self._pauses.get(type(query), 0.0)
 
     def take(self, session: Session, busy: bool) -> Query[Any] | None:
         """The same, which counts as answered from now on."""
@@ -45,6 +53,7 @@ class OpenQueries:
     def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Tell:
         """The answer, or why there is none."""
         assert session.place is not None, "queries are of a place"
+        began = time.monotonic()
         try:
             return QueryAnswered(query, self._work.answer(session.place, query))
         except NerfnavError as error:
@@ -53,4 +62,5 @@ class OpenQueries:
             _log.exception("answering %s failed", type(query).__name__)
             return Tell("Something broke", describe_fault(error), bad=True)
         finally:
-            self._last_answer = time.monotonic()
+            self._last_answer = now = time.monotonic()
+            self._pauses[type(query)] = now + min(query.pause * (now - began), _LONGEST_PAUSE_S)

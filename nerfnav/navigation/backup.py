@@ -8,7 +8,7 @@ SUPER does on point clouds: Ren et al., "Safety-assured high-speed navigation fo
 
 import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -125,15 +125,9 @@ class Guard:
 
     def _braking(self, start: RigidState, wanted: Float[Tensor, "3"], dt: float) -> Motion:
         """Brake to a velocity, for so long as the robot evades, then to rest."""
-        states, actions = [start], []
-        for step in range(self.config.steps):
-            aim = wanted if step < self.config.evading else torch.zeros_like(wanted)
-            seen = replace(states[-1], velocity=states[-1].velocity - aim)  # to hold is to brake this to 0
-            actions.append(self.robot.hold(seen, dt))
-            states.append(self.robot.step(states[-1], actions[-1], dt))
-            if not aim.any() and states[-1].velocity.norm() < self.config.resting:
-                break
-        return Motion(RigidState.stack(states), torch.stack(actions), dt)
+        velocities = wanted.new_zeros(self.config.steps, 3)
+        velocities[: self.config.evading] = wanted
+        return self.robot.held(start, velocities, dt, self.config.resting)
 
     def _judged(self, motion: Motion) -> Backup:
         bound, last = self._bound(motion), motion.states[-1]

@@ -26,7 +26,7 @@ from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
-from nerfnav.robots.quadrotor_map import QuadrotorMap, first_thrusts, way
+from nerfnav.robots.quadrotor_map import QuadrotorMap, first_thrusts, held, way
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import Wish, shortened, thrust_and_attitude, tipped, upward
@@ -142,6 +142,15 @@ class Quadrotor(Robot):
         if type(self).step is not Quadrotor.step:
             return None
         return torch.from_numpy(way(self.config, start, actions.double().numpy(), dt)).to(actions)
+
+    def compiled_hold(
+        self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float
+    ) -> Motion | None:
+        """See Robot; None for a robot that steps or holds otherwise."""
+        kind = type(self)
+        if (kind.step, kind.hold, kind.steer) != (Quadrotor.step, Quadrotor.hold, Quadrotor.steer):
+            return None
+        return held(self.config, start, wanted, dt, rest)
 
     def encode(
         self, waypoints: Float[Tensor, "times 4"], start: RigidState, goal: RigidState, dt: float

@@ -3,13 +3,16 @@
 from typing import final
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.kernels import quadrotor as kernels
+from nerfnav.robots.kernels import quadrotor_hold as hold_kernels
 from nerfnav.robots.kernels import quadrotor_limits as limit_kernels
 from nerfnav.robots.kernels import quadrotor_steps as step_kernels
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
-from nerfnav.robots.state import RigidState
+from nerfnav.robots.state import Motion, RigidState
 
 
 @final
@@ -79,6 +82,20 @@ def way(config: QuadrotorConfig, start: RigidState, actions: np.ndarray, dt: flo
     positions = np.empty((len(actions) + 1, 3))
     step_kernels.roll_out(_arrays_of(start), actions, _constants_of(config, dt), positions)
     return positions
+
+
+def held(config: QuadrotorConfig, start: RigidState, wanted: Tensor, dt: float, rest: float) -> Motion:
+    """What comes of holding, for up to n steps with wanted velocities (n, 3) [m/s]: see `Robot.held`."""
+    most = len(wanted)
+    states = (np.empty((most + 1, 3)), np.empty((most + 1, 3)), np.empty((most + 1, 3, 3)), np.empty((most + 1, 3)))
+    holding = (config.braking, config.max_braking, config.levelling, config.thrust_floor * config.weight)
+    actions = np.empty((most, 4))
+    steps = hold_kernels.hold_out(
+        _arrays_of(start), wanted.double().numpy(), _constants_of(config, dt), np.array(holding), rest, states, actions
+    )
+    position, velocity, rotation, rate = (torch.from_numpy(part[: steps + 1]).to(start.position) for part in states)
+    moved = RigidState(position, velocity, rotation, rate)
+    return Motion(moved, torch.from_numpy(actions[:steps]).to(start.position), dt)
 
 
 def first_thrusts(

@@ -7,7 +7,7 @@ change `free` without constraints.
 
 from abc import ABC, abstractmethod
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -148,6 +148,29 @@ class Robot(ABC):
         self, start: RigidState, actions: Float[Tensor, "n a"], dt: float
     ) -> Float[Tensor, "times 3"] | None:
         """The same by the twin of `step` in compiled kernels; None where there is none. Asked by `way_under`."""
+        return None
+
+    def held(self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float) -> Motion:
+        """What comes of `hold` for up to n steps of `dt` [s], each of which brakes to a wanted velocity [m/s].
+
+        It ends as soon as rest is wanted and the robot is slower than `rest` [m/s].
+        """
+        compiled = self.compiled_hold(start, wanted, dt, rest) if keeps_compiled_map(type(self)) else None
+        if compiled is not None:
+            return compiled
+        states, actions = [start], []
+        for velocity in wanted:
+            seen = replace(states[-1], velocity=states[-1].velocity - velocity)  # to hold is to brake this to 0
+            actions.append(self.hold(seen, dt))
+            states.append(self.step(states[-1], actions[-1], dt))
+            if not velocity.any() and states[-1].velocity.norm() < rest:
+                break
+        return Motion(RigidState.stack(states), torch.stack(actions), dt)
+
+    def compiled_hold(
+        self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float
+    ) -> Motion | None:
+        """The same by compiled twins of `hold` and `step`; None where there are none. Asked by `held`."""
         return None
 
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:

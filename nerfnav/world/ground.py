@@ -21,6 +21,8 @@ class Ground:
     def __init__(self, scene: Scene) -> None:
         """Index the scene's triangles."""
         self._solids = [Solid(mesh) for mesh in scene.solids]
+        bounds = np.array([(solid.lower, solid.upper) for solid in self._solids]).reshape(-1, 2, 3)
+        self._lower, self._upper = bounds[:, 0], bounds[:, 1]
         self._sheets = TriangleIndex(_triangles(scene.sheets))
         self._index = TriangleIndex(_triangles((*scene.solids, *scene.sheets)))
 
@@ -29,9 +31,9 @@ class Ground:
         rotations, centers = _numpy(states)
         volume = volume_of(body)
         touched = self._index.touched(rotations, centers, volume.half)
-        for solid in self._solids:
+        for index in np.flatnonzero(((self._lower <= centers.max(0)) & (self._upper >= centers.min(0))).all(1)):
             free = np.flatnonzero(~touched)
-            touched[free] = solid.contains(centers[free])
+            touched[free] = self._solids[index].contains(centers[free])
         if not volume.is_box:  # what touches the box around it need not touch the body
             for index in np.flatnonzero(touched):
                 touched[index] = self._overlap(volume, rotations[index], centers[index]) > 0

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera, Pose
+from nerfnav.world.kernels.pictures import average
 from nerfnav.world.scene import Scene
 from nerfnav.world.surface import surface_color
 
@@ -45,13 +46,16 @@ class RayCaster:
     def first_hits(self, origins: Rays, directions: Rays) -> Hits:
         """The nearest hit of each ray; directions are unit vectors."""
         # a few at a time, for embree holds the interpreter's lock and other threads want to answer people meanwhile
-        parts = range(0, max(1, len(origins)), _AT_ONCE)
-        runs = [self._scene.run(origins[k : k + _AT_ONCE], directions[k : k + _AT_ONCE], output=1) for k in parts]
-        found = {name: np.concatenate([run[name] for run in runs]) for name in ("u", "v", "primID", "tfar")}
-        second, third = found["u"], found["v"]
-        missed = found["primID"] < 0
-        distance = np.where(missed, np.float32(np.inf), found["tfar"])
-        return Hits(found["primID"], np.stack([1 - second - third, second, third], -1), distance)
+        face, weights = np.empty(len(origins), np.int32), np.empty((len(origins), 3), np.float32)
+        distance = np.empty(len(origins), np.float32)
+        for start in range(0, len(origins), _AT_ONCE):
+            some = slice(start, start + _AT_ONCE)
+            found = self._scene.run(origins[some], directions[some], output=1)
+            face[some], weights[some, 1], weights[some, 2] = found["primID"], found["u"], found["v"]
+            weights[some, 0] = 1 - found["u"] - found["v"]
+            distance[some] = found["tfar"]
+        distance[face < 0] = np.inf
+        return Hits(face, weights, distance)
 
     def occluded(self, origins: Rays, directions: Rays) -> Bool[np.ndarray, " n"]:
         """Whether anything at all lies on each ray."""
@@ -91,23 +95,30 @@ class MeshRenderer:
         paint = source.paint if isinstance(source, Scene) else None
         self._color = surface_color(mesh) if paint is None else paint.color
         self._supersample = supersample
+        self._last: tuple[Camera, Tensor] | None = None  # and the directions of its rays, in its own frame
 
     def render(self, camera: Camera, pose: Pose) -> Picture:
         """The picture that a camera at `pose` = T_world_camera takes."""
-        finer = camera.scaled(self._supersample)
-        with torch.no_grad():
-            origins, directions = (_numpy(rays) for rays in finer.rays(pose))
-        hits = self._caster.first_hits(origins, directions)
-        colors = np.tile(self._sky, (len(hits.face), 1))
-        seen = hits.face >= 0
-        colors[seen] = self._color(hits.face[seen], hits.weights[seen])
-        k = self._supersample
-        blocks = colors.reshape(camera.height, k, camera.width, k, 3)
-        rays = [blocks[:, i, :, j] for i in range(k) for j in range(k)]
-        image = sum(rays[1:], rays[0]) / len(rays) + 0.5  # faster than a mean over axes
+        finer, k = camera.scaled(self._supersample), self._supersample
+        hits = self._caster.first_hits(*self._rays(finer, pose))
+        seen, colors = hits.face >= 0, np.empty((len(hits.face), 3), np.float32)
+        some = np.flatnonzero(seen)
+        colors[some] = self._color(hits.face.take(some), hits.weights.take(some, axis=0))
+        image = np.empty((camera.height, camera.width, 3), np.uint8)
+        pixels = (camera.height, k, camera.width, k)
+        average(colors.reshape(*pixels, 3), seen.reshape(pixels), self._sky, image)
         fine = hits.distance.reshape(finer.height, finer.width)
         depth = np.ascontiguousarray(fine[k // 2 :: k, k // 2 :: k])
-        return Picture(*(torch.from_numpy(part) for part in (image.astype(np.uint8), depth, fine)))
+        return Picture(*(torch.from_numpy(part) for part in (image, depth, fine)))
+
+    @torch.no_grad()
+    def _rays(self, camera: Camera, pose: Pose) -> tuple[Rays, Rays]:
+        """Origins and directions of all rays."""
+        if self._last is None or self._last[0] != camera:  # a robot looks with one camera all the time
+            self._last = camera, camera.directions(camera.pixels())
+        directions = self._last[1].to(pose.position) @ pose.rotation.transpose(-1, -2)
+        origins = pose.position.expand_as(directions)
+        return _numpy(origins), _numpy(directions)
 
 
 def _numpy(rays: Float[Tensor, "n 3"]) -> Rays:

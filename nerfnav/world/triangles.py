@@ -39,9 +39,10 @@ class TriangleIndex:
         touched = np.zeros(len(centers), bool)
         radius = float(np.linalg.norm(half))
         for members, reach, tree in self._levels:
-            # a centre of a triangle inside the box's inner ball settles it at once
-            touched |= tree.query(centers, distance_upper_bound=half.min())[0] <= half.min()
-            for open_ in np.array_split(np.flatnonzero(~touched), 1 + len(centers) // _BOXES_AT_ONCE):
+            nearest = tree.query(centers, distance_upper_bound=np.nextafter(radius + reach, np.inf))[0]
+            touched |= nearest <= half.min()  # a centre of a triangle inside the box's inner ball settles it at once
+            left = np.flatnonzero(~touched & (nearest < np.inf))
+            for open_ in np.array_split(left, 1 + len(left) // _BOXES_AT_ONCE) if len(left) else ():
                 near = tree.query_ball_point(centers[open_], radius + reach)
                 box = np.repeat(open_, [len(found) for found in near])
                 face = members[np.concatenate([np.zeros(0, int), *near]).astype(int)]
@@ -55,6 +56,8 @@ def boxes_touch_triangles(corners: Float[np.ndarray, "m 3 3"], half: Vector) -> 
     """Whether triangles (corners in the box's frame [m]) touch the box of half edges `half` around the origin."""
     touch = ((corners.min(1) <= half) & (corners.max(1) >= -half)).all(-1)
     left = corners[touch]
+    if not len(left):
+        return touch
     edges = np.roll(left, -1, axis=1) - left
     normal = np.cross(edges[:, 0], edges[:, 1])
     within = np.abs((normal * left[:, 0]).sum(-1)) <= np.abs(normal) @ half

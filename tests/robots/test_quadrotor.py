@@ -296,3 +296,36 @@ def test_small_steps_converge_to_the_recorded_flight(number: int):
     assert (((coarse / fine)[told] - 2).abs() < 0.1).all()
     # ... and Richardson's extrapolation removes nearly all of it
     assert (best <= 0.05 * fine + 1e-5).all()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_comes_of_holding_is_that_of_its_steps(seed: int):
+    class Plain(Quadrotor):
+        """Has no twin of its holding, so that it is done in torch."""
+
+        def compiled_hold(self, start: RigidState, wanted: torch.Tensor, dt: float, rest: float) -> None:
+            return None
+
+    draws = torch.Generator().manual_seed(seed)
+    noise = torch.tensor([0.0] * 3 + [1.0] * 3 + [0.6] * 3 + [2.0] * 3, dtype=torch.float64)
+    level = RigidState.at_rest((0.1, 0.2, 0.5), 0.7).to(torch.float64)
+    start = level.retract(noise * torch.randn(12, generator=draws, dtype=torch.float64))
+    wanted = torch.zeros(20, 3, dtype=torch.float64)
+    wanted[: seed % 5] = torch.randn(3, generator=draws, dtype=torch.float64)
+    expected, found = (robot.held(start, wanted, DT, 0.1) for robot in (Plain(), ROBOT))
+    assert len(found.actions) == len(expected.actions) < 20
+    torch.testing.assert_close(found.actions, expected.actions, rtol=1e-6, atol=1e-6)
+    for part in ("position", "velocity", "rotation", "body_rate"):
+        ours, theirs = getattr(found.states, part), getattr(expected.states, part)
+        torch.testing.assert_close(ours, theirs, rtol=1e-6, atol=1e-6)
+    assert found.states.velocity[-1].norm() < 0.1
+
+
+def test_who_holds_otherwise_is_not_moved_by_the_compiled_twin():
+    class Idle(Quadrotor):
+        def hold(self, state: RigidState, dt: float, turn: float = 0.0) -> torch.Tensor:
+            return torch.zeros(4)
+
+    start = RigidState.at_rest((0.0, 0.0, 0.5))
+    fallen = Idle().held(start, torch.ones(5, 3), DT, 0.1).states
+    assert fallen.velocity[-1, 2].item() == pytest.approx(-9.81 * 5 * DT, rel=1e-4)

@@ -8,6 +8,7 @@ from trimesh.visual.texture import TextureVisuals
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera, look_at
+from nerfnav.world.kernels.pictures import average, blend
 from nerfnav.world.raycast import MeshRenderer, RayCaster
 
 _DOWN = look_at(torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.0, 0.0, 0.0]))
@@ -136,3 +137,33 @@ def test_a_picture_that_is_taken_in_parts_is_the_same(monkeypatch: pytest.Monkey
     monkeypatch.setattr("nerfnav.world.raycast._AT_ONCE", 37)
     parts = MeshRenderer(floor).render(_CAMERA, _DOWN)
     assert torch.equal(parts.image, whole.image) and torch.equal(parts.depth, whole.depth)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.uint8])
+def test_values_at_corners_are_blended_as_numpy_does_to_the_bit(kind: type):
+    draws = np.random.default_rng(3)
+    corners = draws.uniform(0, 255, (50, 3, 3)).astype(kind)
+    faces, weights = draws.integers(0, 50, 4000).astype(np.int32), draws.dirichlet((1, 1, 1), 4000).astype(np.float32)
+    found = np.empty((4000, 3), np.float32)
+    blend(corners, faces, weights, found)
+    first, second, third = (weights[:, k, None] * corners[faces][:, k] for k in range(3))
+    assert np.array_equal(found, first + second + third)
+
+
+@pytest.mark.parametrize("side", [1, 2, 3])
+def test_the_rays_of_a_pixel_are_averaged_as_numpy_does_to_the_byte(side: int):
+    draws, sky = np.random.default_rng(side), np.array([12.5, 255.0, 0.0], np.float32)
+    colors = draws.integers(0, 1021, (40, side, 60, side, 3)).astype(np.float32) / 4  # many means end on a half
+    seen = draws.random(colors.shape[:4]) < 0.7
+    image = np.empty((40, 60, 3), np.uint8)
+    average(colors, seen, sky, image)
+    colors[~seen] = sky
+    total = sum(colors[:, i, :, j] for i in range(side) for j in range(side))
+    assert np.array_equal(image, (total / np.float32(side * side) + np.float32(0.5)).astype(np.uint8))
+
+
+def test_a_renderer_follows_who_looks_through_another_camera():
+    renderer, wide, narrow = MeshRenderer(_floor()), Camera.from_fov(20, 20, 120.0), Camera.from_fov(20, 20, 60.0)
+    first = renderer.render(wide, _DOWN).depth
+    assert renderer.render(narrow, _DOWN).depth.isfinite().all() and first.isinf().any()
+    assert torch.equal(renderer.render(wide, _DOWN).depth, first)

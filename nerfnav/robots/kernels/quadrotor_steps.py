@@ -32,19 +32,25 @@ def first_thrusts(state, wanted, constants, floor, thrusts):
 @kernel()
 def roll_out(state, actions, constants, positions):
     """Fill the positions (n + 1, 3) of a robot that takes actions (n, 4) whatever happens, the start's first."""
-    mass, gravity, dt = constants[0], constants[4], constants[5]
-    position, velocity, rotation, rate = state[0].copy(), state[1].copy(), state[2].copy(), state[3].copy()
-    momentum, gyroscopic, following = np.empty(3), np.empty(3), np.empty((3, 3))
-    positions[0] = position
+    velocity, rotation, rate = state[1].copy(), state[2].copy(), state[3].copy()
+    positions[0] = state[0]
     for t in range(actions.shape[0]):
         for axis in range(3):
-            position[axis] += velocity[axis] * dt
-            velocity[axis] += rotation[axis, 2] * actions[t, 0] / mass * dt
-            momentum[axis] = constants[1 + axis] * rate[axis]
-        velocity[2] -= gravity * dt
-        turned(rotation, rate[0] * dt, rate[1] * dt, rate[2] * dt, following)
-        rotation[:] = following
-        cross(rate, momentum, gyroscopic)
-        for axis in range(3):
-            rate[axis] += (actions[t, 1 + axis] - gyroscopic[axis]) / constants[1 + axis] * dt
-        positions[t + 1] = position
+            positions[t + 1, axis] = positions[t, axis] + velocity[axis] * constants[5]
+        push(velocity, rotation, rate, actions[t], constants)
+
+
+@kernel(inline=True)
+def push(velocity, rotation, rate, action, constants):
+    """Change velocity, attitude and body rate by one action."""
+    mass, gravity, dt = constants[0], constants[4], constants[5]
+    momentum, gyroscopic, following = np.empty(3), np.empty(3), np.empty((3, 3))
+    for axis in range(3):
+        velocity[axis] += rotation[axis, 2] * action[0] / mass * dt
+        momentum[axis] = constants[1 + axis] * rate[axis]
+    velocity[2] -= gravity * dt
+    turned(rotation, rate[0] * dt, rate[1] * dt, rate[2] * dt, following)
+    rotation[:] = following
+    cross(rate, momentum, gyroscopic)
+    for axis in range(3):
+        rate[axis] += (action[1 + axis] - gyroscopic[axis]) / constants[1 + axis] * dt

@@ -1,20 +1,23 @@
 """The worker's thread, with jobs made by hand."""
 
+import itertools
 import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numba.core.event
 import pytest
 
 from app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
 from app.queries.catalog import pending_queries
+from app.queries.robot_view import RobotViewQuery
 from app.reducers.root import reduce
 from app.state import actions as m
 from app.state.job import Job, JobKind
 from app.state.session import Session
+from app.worker.open_queries import OpenQueries
 from app.worker.worker import Worker
 from nerfnav.compiled import Kernel
 from nerfnav.errors import NerfnavError
@@ -206,6 +209,53 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
     loop.take(m.StartPlan(), m.MoveEnd(m.Which.GOAL, m.End((0.5, -0.5, 0.5))))
     loop.until(lambda: pending_queries(loop.session) == ())
     assert loop.session.job is not None
+
+
+def test_pictures_of_a_flight_leave_it_most_of_the_time(loop_for: Callable[[ScriptedWork], Loop]) -> None:
+    class Slow(ScriptedWork):
+        """Work that takes 40 ms for each picture of a flight."""
+
+        def answer(self, place: Any, query: Any) -> Any:
+            looked = isinstance(query, RobotViewQuery) and query.rough
+            time.sleep(0.04 if looked else 0.0)
+            self.pictures.extend([time.monotonic()] * looked)
+            return super().answer(place, query)
+
+        pictures: ClassVar[list[float]] = []
+
+    def step(job: Any, k: int) -> Any:
+        time.sleep(0.005)
+        return flight_step(job.ends, k)
+
+    work = Slow({JobKind.FLY: [*(lambda job, k=k: step(job, k) for k in range(300)), JobResult()]})
+    loop = loop_for(work)
+    loop.settle()
+    loop.take(m.StartFlight())
+    loop.until(lambda: loop.session.job is None)
+    assert len(work.pictures) > 1  # it is looked at all the same
+    assert min(later - before for before, later in itertools.pairwise(work.pictures)) >= 10 * 0.04 - 0.01
+    loop.until(lambda: pending_queries(loop.session) == ())
+    assert work.asked[-1].pause == 0  # where the flight ended, in full
+
+
+def test_an_answer_that_took_long_once_does_not_put_the_next_one_off_for_long(
+    loop_for: Callable[[ScriptedWork], Loop],
+) -> None:
+    session = loop_for(ScriptedWork()).session
+
+    class Compiling(ScriptedWork):
+        """Work whose first picture waits for the compiler."""
+
+        def answer(self, place: Any, query: Any) -> Any:
+            time.sleep(0.3)
+            return ()
+
+    queries = OpenQueries(Compiling())
+    first, second = (RobotViewQuery(("flight", 0, 0, k), (), rough=True) for k in range(2))
+    queries.answer(session, first)
+    assert queries.rests(second)
+    time.sleep(0.6)
+    assert not queries.rests(second)
 
 
 def test_a_job_that_just_ends_leaves_nothing_running(loop_for: Callable[[ScriptedWork], Loop]) -> None:

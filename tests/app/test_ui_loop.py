@@ -1,0 +1,80 @@
+"""When the UI loop shows what has changed."""
+
+import itertools
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+
+from app.reducers.root import reduce
+from app.state import actions as m
+from app.state.job import Job, JobKind
+from app.state.session import Session
+from app.ui_loop import UiLoop
+from tests.app.doubles import flight_step
+from tests.waiting import PATIENCE_S
+
+
+class Watcher:
+    """A part of the page that notes when it was shown, and whether that was inside a block."""
+
+    def __init__(self) -> None:
+        self.shown: list[tuple[float, Session, bool]] = []
+        self.inside = False
+
+    def show(self, session: Session) -> None:
+        self.shown.append((time.monotonic(), session, self.inside))
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        self.inside = True
+        yield
+        self.inside = False
+
+
+def flying(session: Session, pace: float) -> Session:
+    """The session with a flight under way."""
+    begun = reduce(session, m.StartFlight())
+    assert begun.job is not None and begun.job.kind is JobKind.FLY
+    return replace(begun, job=replace(begun.job, pace=pace))
+
+
+def told(job: Job, loop: UiLoop, seconds: float) -> None:
+    """Let a flight report a step every few milliseconds."""
+    end, k = time.monotonic() + seconds, 0
+    while time.monotonic() < end:
+        loop.post(m.Reported(job.id, flight_step(job.ends, min(k, 8))))
+        k += 1
+        time.sleep(0.004)
+
+
+@pytest.mark.parametrize(("pace", "frame_s"), [(0.0, 0.1), (1.0, 0.05)])
+def test_a_flight_at_full_speed_is_shown_half_as_often(opened: Session, pace: float, frame_s: float) -> None:
+    session = flying(opened, pace)
+    loop, watcher = UiLoop(session), Watcher()
+    loop.start((watcher,), watcher.together)
+    assert session.job is not None
+    told(session.job, loop, 1.0)
+    loop.stop()
+    times = [time for time, _, _ in watcher.shown]
+    assert len(times) > 2 and min(later - before for before, later in itertools.pairwise(times)) >= frame_s - 1e-3
+    assert all(inside for _, _, inside in watcher.shown)
+
+
+def test_a_command_does_not_wait_for_the_frame_of_a_flight(opened: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.ui_loop._HURRYING_S", 3600.0)
+    session = flying(opened, 0.0)
+    loop, watcher = UiLoop(session), Watcher()
+    loop.start((watcher,))
+    assert session.job is not None
+    told(session.job, loop, 0.3)
+    assert len(watcher.shown) == 1
+    loop.post(m.Pause())
+    end = time.monotonic() + PATIENCE_S
+    while len(watcher.shown) == 1 and time.monotonic() < end:
+        time.sleep(0.001)
+    loop.stop()
+    paused = watcher.shown[1][1]
+    assert paused.job is not None and paused.job.paused and paused.flight is not None and paused.flight.steps
