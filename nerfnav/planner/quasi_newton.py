@@ -27,12 +27,12 @@ _STIFFER, _LOOSER = 10.0, 10.0
 class NewtonConfig:
     """How J is minimised."""
 
-    iterations: int = 300
+    iterations: int = 400
     """At most so many steps."""
-    stretch: int = 50
-    """After so many, what was learned of the curvature is forgotten: J has kinks, and on long ways what was learned far
-    back leads into ever shorter steps. The search begins again from where it is, with the control cost's curvature
-    there."""
+    stretch: int = 300
+    """After so many without an end, what was learned of the curvature is forgotten, and the search begins again from
+    where it is with the control cost's curvature there: on long ways what was learned far back leads into ever shorter
+    steps, for J has kinks."""
     prior: float = 1.0
     """Curvature that is added for what the control cost does not see, in units of J for a change by one scale."""
     reach: float = 1.0

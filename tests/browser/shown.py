@@ -42,9 +42,9 @@ def start_marked(app: App) -> None:
     """Start an app whose page has this part."""
     begin = app._loop.start
 
-    def begin_marked(parts: tuple[Any, ...]) -> None:
+    def begin_marked(parts: tuple[Any, ...], *told: Any) -> None:
         assert app._server is not None
-        begin((*parts, Shown(app._server)))
+        begin((*parts, Shown(app._server)), *told)
 
     app._loop.start = begin_marked  # type: ignore[method-assign]
     app.start()
