@@ -1,11 +1,12 @@
-"""Make README's pictures: the real app in a real browser, a real plan and a real flight at Stonehenge, tab by tab.
+"""Make README's pictures: the real app in a real browser, real plans and flights, at Stonehenge tab by tab.
 
-    python static/make_pictures.py
+    python static/make_pictures.py [stonehenge] [apartment]
 
-Takes about two minutes; needs Chromium (the path below) and the `dev` extra.
+Takes about three minutes; needs Chromium (the path below) and the `dev` extra.
 """
 
 import io
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -24,33 +25,38 @@ DRAWN_BY_SOFTWARE = [
 PORT = 8093
 SIZE = {"width": 1280, "height": 800}
 TASK, STEPS = "South-west to north-east", 8
+ROOMS = "Living room to bedroom"
 _QUIET = ".mantine-Notifications-root { display: none }"
 _SEEN_BITS = 0xFC  # the last two bits of each colour are not seen, but fill the file
 
 
-def main() -> None:
-    """Write app.png, and a picture of each tab, beside this file."""
-    app = App("stonehenge", port=PORT)
-    app.start()
-    try:
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=DRAWN_BY_SOFTWARE)
-            page = browser.new_page(viewport=SIZE, device_scale_factor=1)  # type: ignore[arg-type]
-            photograph(app, page)
-            browser.close()
-    finally:
-        app.stop()
+def main(places: list[str]) -> None:
+    """Write the pictures of some places, or of all, beside this file."""
+    for place in places or PHOTOGRAPHED:
+        app = App(place, port=PORT)
+        app.start()
+        try:
+            with sync_playwright() as playwright:
+                browser = playwright.chromium.launch(executable_path=CHROMIUM, args=DRAWN_BY_SOFTWARE)
+                page = browser.new_page(viewport=SIZE, device_scale_factor=1)  # type: ignore[arg-type]
+                load(app, page)
+                PHOTOGRAPHED[place](app, page)
+                browser.close()
+        finally:
+            app.stop()
 
 
-def photograph(app: App, page: Page) -> None:
-    """Compare planners, plan, fly, and take a picture of each tab where it has most to show."""
+def load(app: App, page: Page) -> None:
+    """Open the page once its place has its texture."""
     wait(lambda: app.session.job is None and app.session.surface is not None and not app.session.surface_is_rough, 60)
     page.add_init_script("localStorage.setItem('nerfnav-help-seen', '1')")
     page.goto(f"{app.url}?fixedDpr=1")
     page.add_style_tag(content=_QUIET)
-    app.post(ChooseTask(TASK))
-    app.post(StartPlan())
-    wait(lambda: app.session.fresh_plan is not None and app.session.job is None, 120)
+
+
+def photograph_tabs(app: App, page: Page) -> None:
+    """Compare planners, plan, fly, and take a picture of each tab where it has most to show, and app.png."""
+    plan(app, TASK)
     app.post(StartComparison())
     wait(lambda: len(app.session.comparison) == 4, 300)
     save(page, "Plan")
@@ -62,6 +68,24 @@ def photograph(app: App, page: Page) -> None:
     page.get_by_role("tab", name="Fly", exact=True).click()
     page.wait_for_timeout(900)  # the chart is drawn a little later than its tab
     write(page, "app")
+
+
+def photograph_rooms(app: App, page: Page) -> None:
+    """Fly from one room to the next, and take apartment.png."""
+    plan(app, ROOMS)
+    fly_until(app, 2 * STEPS)
+    page.wait_for_timeout(4000)  # the scene fades in
+    write(page, "apartment")
+
+
+PHOTOGRAPHED = {"stonehenge": photograph_tabs, "apartment": photograph_rooms}
+
+
+def plan(app: App, task: str) -> None:
+    """Plan a task."""
+    app.post(ChooseTask(task))
+    app.post(StartPlan())
+    wait(lambda: app.session.fresh_plan is not None and app.session.job is None, 120)
 
 
 def fly_until(app: App, steps: int) -> None:
@@ -99,4 +123,4 @@ def wait(condition: Callable[[], bool], limit_s: float) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
