@@ -5,8 +5,8 @@
 Takes about three minutes; needs Chromium (the path below) and the `dev` extra.
 """
 
+import argparse
 import io
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -31,8 +31,8 @@ _SEEN_BITS = 0xFC  # the last two bits of each colour are not seen, but fill the
 
 
 def main(places: list[str]) -> None:
-    """Write the pictures of some places, or of all, beside this file."""
-    for place in places or PHOTOGRAPHED:
+    """Write the pictures of these places beside this file."""
+    for place in places:
         app = App(place, port=PORT)
         app.start()
         try:
@@ -123,4 +123,9 @@ def wait(condition: Callable[[], bool], limit_s: float) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("places", nargs="*", metavar="place", help="of which; where none is said, of all")
+    asked = parser.parse_args().places
+    if unknown := set(asked) - set(PHOTOGRAPHED):
+        parser.error(f"no pictures are made of {unknown.pop()!r}; known are: {', '.join(PHOTOGRAPHED)}")
+    main(asked or list(PHOTOGRAPHED))
