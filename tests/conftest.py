@@ -24,19 +24,30 @@ def _own_shelf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+_LONG = ("tests/browser/", "tests/test_wheel.py::")
+"""What takes one process minutes, and begins first, so that no other has to wait for it in the end."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: not item.nodeid.startswith(_LONG))
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """With several processes, all browser tests go to one: they have one browser, and it wants a core of its own.
 
-    Without them, neighbours stay in one process, with what they share, until another one has nothing left to do.
+    All others go by file, with what a file's tests share. Without browser tests, neighbours stay in one process until
+    another one has nothing left to do.
     """
-    from xdist.scheduler import LoadScopeScheduling, WorkStealingScheduling
+    from xdist.scheduler import LoadFileScheduling, WorkStealingScheduling
 
-    if "not browser" in config.getoption("markexpr"):
+    if "not browser" in (config.getoption("markexpr") or ""):
         return WorkStealingScheduling(config, log)
 
-    class OneBrowser(LoadScopeScheduling):
+    class OneBrowser(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return "tests/browser" if nodeid.startswith("tests/browser/") else nodeid
+            return "tests/browser" if nodeid.startswith("tests/browser/") else super()._split_scope(nodeid)
 
+    config.option.loadscopereorder = False  # by how many tests there are: few may take long
     return OneBrowser(config, log)
