@@ -19,6 +19,9 @@ LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
 """Training steps that a field needs: a larger place has more surface to learn."""
 LEAST_IMAGES, IMAGES_PER_CUBIC_METER, MOST_IMAGES = 150, 60, 420
 """Photographs that show a place from everywhere."""
+WITHOUT_DEPTH = 3
+"""How many pictures are taken of rooms for each one that would do with depth: only colours that contradict each other
+prove space to be free then, and half a dozen looks past a node seldom do."""
 
 
 def takes(source: str) -> bool:
@@ -43,7 +46,9 @@ def gather(request: TrainRequest) -> Gathering:
     # a place of the size of rooms takes as much work, in voxels, as a small one
     coarser = max(1.0, (scene.voxel or TrainConfig.voxel) / FINE_VOXEL)
     volume = scene.box.size.prod().item() / coarser**3
-    config = replace(request.capture.suiting(scene), images=request.photographs.count or images_for(volume))
+    alone = coarser > 1 and not request.depth
+    count = request.photographs.count or images_for(volume) * (WITHOUT_DEPTH if alone else 1)
+    config = replace(request.capture.suiting(scene), images=count)
     photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs if request.depth else photographs.without_depth())
     report: dict[str, object] = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.bundled import images_for, iterations_for, photograph
+from app.jobs.training_data.bundled import WITHOUT_DEPTH, images_for, iterations_for, photograph
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
 from app.jobs.training_data.unpacking import mesh_unpacked
@@ -17,9 +17,6 @@ from nerfnav.world import split
 
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""
-WITHOUT_DEPTH = 3
-"""How many pictures are taken for each one that would do with depth: only colours that contradict each other prove
-space to be free then, and half a dozen looks past a node seldom do."""
 
 
 def gather(request: TrainRequest) -> Gathering:
