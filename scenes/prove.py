@@ -24,7 +24,7 @@ from nerfnav.world.capture import capture
 
 def learned_from(field: VoxelField, scene: Scene) -> PosedImages:
     """The pictures that a field of a bundled scene was learned from, taken again, with depth."""
-    config = CaptureConfig(images=images_taken(field.info.images))
+    config = CaptureConfig(images=images_taken(field.info.images)).suiting(scene)
     *_, last = capture(scene, config, torch.Generator().manual_seed(field.info.seed))
     assert last.captured is not None, "a capture ends with its photographs"
     return split(last.captured)[0]

@@ -5,12 +5,11 @@ from collections.abc import Callable
 import viser
 
 from app.page.html import heading, legend
-from app.page.panels.next_step import NEXT, next_step
+from app.page.panels.next_buttons import NextButtons
 from app.page.panels.status_words import asks, status
 from app.page.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
 from app.places.sources import title_of
-from app.state.actions import Cancel, Command, Redo, Reset, StartFlight, StartPlan, Undo
-from app.state.job import JobKind
+from app.state.actions import Command, Redo, Reset, StartFlight, Undo
 from app.state.plan_actions import StayDown
 from app.state.session import Session
 
@@ -32,17 +31,12 @@ class StatusPanel:
         """`post` takes what the user asks."""
         self._title = server.gui.add_html(heading("nerfnav"))
         self._status = server.gui.add_html("")
-        self._next = server.gui.add_button(NEXT[JobKind.PLAN], icon=viser.Icon.PLAYER_PLAY, disabled=True)
+        self._next = NextButtons(server, post)
         self._anyway = server.gui.add_button("Fly all the same", color="red", visible=False)
         self._stay = server.gui.add_button("Do not fly", color="gray", visible=False)
-        self._wanted: Command = StartPlan()
         self._progress = server.gui.add_progress_bar(0.0, visible=False, animated=True)
         self._back = server.gui.add_button_group("Changes", tuple(_CHANGES), hint="Ctrl+Z, Ctrl+Y, shift+R")
         self._legend = server.gui.add_html(legend(_MEANINGS))
-
-        @self._next.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            post(self._wanted)
 
         @self._back.on_click
         async def _(event: viser.GuiEvent) -> None:
@@ -64,10 +58,6 @@ class StatusPanel:
         self._status.content = now.html(now.text)
         self._progress.visible = job is not None and not job.paused
         self._progress.value = 100 * (job.fraction or 0.0) if job is not None else 0.0
-        self._wanted, self._next.label = next_step(session)
-        self._next.disabled = session.place is None or session.seeking
-        self._next.color = "gray" if isinstance(self._wanted, Cancel) else None
+        self._next.show(session, visible=not asks(session))
         self._back.visible = session.place is not None
-        self._next.visible = not asks(session)
         self._anyway.visible = self._stay.visible = asks(session)
-        self._next.icon = viser.Icon.PLAYER_STOP if isinstance(self._wanted, Cancel) else viser.Icon.PLAYER_PLAY

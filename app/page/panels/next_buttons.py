@@ -1,0 +1,59 @@
+"""The button for what a person most likely wants now."""
+
+from collections.abc import Callable
+
+import viser
+
+from app.page.panels.next_step import NEXT, next_step
+from app.state.actions import Cancel, Command, StartFlight, StartPlan
+from app.state.job import JobKind
+from app.state.plan_actions import AllowTime, RestoreWeights
+from app.state.session import Session
+
+_OFFERS: dict[type[Command], str] = {
+    StartPlan: NEXT[JobKind.PLAN],
+    StartFlight: NEXT[JobKind.FLY],
+    AllowTime: "Allow more time",
+    RestoreWeights: "Restore the weights",
+    Cancel: "Stop now",
+}
+
+
+class NextButtons:
+    """One button for each thing that may come next, of which one is shown.
+
+    A press is under way for a while, longest beside a busy program, and means what its button said: who stops what has
+    just ended must not begin what comes after it.
+    """
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._buttons = {kind: _button(server, kind) for kind in _OFFERS}
+        self._wanted: dict[type[Command], Command] = {}
+        for kind, button in self._buttons.items():
+            self._listen(kind, button, post)
+
+    def _listen(
+        self, kind: type[Command], button: viser.GuiButtonHandle, post: Callable[[Command], None]
+    ) -> None:
+        @button.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            if kind in self._wanted:  # whoever presses what was never shown is no tab of ours
+                post(self._wanted[kind])
+
+    def show(self, session: Session, visible: bool) -> None:
+        """Offer what comes next, if anything is to be offered."""
+        command, label = next_step(session)
+        self._wanted[type(command)] = command
+        for kind, button in self._buttons.items():
+            button.visible = visible and kind is type(command)
+        button = self._buttons[type(command)]
+        button.label = label
+        button.disabled = session.place is None or session.seeking
+
+
+def _button(server: viser.ViserServer, kind: type[Command]) -> viser.GuiButtonHandle:
+    first = kind is StartPlan
+    if kind is Cancel:
+        return server.gui.add_button(_OFFERS[kind], icon=viser.Icon.PLAYER_STOP, color="gray", visible=first)
+    return server.gui.add_button(_OFFERS[kind], icon=viser.Icon.PLAYER_PLAY, visible=first, disabled=first)
