@@ -124,7 +124,7 @@ def cheapest_path(
 ) -> Int[np.ndarray, "n 4"]:
     """See the kernel of this name; no row where there is no way."""
     nodes = prices.size * (2 if len(prices) > 1 else 1)
-    return search.cheapest_path(prices, guide, (np.zeros(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
+    return search.cheapest_path(prices, guide, (np.empty(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
 
 
 def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:

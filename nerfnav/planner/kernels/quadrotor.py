@@ -151,51 +151,82 @@ def _pull(t, by_point, rotation, point, by_position, by_rotation):
     by_rotation[t, 2] += point[0] * v - point[1] * u
 
 
+@kernel(inline=True)
+def room_for(count):
+    """Memory for evaluations at `count` free numbers: positions, velocities, attitudes, body rates and actions, then the
+    derivatives by position, attitude and action."""
+    steps = (count + 12) // 4
+    arrays = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3, 3)), np.empty((steps + 1, 3))
+    slopes = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps, 4))
+    return (arrays[0], arrays[1], arrays[2], arrays[3], np.empty((steps, 4))), slopes
+
+
+@kernel()
+def effort_at(free, task, body, space, weights, room):
+    """Control and the penalties of J at `free` (k), which fills the room with the motion and their derivatives."""
+    ends, attitudes, constants = task[:3]
+    (position, velocity, rotation, rate, action), (by_position, by_rotation, by_action) = room
+    motion(free, ends, attitudes, constants, position, velocity, rotation, rate, action)
+    by_position[:], by_rotation[:], by_action[:] = 0.0, 0.0, 0.0
+    return _effort(room[0], room[1], task, space, weights)
+
+
+@kernel()
+def danger_at(body, space, weights, room):
+    """Collision and risk of J of the motion in the room; adds their derivatives.
+
+    With weights of 0 nothing is asked of the field.
+    """
+    (position, _, rotation, _, action), (by_position, by_rotation, _) = room
+    met, risked = 0.0, 0.0
+    if weights[3] != 0.0:
+        risked = endangered(position[: action.shape[0] + 1], body[1], space[7], space[8], weights[3], by_position)
+    if weights[0] != 0.0:
+        met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
+    return met, risked
+
+
+@kernel()
+def gradient_at(free, task, room, gradient):
+    """Fill the gradient (k) from the derivatives in the room, which are used up."""
+    (_, velocity, rotation, rate, action), (by_position, by_rotation, by_action) = room
+    adjoint(
+        free, task[1], task[2], velocity, rotation, rate, action, by_position, by_rotation, by_action, gradient
+    )
+
+
 @kernel()
 def evaluate(free, task, body, space, weights, gradient):
-    """Collision, control, the penalties and risk of J at `free` (k); fills the gradient (k).
-
-    With weights of 0 for collision and risk nothing is asked of the field: the terms for preconditioning alone.
-    """
-    ends, attitudes, constants = task[:3]
-    steps = (free.shape[0] + 12) // 4
-    position, velocity, rate = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3))
-    rotation, action = np.empty((steps + 1, 3, 3)), np.empty((steps, 4))
-    motion(free, ends, attitudes, constants, position, velocity, rotation, rate, action)
-    slopes = np.zeros((steps + 2, 3)), np.zeros((steps + 1, 3)), np.zeros((steps, 4))
-    terms = _terms((position, velocity, rotation, rate, action), slopes, task, body, space, weights)
-    by_position, by_rotation, by_action = slopes
-    adjoint(
-        free, attitudes, constants, velocity, rotation, rate, action, by_position, by_rotation, by_action, gradient
-    )
-    return terms
+    """Collision, control, the penalties and risk of J at `free` (k); fills the gradient (k)."""
+    room = room_for(free.shape[0])
+    effort, over = effort_at(free, task, body, space, weights, room)
+    met, risked = danger_at(body, space, weights, room)
+    gradient_at(free, task, room, gradient)
+    return met, effort, over, risked
 
 
 @kernel()
 def evaluate_motion(motion, task, body, space, weights):
     """The same terms for a motion that is there: positions, velocities, attitudes, body rates and actions."""
     times, steps = motion[0].shape[0], motion[4].shape[0]
-    slopes = np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4))
-    return _terms(motion, slopes, task, body, space, weights)
+    room = motion, (np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4)))
+    effort, over = _effort(room[0], room[1], task, space, weights)
+    met, risked = danger_at(body, space, weights, room)
+    return met, effort, over, risked
 
 
 @kernel(inline=True)
-def _terms(motion, slopes, task, body, space, weights):
-    """Collision, control, penalties and risk of a motion; adds their derivatives by position, attitude and action."""
+def _effort(motion, slopes, task, space, weights):
+    """Control and penalties of a motion; adds their derivatives by position, attitude and action."""
     position, velocity, rotation, rate, action = motion
     by_position, by_rotation, by_action = slopes
-    _, _, constants, bounds, gamma = task
-    steps, met, risked = action.shape[0], 0.0, 0.0
-    if weights[3] != 0.0:
-        risked = endangered(position[: steps + 1], body[1], space[7], space[8], weights[3], by_position)
-    if weights[0] != 0.0:
-        met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
+    constants, bounds, gamma = task[2:]
     effort = control(action, gamma, by_action)
     over = limits(
         velocity, rotation, rate, action, bounds, weights[1], constants[5], by_position, by_rotation, by_action
     )
     over += outside(position, rotation, (space[5], space[6], space[9]), weights[2], by_position, by_rotation)
-    return met, effort, over, risked
+    return effort, over
 
 
 @kernel()

@@ -30,8 +30,8 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
     distance ahead counts `greed` times: with more than 1 far fewer voxels are looked at, and the way costs at most
     `greed` times the least (Pohl, 1970).
 
-    `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), zeros of 1 float64 and 1 uint8 for each heading
-    and voxel: memory that is zero anyway is only taken where it is looked at.
+    `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), any float64 and a zero uint8 for each heading and
+    voxel: memory that is zero anyway is only taken where it is looked at.
     """
     m, nx, ny, nz = prices.shape
     around = 2 * m if m > 1 else 1
@@ -41,7 +41,8 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
     start, goal = ends
     first = start[0] * layer + (start[1] * ny + start[2]) * nz + start[3]
     last = goal[0] * layer + (goal[1] * ny + goal[2]) * nz + goal[3]
-    lengths = np.sqrt(np.arange(4.0))
+    offsets, lengths = _moves(ny, nz)
+    cost[first] = 0.0
     queue, size = (np.empty(_ROOM), np.empty(_ROOM, np.int64)), 1
     queue[0][0], queue[1][0] = 0.0, first
     while size > 0:
@@ -57,21 +58,23 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
         spent, h, voxel = cost[node], node // layer, node % layer
         column, k = voxel // nz, voxel % nz
         i, j = column // ny, column % ny
-        own_layer, own_nodes = h % m * layer, h * layer
+        own_layer = h % m * layer
         own = flat[own_layer + voxel]
         turned = turn * min(abs(h - goal[0]), around - abs(h - goal[0]))
-        for a in range(max(i - 1, 0), min(i + 2, nx)):
-            for b in range(max(j - 1, 0), min(j + 2, ny)):
-                beside = (a - i) ** 2 + (b - j) ** 2
-                for c in range(max(k - 1, 0), min(k + 2, nz)):
-                    target = (a * ny + b) * nz + c
-                    other = own_nodes + target
-                    total = spent + 0.5 * lengths[beside + (c - k) ** 2] * (own + flat[own_layer + target])
-                    if total < np.inf and not moves[other] & _CLOSED and (moves[other] == 0 or total < cost[other]):
-                        cost[other] = total
-                        moves[other] = 1 + ((a - i + 1) * 3 + b - j + 1) * 3 + c - k + 1
-                        push(queue, size, total + greed * (_ahead(guide, a, b, c, goal) + turned), other)
-                        size += 1
+        inner = 0 < i < nx - 1 and 0 < j < ny - 1 and 0 < k < nz - 1
+        for move in range(27):
+            a, b, c = i + move // 9 - 1, j + move // 3 % 3 - 1, k + move % 3 - 1
+            if not inner and not (0 <= a < nx and 0 <= b < ny and 0 <= c < nz):
+                continue
+            other = node + offsets[move]
+            if moves[other] & _CLOSED:
+                continue
+            total = spent + lengths[move] * (own + flat[own_layer + voxel + offsets[move]])
+            if total < np.inf and (moves[other] == 0 or total < cost[other]):
+                cost[other] = total
+                moves[other] = 1 + move
+                push(queue, size, total + greed * (_ahead(guide, a, b, c, goal) + turned), other)
+                size += 1
         if around == 1:
             continue
         ahead = _ahead(guide, i, j, k, goal)
@@ -86,6 +89,16 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
                 push(queue, size, total + greed * (ahead + turned), other)
                 size += 1
     return _trace(moves, (first, last), (nx, ny, nz), around)
+
+
+@kernel(inline=True)
+def _moves(ny, nz):
+    """By how much a node's number changes with each of the 27 moves, and half of their lengths [voxels]."""
+    offsets, lengths = np.empty(27, np.int64), np.empty(27)
+    for move in range(27):
+        x, y, z = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
+        offsets[move], lengths[move] = (x * ny + y) * nz + z, 0.5 * math.sqrt(x * x + y * y + z * z)
+    return offsets, lengths
 
 
 @kernel(inline=True)
