@@ -135,10 +135,13 @@ def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
     else:
         own = round(so3.yaw_of(state.rotation).item() * count / torch.pi)
         tried = [(own + change) % (2 * count) for change in sorted(range(-count + 1, count + 1), key=abs)]
+    most = occupancy.scales.snap
+    beside = min(occupancy.spacing.norm().item(), most)  # nearly always enough, and few voxels are looked at
     for heading in tried:
-        free = occupancy.nearest_free_voxels(state.position, occupancy.scales.snap, heading % count)
-        if len(free):
-            return np.array([heading, *occupancy.index(free[0])])
+        for reach in (beside, most):
+            free = occupancy.nearest_free_voxels(state.position, reach, heading % count)
+            if len(free):
+                return np.array([heading, *occupancy.index(free[0])])
     return None
 
 

@@ -63,17 +63,21 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
         turned = turn * min(abs(h - goal[0]), around - abs(h - goal[0]))
         inner = 0 < i < nx - 1 and 0 < j < ny - 1 and 0 < k < nz - 1
         for move in range(27):
-            a, b, c = i + move // 9 - 1, j + move // 3 % 3 - 1, k + move % 3 - 1
-            if not inner and not (0 <= a < nx and 0 <= b < ny and 0 <= c < nz):
+            if not inner:
+                a, b, c = i + move // 9 - 1, j + move // 3 % 3 - 1, k + move % 3 - 1
+                if not (0 <= a < nx and 0 <= b < ny and 0 <= c < nz):
+                    continue
+            # unsigned: numba then need not ask whether an index counts from the end
+            other = np.uint64(node + offsets[move])
+            known = moves[other]
+            if known & _CLOSED:
                 continue
-            other = node + offsets[move]
-            if moves[other] & _CLOSED:
-                continue
-            total = spent + lengths[move] * (own + flat[own_layer + voxel + offsets[move]])
-            if total < np.inf and (moves[other] == 0 or total < cost[other]):
+            total = spent + lengths[move] * (own + flat[np.uint64(own_layer + voxel + offsets[move])])
+            if total < np.inf and (known == 0 or total < cost[other]):
                 cost[other] = total
                 moves[other] = 1 + move
-                push(queue, size, total + greed * (_ahead(guide, a, b, c, goal) + turned), other)
+                ahead = _ahead(guide, i + move // 9 - 1, j + move // 3 % 3 - 1, k + move % 3 - 1, goal)
+                push(queue, size, total + greed * (ahead + turned), node + offsets[move])
                 size += 1
         if around == 1:
             continue
