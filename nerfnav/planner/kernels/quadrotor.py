@@ -88,7 +88,8 @@ def collide(position, rotation, body, space, weight, by_position, by_rotation):
     points, fractions = body
     values, leaps, _, per_meter, scale = space[:5]
     count, parts, total = points.shape[0], fractions.shape[0], 0.0
-    columns, before, after, way = np.empty((3, count)), np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
+    columns, before, after = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
+    way = np.empty((3, count))
     cells, found, sums = np.empty(count), np.empty(count + 1, np.int64), np.zeros((count, 7))
     for b in range(count):
         for axis in range(3):
@@ -105,9 +106,8 @@ def collide(position, rotation, body, space, weight, by_position, by_rotation):
             f = fractions[k]
             for hit in range(_amid_something(leaps, before, way, f, cells, found)):
                 b = found[hit]
-                density, gx, gy, gz = density_between(
-                    values, scale, before[0, b] + f * way[0, b], before[1, b] + f * way[1, b], before[2, b] + f * way[2, b]
-                )
+                x, y, z = before[0, b] + f * way[0, b], before[1, b] + f * way[1, b], before[2, b] + f * way[2, b]
+                density, gx, gy, gz = density_between(values, scale, x, y, z)
                 if density > 0.0:
                     meets = True
                     _add(sums[b], f, density / parts, gx / parts, gy / parts, gz / parts)
@@ -153,8 +153,8 @@ def _pull(t, by_point, rotation, point, by_position, by_rotation):
 
 @kernel(inline=True)
 def room_for(count):
-    """Memory for evaluations at `count` free numbers: positions, velocities, attitudes, body rates and actions, then the
-    derivatives by position, attitude and action."""
+    """Memory for evaluations at `count` free numbers: positions, velocities, attitudes, body rates and actions, then
+    the derivatives by position, attitude and action."""
     steps = (count + 12) // 4
     arrays = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3, 3)), np.empty((steps + 1, 3))
     slopes = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps, 4))

@@ -30,8 +30,8 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
     distance ahead counts `greed` times: with more than 1 far fewer voxels are looked at, and the way costs at most
     `greed` times the least (Pohl, 1970).
 
-    `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), any float64 and a zero uint8 for each heading and
-    voxel: memory that is zero anyway is only taken where it is looked at.
+    `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), any float64 and a zero uint8 for each heading
+    and voxel: memory that is zero anyway is only taken where it is looked at.
     """
     m, nx, ny, nz = prices.shape
     around = 2 * m if m > 1 else 1
