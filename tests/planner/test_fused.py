@@ -1,6 +1,7 @@
 """J in one compiled call against the same term by term, and steps of BFGS against those in Python."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -79,6 +80,28 @@ def test_both_ways_search_alike():
     )
     np.testing.assert_allclose(found, expected, rtol=1e-5)
     assert len(found) > 5 and found[-1] < 0.9 * found[0]
+
+
+def test_both_ways_refuse_the_same_steps_far_from_what_the_robot_can_do() -> None:
+    """There effort alone decides how much shorter the next try is, and the kernel does not ask the field."""
+    start, scales = guess(0.3), ROBOT.free_scales(torch.from_numpy(guess())).numpy()
+    fused, plain, config = objective(), term_by_term(), quasi_newton.NewtonConfig(iterations=9)
+    inverse = quasi_newton.preconditioner(plain.effort_curvature, start, scales, config.prior)
+    found, expected = (
+        [step for step, _ in quasi_newton.minimise(search, search(start), scales, config, inverse)]
+        for search in (fused, plain)
+    )
+    refused = 0
+    for before, after in pairwise(expected):
+        moved = after.free - before.free
+        tried = plain(before.free + 10 * moved).cost  # the try before that the least factor led on from
+        slope, here = 10 * float(moved @ before.gradient), before.cost.total
+        refused += -0.5 * slope / (tried.control + tried.limits - here - slope) <= 0.1
+    assert refused > 0
+    totals = [[step.cost.total for step in steps] for steps in (found, expected)]
+    np.testing.assert_allclose(*totals, rtol=1e-6)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one.gradient, other.gradient, atol=1e-4 * np.abs(other.gradient).max())
 
 
 def test_what_kernels_do_not_know_is_evaluated_term_by_term():
