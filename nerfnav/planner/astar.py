@@ -191,7 +191,9 @@ def _at_shares(
 
 def as_way(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:
     """The path with its headings, where it has some, in metres."""
-    return path * path.new_tensor([1.0, 1.0, 1.0, turn])[: path.shape[-1]]
+    if path.shape[-1] < 4:
+        return path
+    return path * path.new_tensor([1.0, 1.0, 1.0, turn])
 
 
 def lengths(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, " pieces"]:
