@@ -29,6 +29,12 @@ def test_every_name_of_a_face_is_what_its_module_has(stub: Path) -> None:
         assert name in dir(face)
 
 
+def test_whoever_plans_waits_for_no_meshes() -> None:
+    told = "import sys, nerfnav; nerfnav.plan; print('trimesh' in sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True, timeout=300)
+    assert ran.stdout.split() == ["False"]
+
+
 def test_a_name_that_there_is_not_is_refused() -> None:
     with pytest.raises(AttributeError, match="No nerfnav attribute flyy"):
         _ = nerfnav.flyy  # type: ignore[attr-defined]

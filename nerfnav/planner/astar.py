@@ -124,7 +124,7 @@ def cheapest_path(
 ) -> Int[np.ndarray, "n 4"]:
     """See the kernel of this name; no row where there is no way."""
     nodes = prices.size * (2 if len(prices) > 1 else 1)
-    return search.cheapest_path(prices, guide, (np.zeros(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
+    return search.cheapest_path(prices, guide, (np.empty(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
 
 
 def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
@@ -135,10 +135,13 @@ def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
     else:
         own = round(so3.yaw_of(state.rotation).item() * count / torch.pi)
         tried = [(own + change) % (2 * count) for change in sorted(range(-count + 1, count + 1), key=abs)]
+    most = occupancy.scales.snap
+    beside = min(occupancy.spacing.norm().item(), most)  # nearly always enough, and few voxels are looked at
     for heading in tried:
-        free = occupancy.nearest_free_voxels(state.position, occupancy.scales.snap, heading % count)
-        if len(free):
-            return np.array([heading, *occupancy.index(free[0])])
+        for reach in (beside, most):
+            free = occupancy.nearest_free_voxels(state.position, reach, heading % count)
+            if len(free):
+                return np.array([heading, *occupancy.index(free[0])])
     return None
 
 
@@ -188,7 +191,9 @@ def _at_shares(
 
 def as_way(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:
     """The path with its headings, where it has some, in metres."""
-    return path * path.new_tensor([1.0, 1.0, 1.0, turn])[: path.shape[-1]]
+    if path.shape[-1] < 4:
+        return path
+    return path * path.new_tensor([1.0, 1.0, 1.0, turn])
 
 
 def lengths(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, " pieces"]:

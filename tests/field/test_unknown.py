@@ -8,9 +8,11 @@ import pytest
 import torch
 
 from nerfnav.errors import FieldFileError
+from nerfnav.field import grid_field
+from nerfnav.field.bricks import in_bricks
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.composite import CompositeField, PlacedField
-from nerfnav.field.evidence import EMPTY_RAW, State, states_of, states_of_unseen
+from nerfnav.field.evidence import EMPTY_RAW, State, planned_raw, states_of, states_of_unseen
 from nerfnav.field.field import density_and_gradient
 from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.field.voxel import VoxelField
@@ -57,6 +59,22 @@ def test_fields_without_evidence_are_planned_in_as_they_are(hollow: VoxelField):
     assert planning_field(known, Unknown.OCCUPIED) is known
     formula = ball()
     assert planning_field(formula, Unknown.OCCUPIED) is formula
+
+
+@pytest.mark.parametrize("unproven_is_free", [False, True])
+def test_a_field_whose_states_are_looked_at_part_after_part_is_the_same(
+    hollow: VoxelField, unproven_is_free: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    states = torch.randint(0, 3, SHAPE, generator=torch.Generator().manual_seed(0)).to(torch.uint8)
+    for field in (replace(hollow, evidence=states), in_bricks(replace(hollow, evidence=states))):
+        assert field.evidence is not None
+        wanted = planned_raw(field.values[..., 0], field.evidence, unproven_is_free)
+        for nodes in (1, 3000, 1 << 30):  # one layer after the other, two at once, all of them
+            monkeypatch.setattr(grid_field, "_AT_ONCE", nodes)
+            fresh = replace(field)
+            planned = fresh.planned_as_it_says if unproven_is_free else fresh.planned
+            assert torch.equal(planned.values[..., 0], wanted)
+            assert torch.equal(planned.values[..., 1:], field.values[..., 1:])
 
 
 def test_unknown_space_of_a_part_of_a_composite_field_is_solid_too(hollow: VoxelField) -> None:

@@ -11,6 +11,7 @@ import torch
 from nerfnav import robots
 from nerfnav.planner.astar import (
     SearchConfig,
+    _node,
     calm,
     cheapest_path,
     ease,
@@ -202,3 +203,15 @@ def test_a_long_body_turns_on_its_way_through_a_door_and_back_again():
     waypoints = waypoints_along(smooth_path(path), start, goal, 30)
     assert waypoints[:, 3].min() < 0.6 < across - 0.1 < waypoints[-1, 3]
     assert find_path(occupancy, start.position, goal.position) is None  # not with whatever heading
+
+
+def test_a_search_begins_at_the_nearest_of_all_free_voxels_within_reach() -> None:
+    occupancy = OccupancyMap.of(ball(), ROBOT.body, OccupancyConfig(voxel=0.05))
+    draws = np.random.default_rng(0)
+    for point in draws.uniform((-0.4, -0.4, 0.1), (0.4, 0.4, 0.7), (60, 3)).tolist():
+        there = RigidState.at_rest((point[0], point[1], point[2]))
+        all_free = occupancy.nearest_free_voxels(there.position, occupancy.scales.snap)
+        node = _node(occupancy, there)
+        assert (node is None) == (len(all_free) == 0)
+        if node is not None:
+            assert node.tolist() == [0, *occupancy.index(all_free[0]).tolist()]

@@ -1,6 +1,7 @@
 """J in one compiled call against the same term by term, and steps of BFGS against those in Python."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -79,6 +80,29 @@ def test_both_ways_search_alike():
     )
     np.testing.assert_allclose(found, expected, rtol=1e-5)
     assert len(found) > 5 and found[-1] < 0.9 * found[0]
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.05])
+def test_both_ways_refuse_the_same_steps_far_from_what_the_robot_can_do(spread: float) -> None:
+    """There effort alone decides how much shorter the next try is, and the kernel does not ask the field."""
+    start, scales = guess(spread), ROBOT.free_scales(torch.from_numpy(guess())).numpy()
+    fused, plain, config = objective(), term_by_term(), quasi_newton.NewtonConfig(iterations=12)
+    inverse = quasi_newton.preconditioner(plain.effort_curvature, start, scales, config.prior)
+    found, expected = (
+        [step for step, _ in quasi_newton.minimise(search, search(start), scales, config, inverse)]
+        for search in (fused, plain)
+    )
+    refused = 0
+    for before, after in pairwise(expected):
+        for farther in (10, 100):  # tries that the least factor may have led on from
+            moved = farther * (after.free - before.free)
+            slope, tried = float(moved @ before.gradient), plain(before.free + moved).cost
+            refused += -0.5 * slope / (tried.control + tried.limits - before.cost.total - slope) <= 0.1
+    assert refused > 5
+    totals = [[step.cost.total for step in steps] for steps in (found, expected)]
+    np.testing.assert_allclose(*totals, rtol=1e-8)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one.gradient, other.gradient, atol=1e-6 * np.abs(other.gradient).max())
 
 
 def test_what_kernels_do_not_know_is_evaluated_term_by_term():

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel
-from nerfnav.planner.kernels.quadrotor import evaluate
+from nerfnav.planner.kernels.quadrotor import danger_at, effort_at, gradient_at, room_for
 from nerfnav.planner.kernels.quasi_newton import rank_two
 
 
@@ -24,9 +24,9 @@ def newton_steps(trace, at, until, fresh, inverses, reach, parts, rule):
     """
     inverse, first = inverses
     searching, damping, patience, tolerance, least = rule
-    scratch = np.empty((4, reach.shape[0]))
+    scratch, room = np.empty((4, reach.shape[0])), room_for(reach.shape[0])
     while at < until:
-        if not _step(trace, at, inverse, reach, parts, searching, damping, scratch):
+        if not _step(trace, at, inverse, reach, parts, searching, damping, scratch, room):
             if fresh:
                 return at, True, fresh
             inverse[:], fresh = first, True  # what was learned of the curvature misleads: forget it
@@ -45,7 +45,7 @@ def _total(terms, at):
 
 
 @kernel(inline=True)
-def _step(trace, at, inverse, reach, parts, searching, damping, scratch):
+def _step(trace, at, inverse, reach, parts, searching, damping, scratch, room):
     """One step of BFGS: fill the next row of the trace, update the inverse Hessian; False where J does not fall."""
     free, gradient = trace[0][at], trace[1][at]
     direction, step, change, along = scratch
@@ -60,7 +60,7 @@ def _step(trace, at, inverse, reach, parts, searching, damping, scratch):
     if not slope < 0.0:
         return False
     lengths = (_total(trace[2], at), slope, min(1.0, 1.0 / longest))
-    if not _search_along(trace, at, direction, lengths, parts, searching):
+    if not _search_along(trace, at, direction, lengths, parts, searching, room):
         return False
     squared, length = 0.0, 0.0
     for i in range(free.shape[0]):
@@ -89,11 +89,12 @@ def _step(trace, at, inverse, reach, parts, searching, damping, scratch):
 
 
 @kernel(inline=True)
-def _search_along(trace, at, direction, lengths, parts, rule):
+def _search_along(trace, at, direction, lengths, parts, rule, room):
     """Backtracking on Armijo's rule; fills the next row of the trace with where it ends, and says whether J fell.
 
     `lengths` is (J, slope, first length), `rule` (share of the slope, least and largest factor between two tries,
-    tries).
+    tries). The field is not asked where effort alone, of J's parts none of which is below 0, says that the least factor
+    comes next; the gradient is made of the point that is taken.
     """
     task, body, space, weights = parts
     total, slope, length = lengths
@@ -102,10 +103,24 @@ def _search_along(trace, at, direction, lengths, parts, rule):
     for _ in range(most):
         for i in range(free.shape[0]):
             tried[i] = free[i] + length * direction[i]
-        terms[0], terms[1], terms[2], terms[3] = evaluate(tried, task, body, space, weights, gradient)
+        terms[1], terms[2] = effort_at(tried, task, body, space, weights, room)
+        if _share(terms[1] + terms[2] - total, slope, length) <= low:
+            length *= low
+            continue
+        terms[0], terms[3] = danger_at(body, space, weights, room)
         gain = terms[0] + terms[1] + terms[2] + terms[3] - total
         if gain <= armijo * length * slope:
+            gradient_at(tried, task, room, gradient)
             return True
-        best = -0.5 * slope * length**2 / (gain - slope * length)
-        length *= min(max(best / length, low), high) if math.isfinite(best) else high
+        share = _share(gain, slope, length)
+        length *= min(max(share, low), high) if math.isfinite(share) else high
     return False
+
+
+@kernel(inline=True)
+def _share(gain, slope, length):
+    """Where the parabola through J, its slope and what it has gained at a length is least, as a share of the length;
+    the larger the gain, the smaller."""
+    if gain <= slope * length:
+        return math.inf
+    return -0.5 * slope * length / (gain - slope * length)

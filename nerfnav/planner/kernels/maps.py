@@ -53,35 +53,88 @@ def _range(first, last, ratio, reach, count):
     return max(low, 0), min(high, count - 1)
 
 
+@kernel(inline=True)
+def _dense_nodes(part, corner, cells, threshold, dense):
+    """Fill `dense` with which nodes of a block are dense, 1 or 0, and return how many are.
+
+    The block has its first node at `corner` of the values `part`, and `cells` along x, y, z.
+    """
+    count = 0
+    for i in range(cells[0] + 1):
+        for j in range(cells[1] + 1):
+            for k in range(cells[2] + 1):
+                found = 1 if part[corner[0] + i, corner[1] + j, corner[2] + k, 0] > threshold else 0
+                dense[i, j, k] = found
+                count += found
+    return count
+
+
+@kernel(inline=True)
+def _set(columns, ratios, half_height, along_x, along_y, along_z):
+    """Set the columns that a dense interval along x, y and z reaches [nodes of the grid]."""
+    i0, i1 = _range(along_x[0], along_x[1], ratios[0], 0.5, columns.shape[0])
+    j0, j1 = _range(along_y[0], along_y[1], ratios[1], 0.5, columns.shape[1])
+    k0, k1 = _range(along_z[0], along_z[1], ratios[2], half_height, columns.shape[2])
+    for m in range(i0, i1 + 1):
+        for n in range(j0, j1 + 1):
+            for o in range(k0, k1 + 1):
+                columns[m, n, o] = 1
+
+
 @kernel(parallel=True)
 def mark_columns(values, occupied, lower, threshold, half_height, columns):
     """Set columns (fx, fy, nz), nodes over the same box as the grid, where raw densities exceed `threshold` anywhere
-    within half a column along x and y, and within `half_height`, in nodes of `columns`, along z."""
+    within half a column along x and y, and within `half_height`, in nodes of `columns`, along z.
+
+    What is dense throughout is set in one go, a block or a run of cells: the columns of neighbouring cells leave none
+    out between them.
+    """
     counts = node_counts(values, lower)
     side = 1 << BLOCK_SHIFT
-    ratio_x = (columns.shape[0] - 1) / (counts[0] - 1)
-    ratio_y = (columns.shape[1] - 1) / (counts[1] - 1)
-    ratio_z = (columns.shape[2] - 1) / (counts[2] - 1)
+    ratios = (
+        (columns.shape[0] - 1) / (counts[0] - 1),
+        (columns.shape[1] - 1) / (counts[1] - 1),
+        (columns.shape[2] - 1) / (counts[2] - 1),
+    )
     blocks_x, blocks_y, blocks_z = occupied.shape
-    for x in prange(blocks_x):  # two threads may set the same column, to the same number
-        for y in range(blocks_y):
-            for z in range(blocks_z):
-                if not occupied[x, y, z]:
+    for block_x in prange(blocks_x):  # two threads may set the same column, to the same number
+        dense, x = np.empty((side + 1, side + 1, side + 1), np.uint8), block_x * side
+        for y in range(0, blocks_y * side, side):
+            for z in range(0, blocks_z * side, side):
+                if not occupied[block_x, y >> BLOCK_SHIFT, z >> BLOCK_SHIFT]:
                     continue
-                for i in range(x * side, min((x + 1) * side, counts[0] - 1)):
-                    for j in range(y * side, min((y + 1) * side, counts[1] - 1)):
-                        for k in range(z * side, min((z + 1) * side, counts[2] - 1)):
-                            part, a, b, c = part_of(values, occupied, i, j, k)
-                            along_x, along_y, along_z = _dense_part(part, a, b, c, threshold)
-                            if along_x[1] < along_x[0]:
+                cells = (min(side, counts[0] - 1 - x), min(side, counts[1] - 1 - y), min(side, counts[2] - 1 - z))
+                part, a, b, c = part_of(values, occupied, x, y, z)
+                found = _dense_nodes(part, (a, b, c), cells, threshold, dense)
+                if found == 0:
+                    continue
+                if found == (cells[0] + 1) * (cells[1] + 1) * (cells[2] + 1):
+                    spans = ((x, x + cells[0]), (y, y + cells[1]), (z, z + cells[2]))
+                    _set(columns, ratios, half_height, spans[0], spans[1], spans[2])
+                    continue
+                for i in range(cells[0]):
+                    for j in range(cells[1]):
+                        begun = -1  # of a run of cells that are dense throughout
+                        for k in range(cells[2] + 1):
+                            corners = 0
+                            if k < cells[2]:
+                                for d in range(4):
+                                    m, n = i + (d >> 1), j + (d & 1)
+                                    corners += dense[m, n, k] + dense[m, n, k + 1]
+                            if corners == 8:
+                                begun = k if begun < 0 else begun
                                 continue
-                            i0, i1 = _range(i + along_x[0], i + along_x[1], ratio_x, 0.5, columns.shape[0])
-                            j0, j1 = _range(j + along_y[0], j + along_y[1], ratio_y, 0.5, columns.shape[1])
-                            k0, k1 = _range(k + along_z[0], k + along_z[1], ratio_z, half_height, columns.shape[2])
-                            for m in range(i0, i1 + 1):
-                                for n in range(j0, j1 + 1):
-                                    for o in range(k0, k1 + 1):
-                                        columns[m, n, o] = 1
+                            if begun >= 0:
+                                spans = ((x + i, x + i + 1), (y + j, y + j + 1), (z + begun, z + k))
+                                _set(columns, ratios, half_height, spans[0], spans[1], spans[2])
+                                begun = -1
+                            if corners == 0:
+                                continue
+                            along_x, along_y, along_z = _dense_part(part, a + i, b + j, c + k, threshold)
+                            _set(
+                                columns, ratios, half_height, (x + i + along_x[0], x + i + along_x[1]),
+                                (y + j + along_y[0], y + j + along_y[1]), (z + k + along_z[0], z + k + along_z[1]),
+                            )  # fmt: skip
 
 
 @kernel(parallel=True)

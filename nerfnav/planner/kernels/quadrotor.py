@@ -23,16 +23,10 @@ from nerfnav.robots.kernels.quadrotor_limits import limits
 
 
 @kernel(inline=True)
-def density_at(space, x, y, z):
-    """rho [1/m] at a point of the world and its gradient [1/m^2]; all 0 in empty cells and outside the grid."""
-    values, leaps, lower, per_meter, scale = space[:5]
+def density_between(values, scale, x, y, z):
+    """rho [1/m] at a point of the grid, in nodes, and its gradient [1/m per node]; all 0 where it is negligible."""
     nx, ny, nz, _ = values.shape
-    x, y, z = (x - lower[0]) * per_meter[0], (y - lower[1]) * per_meter[1], (z - lower[2]) * per_meter[2]
-    if not (0.0 <= x <= nx - 1 and 0.0 <= y <= ny - 1 and 0.0 <= z <= nz - 1):
-        return 0.0, 0.0, 0.0, 0.0
     i, j, k = min(int(x), nx - 2), min(int(y), ny - 2), min(int(z), nz - 2)
-    if leaps[i, j, k] > 0:
-        return 0.0, 0.0, 0.0, 0.0
     x, y, z = x - i, y - j, z - k
     edge00, slope00 = values[i, j, k, 0], values[i, j, k + 1, 0] - values[i, j, k, 0]
     edge01, slope01 = values[i, j + 1, k, 0], values[i, j + 1, k + 1, 0] - values[i, j + 1, k, 0]
@@ -48,64 +42,72 @@ def density_at(space, x, y, z):
     slope = scale * (1.0 if raw > 0.0 else exponential) / (1.0 + exponential)
     along_y = (1.0 - x) * (edge01 - edge00) + x * (edge11 - edge10)
     along_z = (1.0 - x) * ((1.0 - y) * slope00 + y * slope01) + x * ((1.0 - y) * slope10 + y * slope11)
-    return (
-        scale * (max(raw, 0.0) + math.log1p(exponential)), slope * per_meter[0] * (far - near),
-        slope * per_meter[1] * along_y, slope * per_meter[2] * along_z,
-    )  # fmt: skip
+    density = scale * (max(raw, 0.0) + math.log1p(exponential))
+    return density, slope * (far - near), slope * along_y, slope * along_z
 
 
 @kernel(inline=True)
-def _place(position, rotation, points, world):
-    """Fill where body points (3, B) are at a position and an attitude, (3, B)."""
+def _place(position, rotation, points, space, nodes):
+    """Fill where body points (3, B) are at a position and an attitude, in nodes of the grid (3, B)."""
+    lower, per_meter = space[2], space[3]
     for axis in range(3):
-        by_x, by_y, by_z, at = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2], position[axis]
+        times = float(per_meter[axis])
+        by_x, by_y, by_z = times * rotation[axis, 0], times * rotation[axis, 1], times * rotation[axis, 2]
+        at = times * (position[axis] - lower[axis])
         for b in range(points.shape[1]):
-            world[axis, b] = at + by_x * points[0, b] + by_y * points[1, b] + by_z * points[2, b]
+            nodes[axis, b] = at + by_x * points[0, b] + by_y * points[1, b] + by_z * points[2, b]
 
 
 @kernel(inline=True)
-def _cells_between(space, before, after, fraction, cells):
-    """Fill the cells (B) in which points are at a fraction of their step, as places in the flat grid; -1 outside of it.
+def _amid_something(leaps, before, way, fraction, cells, found):
+    """Fill `found` (B) with the points that are in cells with something in them at a fraction of their step; returns
+    how many there are.
 
-    In floating point and without branches, so that several are done at once.
+    First the cell of each point, -1 outside of the grid, in floating point and without branches, so that several are
+    done at once; then which of them count, again without branches, which nobody could foresee.
     """
-    leaps, lower, per_meter = space[1:4]
     nx, ny, nz = float(leaps.shape[0]), float(leaps.shape[1]), float(leaps.shape[2])
     for b in range(cells.shape[0]):
-        x = (before[0, b] + fraction * (after[0, b] - before[0, b]) - lower[0]) * per_meter[0]
-        y = (before[1, b] + fraction * (after[1, b] - before[1, b]) - lower[1]) * per_meter[1]
-        z = (before[2, b] + fraction * (after[2, b] - before[2, b]) - lower[2]) * per_meter[2]
+        x = before[0, b] + fraction * way[0, b]
+        y = before[1, b] + fraction * way[1, b]
+        z = before[2, b] + fraction * way[2, b]
         inside = (x >= 0.0) & (x <= nx) & (y >= 0.0) & (y <= ny) & (z >= 0.0) & (z <= nz)
         i, j, k = min(np.floor(x), nx - 1.0), min(np.floor(y), ny - 1.0), min(np.floor(z), nz - 1.0)
         cells[b] = (i * ny + j) * nz + k if inside else -1.0
+    count, flat = 0, leaps.reshape(-1)
+    for b in range(cells.shape[0]):
+        found[count] = b
+        empty = flat[np.uint64(max(cells[b], 0.0))] > 0
+        count += 1 if (cells[b] >= 0.0) & (not empty) else 0
+    return count
 
 
 @kernel()
 def collide(position, rotation, body, space, weight, by_position, by_rotation):
     """`weight` times the collision term; adds its derivatives: `spread` and `collision` with nothing in between."""
     points, fractions = body
+    values, leaps, _, per_meter, scale = space[:5]
     count, parts, total = points.shape[0], fractions.shape[0], 0.0
     columns, before, after = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
-    cells, sums, leaps = np.empty(count), np.empty((count, 7)), space[1].reshape(-1)
+    way = np.empty((3, count))
+    cells, found, sums = np.empty(count), np.empty(count + 1, np.int64), np.zeros((count, 7))
     for b in range(count):
         for axis in range(3):
             columns[axis, b] = points[b, axis]
-    _place(position[0], rotation[0], columns, after)
+    _place(position[0], rotation[0], columns, space, after)
     for t in range(1, rotation.shape[0]):
         before, after = after, before
-        _place(position[t], rotation[t], columns, after)
-        sums[:] = 0.0
+        _place(position[t], rotation[t], columns, space, after)
+        for axis in range(3):
+            for b in range(count):
+                way[axis, b] = after[axis, b] - before[axis, b]
         meets = False
         for k in range(parts):
             f = fractions[k]
-            _cells_between(space, before, after, f, cells)
-            for b in range(count):
-                if cells[b] < 0.0 or leaps[int(cells[b])] > 0:
-                    continue
-                x, y, z = before[0, b], before[1, b], before[2, b]
-                density, gx, gy, gz = density_at(
-                    space, x + f * (after[0, b] - x), y + f * (after[1, b] - y), z + f * (after[2, b] - z)
-                )
+            for hit in range(_amid_something(leaps, before, way, f, cells, found)):
+                b = found[hit]
+                x, y, z = before[0, b] + f * way[0, b], before[1, b] + f * way[1, b], before[2, b] + f * way[2, b]
+                density, gx, gy, gz = density_between(values, scale, x, y, z)
                 if density > 0.0:
                     meets = True
                     _add(sums[b], f, density / parts, gx / parts, gy / parts, gz / parts)
@@ -113,18 +115,16 @@ def collide(position, rotation, body, space, weight, by_position, by_rotation):
             met = sums[b, 0]
             if met == 0.0:
                 continue
-            x, y, z = before[0, b], before[1, b], before[2, b]
-            dx, dy, dz = after[0, b] - x, after[1, b] - y, after[2, b] - z
+            dx, dy, dz = way[0, b] / per_meter[0], way[1, b] / per_meter[1], way[2, b] / per_meter[2]
             travelled = math.sqrt(STANDSTILL + dx * dx + dy * dy + dz * dz)
             total += weight * met * travelled
-            along, last, first = met / travelled, np.empty(3), np.empty(3)
-            last[0] = weight * (along * dx + travelled * sums[b, 4])
-            last[1] = weight * (along * dy + travelled * sums[b, 5])
-            last[2] = weight * (along * dz + travelled * sums[b, 6])
-            for axis in range(3):
-                first[axis] = weight * travelled * sums[b, 1 + axis] - last[axis]
+            along, times = weight * met / travelled, weight * travelled
+            tx, ty, tz = times * per_meter[0], times * per_meter[1], times * per_meter[2]
+            last = (along * dx + tx * sums[b, 4], along * dy + ty * sums[b, 5], along * dz + tz * sums[b, 6])
+            first = (tx * sums[b, 1] - last[0], ty * sums[b, 2] - last[1], tz * sums[b, 3] - last[2])
             _pull(t, last, rotation[t], points[b], by_position, by_rotation)
             _pull(t - 1, first, rotation[t - 1], points[b], by_position, by_rotation)
+            sums[b] = 0.0
     return total
 
 
@@ -139,61 +139,94 @@ def _add(row, fraction, density, by_x, by_y, by_z):
 @kernel(inline=True)
 def _pull(t, by_point, rotation, point, by_position, by_rotation):
     """Add what a point's derivative means for the position and the attitude at time t."""
-    u = rotation[0, 0] * by_point[0] + rotation[1, 0] * by_point[1] + rotation[2, 0] * by_point[2]
-    v = rotation[0, 1] * by_point[0] + rotation[1, 1] * by_point[1] + rotation[2, 1] * by_point[2]
-    w = rotation[0, 2] * by_point[0] + rotation[1, 2] * by_point[1] + rotation[2, 2] * by_point[2]
-    for axis in range(3):
-        by_position[t, axis] += by_point[axis]
+    x, y, z = by_point
+    u = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
+    v = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
+    w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
+    by_position[t, 0] += x
+    by_position[t, 1] += y
+    by_position[t, 2] += z
     by_rotation[t, 0] += point[1] * w - point[2] * v
     by_rotation[t, 1] += point[2] * u - point[0] * w
     by_rotation[t, 2] += point[0] * v - point[1] * u
 
 
+@kernel(inline=True)
+def room_for(count):
+    """Memory for evaluations at `count` free numbers: positions, velocities, attitudes, body rates and actions, then
+    the derivatives by position, attitude and action."""
+    steps = (count + 12) // 4
+    arrays = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3, 3)), np.empty((steps + 1, 3))
+    slopes = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps, 4))
+    return (arrays[0], arrays[1], arrays[2], arrays[3], np.empty((steps, 4))), slopes
+
+
+@kernel()
+def effort_at(free, task, body, space, weights, room):
+    """Control and the penalties of J at `free` (k), which fills the room with the motion and their derivatives."""
+    ends, attitudes, constants = task[:3]
+    (position, velocity, rotation, rate, action), (by_position, by_rotation, by_action) = room
+    motion(free, ends, attitudes, constants, position, velocity, rotation, rate, action)
+    by_position[:], by_rotation[:], by_action[:] = 0.0, 0.0, 0.0
+    return _effort(room[0], room[1], task, space, weights)
+
+
+@kernel()
+def danger_at(body, space, weights, room):
+    """Collision and risk of J of the motion in the room; adds their derivatives.
+
+    With weights of 0 nothing is asked of the field.
+    """
+    (position, _, rotation, _, action), (by_position, by_rotation, _) = room
+    met, risked = 0.0, 0.0
+    if weights[3] != 0.0:
+        risked = endangered(position[: action.shape[0] + 1], body[1], space[7], space[8], weights[3], by_position)
+    if weights[0] != 0.0:
+        met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
+    return met, risked
+
+
+@kernel()
+def gradient_at(free, task, room, gradient):
+    """Fill the gradient (k) from the derivatives in the room, which are used up."""
+    (_, velocity, rotation, rate, action), (by_position, by_rotation, by_action) = room
+    adjoint(
+        free, task[1], task[2], velocity, rotation, rate, action, by_position, by_rotation, by_action, gradient
+    )
+
+
 @kernel()
 def evaluate(free, task, body, space, weights, gradient):
-    """Collision, control, the penalties and risk of J at `free` (k); fills the gradient (k).
-
-    With weights of 0 for collision and risk nothing is asked of the field: the terms for preconditioning alone.
-    """
-    ends, attitudes, constants = task[:3]
-    steps = (free.shape[0] + 12) // 4
-    position, velocity, rate = np.empty((steps + 2, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3))
-    rotation, action = np.empty((steps + 1, 3, 3)), np.empty((steps, 4))
-    motion(free, ends, attitudes, constants, position, velocity, rotation, rate, action)
-    slopes = np.zeros((steps + 2, 3)), np.zeros((steps + 1, 3)), np.zeros((steps, 4))
-    terms = _terms((position, velocity, rotation, rate, action), slopes, task, body, space, weights)
-    by_position, by_rotation, by_action = slopes
-    adjoint(
-        free, attitudes, constants, velocity, rotation, rate, action, by_position, by_rotation, by_action, gradient
-    )
-    return terms
+    """Collision, control, the penalties and risk of J at `free` (k); fills the gradient (k)."""
+    room = room_for(free.shape[0])
+    effort, over = effort_at(free, task, body, space, weights, room)
+    met, risked = danger_at(body, space, weights, room)
+    gradient_at(free, task, room, gradient)
+    return met, effort, over, risked
 
 
 @kernel()
 def evaluate_motion(motion, task, body, space, weights):
     """The same terms for a motion that is there: positions, velocities, attitudes, body rates and actions."""
     times, steps = motion[0].shape[0], motion[4].shape[0]
-    slopes = np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4))
-    return _terms(motion, slopes, task, body, space, weights)
+    room = motion, (np.zeros((times + 1, 3)), np.zeros((times, 3)), np.zeros((steps, 4)))
+    effort, over = _effort(room[0], room[1], task, space, weights)
+    met, risked = danger_at(body, space, weights, room)
+    return met, effort, over, risked
 
 
 @kernel(inline=True)
-def _terms(motion, slopes, task, body, space, weights):
-    """Collision, control, penalties and risk of a motion; adds their derivatives by position, attitude and action."""
+def _effort(motion, slopes, task, space, weights):
+    """Control and penalties of a motion; adds their derivatives by position, attitude and action."""
     position, velocity, rotation, rate, action = motion
     by_position, by_rotation, by_action = slopes
-    _, _, constants, bounds, gamma = task
-    steps, met, risked = action.shape[0], 0.0, 0.0
-    if weights[3] != 0.0:
-        risked = endangered(position[: steps + 1], body[1], space[7], space[8], weights[3], by_position)
-    if weights[0] != 0.0:
-        met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
+    constants, bounds, gamma = task[2:]
     effort = control(action, gamma, by_action)
     over = limits(
         velocity, rotation, rate, action, bounds, weights[1], constants[5], by_position, by_rotation, by_action
     )
     over += outside(position, rotation, (space[5], space[6], space[9]), weights[2], by_position, by_rotation)
-    return met, effort, over, risked
+    return effort, over
 
 
 @kernel()

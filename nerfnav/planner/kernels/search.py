@@ -4,18 +4,20 @@ What is left to the goal is guessed by the straight line; on a large map by the 
 coarse, found backwards from the goal first: around a long wall the straight line would have half of a hall searched.
 """
 
-import heapq
 import math
 
 import numpy as np
 
 from nerfnav.compiled import kernel
+from nerfnav.planner.kernels.heap import grown, pop, push
 
 CLUSTER = 4
 """Voxels along each edge of a voxel of the coarse map."""
 _SLACK = 2.0 * CLUSTER * math.sqrt(3.0)
 """By how much less than on the coarse map what is left may cost: a voxel's edge to edge at both ends."""
 _CLOSED, _MOVE = 128, 127
+_ROOM, _MOST_MOVES = 4096, 28
+"""Entries that a queue has room for at first, and that a node may add to it."""
 
 
 @kernel()
@@ -28,7 +30,7 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
     distance ahead counts `greed` times: with more than 1 far fewer voxels are looked at, and the way costs at most
     `greed` times the least (Pohl, 1970).
 
-    `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), zeros of 1 float64 and 1 uint8 for each heading
+    `guide` is from `costs_to`, or has no voxels. `room` = (cost, move), any float64 and a zero uint8 for each heading
     and voxel: memory that is zero anyway is only taken where it is looked at.
     """
     m, nx, ny, nz = prices.shape
@@ -39,32 +41,44 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
     start, goal = ends
     first = start[0] * layer + (start[1] * ny + start[2]) * nz + start[3]
     last = goal[0] * layer + (goal[1] * ny + goal[2]) * nz + goal[3]
-    lengths = np.sqrt(np.arange(4.0))
-    queue = [(0.0, first)]
-    while len(queue) > 0:
-        _, node = heapq.heappop(queue)
+    offsets, lengths = _moves(ny, nz)
+    cost[first] = 0.0
+    queue, size = (np.empty(_ROOM), np.empty(_ROOM, np.int64)), 1
+    queue[0][0], queue[1][0] = 0.0, first
+    while size > 0:
+        node, size = queue[1][0], size - 1
+        pop(queue, size)
         if node == last:
             break
         if moves[node] & _CLOSED:
             continue  # a cheaper way here was found after this entry was queued
         moves[node] |= _CLOSED
+        if size + _MOST_MOVES > queue[0].shape[0]:
+            queue = grown(queue)
         spent, h, voxel = cost[node], node // layer, node % layer
         column, k = voxel // nz, voxel % nz
         i, j = column // ny, column % ny
-        own_layer, own_nodes = h % m * layer, h * layer
+        own_layer = h % m * layer
         own = flat[own_layer + voxel]
         turned = turn * min(abs(h - goal[0]), around - abs(h - goal[0]))
-        for a in range(max(i - 1, 0), min(i + 2, nx)):
-            for b in range(max(j - 1, 0), min(j + 2, ny)):
-                beside = (a - i) ** 2 + (b - j) ** 2
-                for c in range(max(k - 1, 0), min(k + 2, nz)):
-                    target = (a * ny + b) * nz + c
-                    other = own_nodes + target
-                    total = spent + 0.5 * lengths[beside + (c - k) ** 2] * (own + flat[own_layer + target])
-                    if total < np.inf and not moves[other] & _CLOSED and (moves[other] == 0 or total < cost[other]):
-                        cost[other] = total
-                        moves[other] = 1 + ((a - i + 1) * 3 + b - j + 1) * 3 + c - k + 1
-                        heapq.heappush(queue, (total + greed * (_ahead(guide, a, b, c, goal) + turned), other))
+        inner = 0 < i < nx - 1 and 0 < j < ny - 1 and 0 < k < nz - 1
+        for move in range(27):
+            if not inner:
+                a, b, c = i + move // 9 - 1, j + move // 3 % 3 - 1, k + move % 3 - 1
+                if not (0 <= a < nx and 0 <= b < ny and 0 <= c < nz):
+                    continue
+            # unsigned: numba then need not ask whether an index counts from the end
+            other = np.uint64(node + offsets[move])
+            known = moves[other]
+            if known & _CLOSED:
+                continue
+            total = spent + lengths[move] * (own + flat[np.uint64(own_layer + voxel + offsets[move])])
+            if total < np.inf and (known == 0 or total < cost[other]):
+                cost[other] = total
+                moves[other] = 1 + move
+                ahead = _ahead(guide, i + move // 9 - 1, j + move // 3 % 3 - 1, k + move % 3 - 1, goal)
+                push(queue, size, total + greed * (ahead + turned), node + offsets[move])
+                size += 1
         if around == 1:
             continue
         ahead = _ahead(guide, i, j, k, goal)
@@ -76,8 +90,19 @@ def cheapest_path(prices, guide, room, ends, turn, greed):
                 cost[other] = total
                 moves[other] = 28 if side < 0 else 29
                 turned = turn * min(abs(heading - goal[0]), around - abs(heading - goal[0]))
-                heapq.heappush(queue, (total + greed * (ahead + turned), other))
+                push(queue, size, total + greed * (ahead + turned), other)
+                size += 1
     return _trace(moves, (first, last), (nx, ny, nz), around)
+
+
+@kernel(inline=True)
+def _moves(ny, nz):
+    """By how much a node's number changes with each of the 27 moves, and half of their lengths [voxels]."""
+    offsets, lengths = np.empty(27, np.int64), np.empty(27)
+    for move in range(27):
+        x, y, z = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
+        offsets[move], lengths[move] = (x * ny + y) * nz + z, 0.5 * math.sqrt(x * x + y * y + z * z)
+    return offsets, lengths
 
 
 @kernel(inline=True)
@@ -139,9 +164,13 @@ def costs_to(prices, goal):
     lengths = np.sqrt(np.arange(4.0)) * CLUSTER
     x, y, z = goal[1] // CLUSTER, goal[2] // CLUSTER, goal[3] // CLUSTER
     left[x, y, z] = 0.0
-    queue = [(0.0, (x * sy + y) * sz + z)]
-    while len(queue) > 0:
-        spent, node = heapq.heappop(queue)
+    queue, size = (np.empty(_ROOM), np.empty(_ROOM, np.int64)), 1
+    queue[0][0], queue[1][0] = 0.0, (x * sy + y) * sz + z
+    while size > 0:
+        spent, node, size = queue[0][0], queue[1][0], size - 1
+        pop(queue, size)
+        if size + _MOST_MOVES > queue[0].shape[0]:
+            queue = grown(queue)
         i, j, k = node // (sy * sz), node // sz % sy, node % sz
         if spent > left[i, j, k]:
             continue
@@ -152,7 +181,8 @@ def costs_to(prices, goal):
                     total = spent + 0.5 * length * (least[i, j, k] + least[a, b, c])
                     if total < left[a, b, c]:
                         left[a, b, c] = total
-                        heapq.heappush(queue, (total, (a * sy + b) * sz + c))
+                        push(queue, size, total, (a * sy + b) * sz + c)
+                        size += 1
     return left
 
 

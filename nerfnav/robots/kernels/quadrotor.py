@@ -146,22 +146,26 @@ def _attitude(n, yaw, rotation):
 def _through_attitude(n, yaw, rotation, by_tangent, by_n):
     """Derivative by n of a cost whose derivative in the body tangent of R = Tilt(n) Rz(yaw) is `by_tangent`."""
     cosine, sine = math.cos(yaw), math.sin(yaw)
-    # by_r = R [g]x / 2 has <by_r, R [delta]x> = g . delta; then by_tilt = by_r Rz(yaw)'
-    g0, g1, g2 = 0.5 * by_tangent[0], 0.5 * by_tangent[1], 0.5 * by_tangent[2]
-    by_tilt = np.empty((3, 3))
-    for row in range(3):
-        a, b, c = rotation[row, 0], rotation[row, 1], rotation[row, 2]
-        left, middle = b * g2 - c * g1, c * g0 - a * g2
-        by_tilt[row, 0] = left * cosine - middle * sine
-        by_tilt[row, 1] = left * sine + middle * cosine
-        by_tilt[row, 2] = a * g1 - b * g0
+    # by_r = R [g]x / 2 has <by_r, R [delta]x> = g . delta; then by_tilt = by_r Rz(yaw)', row by row
     x, y = n[0], n[1]
     share = 1.0 / max(1.0 + n[2], 1e-6)
-    by_xx, by_yy, by_xy = by_tilt[0, 0], by_tilt[1, 1], by_tilt[0, 1] + by_tilt[1, 0]
+    by_xx, by_yx, by_nx = _tilted(rotation, 0, by_tangent, cosine, sine)
+    by_xy, by_yy, by_ny = _tilted(rotation, 1, by_tangent, cosine, sine)
+    by_zx, by_zy, by_nz = _tilted(rotation, 2, by_tangent, cosine, sine)
+    by_xy += by_yx
     by_share = -x * x * by_xx - x * y * by_xy - y * y * by_yy
-    by_n[0] = by_tilt[0, 2] - by_tilt[2, 0] - share * (2.0 * x * by_xx + y * by_xy)
-    by_n[1] = by_tilt[1, 2] - by_tilt[2, 1] - share * (2.0 * y * by_yy + x * by_xy)
-    by_n[2] = by_tilt[2, 2] - share * share * by_share
+    by_n[0] = by_nx - by_zx - share * (2.0 * x * by_xx + y * by_xy)
+    by_n[1] = by_ny - by_zy - share * (2.0 * y * by_yy + x * by_xy)
+    by_n[2] = by_nz - share * share * by_share
+
+
+@kernel(inline=True)
+def _tilted(rotation, row, by_tangent, cosine, sine):
+    """A row of the derivative by Tilt(n)."""
+    g0, g1, g2 = 0.5 * by_tangent[0], 0.5 * by_tangent[1], 0.5 * by_tangent[2]
+    a, b, c = rotation[row, 0], rotation[row, 1], rotation[row, 2]
+    left, middle = b * g2 - c * g1, c * g0 - a * g2
+    return left * cosine - middle * sine, left * sine + middle * cosine, a * g1 - b * g0
 
 
 @kernel(inline=True)

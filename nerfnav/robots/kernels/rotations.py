@@ -18,36 +18,51 @@ def cross(a, b, out):
 @kernel(inline=True)
 def log_between(first, second, theta):
     """theta = Log(first' second), by the quaternion, well conditioned up to angle pi."""
-    m = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            m[i, j] = first[0, i] * second[0, j] + first[1, i] * second[1, j] + first[2, i] * second[2, j]
-    trace = m[0, 0] + m[1, 1] + m[2, 2]
-    theta[0], theta[1], theta[2] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+    trace = _entry(first, second, 0, 0) + _entry(first, second, 1, 1) + _entry(first, second, 2, 2)
+    theta[0] = _entry(first, second, 2, 1) - _entry(first, second, 1, 2)
+    theta[1] = _entry(first, second, 0, 2) - _entry(first, second, 2, 0)
+    theta[2] = _entry(first, second, 1, 0) - _entry(first, second, 0, 1)
     if trace > 0.0:
         w = 0.5 * math.sqrt(1.0 + trace)
         for i in range(3):
             theta[i] *= 0.25 / w
     else:
-        i = 0
-        if m[1, 1] > m[0, 0]:
-            i = 1
-        if m[2, 2] > m[i, i]:
-            i = 2
-        j, k = (i + 1) % 3, (i + 2) % 3
-        largest = 0.5 * math.sqrt(max(1.0 + m[i, i] - m[j, j] - m[k, k], 1e-12))
-        w = 0.25 * theta[i] / largest
-        theta[i], theta[j], theta[k] = (
-            largest, 0.25 * (m[i, j] + m[j, i]) / largest, 0.25 * (m[i, k] + m[k, i]) / largest,
-        )  # fmt: skip
-        if w < 0.0:
-            w = -w
-            for axis in range(3):
-                theta[axis] = -theta[axis]
+        w = _by_largest(first, second, theta)
     sine = math.sqrt(theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2)
     scale = 2.0 + sine * sine / 3.0 if sine < 1e-6 else 2.0 * math.atan2(sine, w) / sine
     for axis in range(3):
         theta[axis] *= scale
+
+
+@kernel(inline=True)
+def _entry(first, second, i, j):
+    """An entry of first' second: each where it is needed, for an array would be taken from memory at each call."""
+    return first[0, i] * second[0, j] + first[1, i] * second[1, j] + first[2, i] * second[2, j]
+
+
+@kernel(inline=True)
+def _by_largest(first, second, theta):
+    """Turn theta, what first' second has beside its diagonal, into a quaternion's vector; returns its scalar."""
+    m = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            m[i, j] = _entry(first, second, i, j)
+    i = 0
+    if m[1, 1] > m[0, 0]:
+        i = 1
+    if m[2, 2] > m[i, i]:
+        i = 2
+    j, k = (i + 1) % 3, (i + 2) % 3
+    largest = 0.5 * math.sqrt(max(1.0 + m[i, i] - m[j, j] - m[k, k], 1e-12))
+    w = 0.25 * theta[i] / largest
+    theta[i], theta[j], theta[k] = (
+        largest, 0.25 * (m[i, j] + m[j, i]) / largest, 0.25 * (m[i, k] + m[k, i]) / largest,
+    )  # fmt: skip
+    if w < 0.0:
+        w = -w
+        for axis in range(3):
+            theta[axis] = -theta[axis]
+    return w
 
 
 @kernel(inline=True)
@@ -59,11 +74,13 @@ def inverse_left_jacobian(theta, sign, vector, out):
     else:
         angle = math.sqrt(squared)
         second = 1.0 / squared - (1.0 + math.cos(angle)) / (2.0 * angle * math.sin(angle))
-    once, twice = np.empty(3), np.empty(3)
-    cross(theta, vector, once)
-    cross(theta, once, twice)
-    for axis in range(3):
-        out[axis] = vector[axis] - sign * 0.5 * once[axis] + second * twice[axis]
+    x = theta[1] * vector[2] - theta[2] * vector[1]
+    y = theta[2] * vector[0] - theta[0] * vector[2]
+    z = theta[0] * vector[1] - theta[1] * vector[0]
+    half = sign * 0.5
+    out[0] = vector[0] - half * x + second * (theta[1] * z - theta[2] * y)
+    out[1] = vector[1] - half * y + second * (theta[2] * x - theta[0] * z)
+    out[2] = vector[2] - half * z + second * (theta[0] * y - theta[1] * x)
 
 
 @kernel(inline=True)
