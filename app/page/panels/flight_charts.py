@@ -32,17 +32,25 @@ class FlightChart:
     def __init__(self, server: viser.ViserServer, curves: Curves) -> None:
         self._chart = Chart(server, "time [s]", curves.lines)
         self._curves = curves
-        self._rows = np.zeros((2, 0))
+        self._rows = curves.of(())
+        self._drawn: tuple[NavigationStep, ...] = ()
         self._shown: tuple[FlightRecord | None, float | None] = None, None
 
     def show(self, session: Session) -> None:
         """Draw the flight, where it is not drawn already."""
         shown = session.flight, time_shown(session)
         if shown[0] is not self._shown[0]:
-            self._rows = self._curves.of(() if session.flight is None else session.flight.steps)
+            self._follow(() if session.flight is None else session.flight.steps)
         if shown[0] is not self._shown[0] or shown[1] != self._shown[1]:
             self._chart.show(self._rows, shown[1])
         self._shown = shown
+
+    def _follow(self, steps: tuple[NavigationStep, ...]) -> None:
+        """Take the rows of these steps; where a flight has grown, those of its new steps alone."""
+        known = len(self._drawn)
+        if known and (len(steps) < known or steps[0] is not self._drawn[0] or steps[known - 1] is not self._drawn[-1]):
+            self._rows, known = self._curves.of(()), 0
+        self._rows, self._drawn = np.concatenate([self._rows, self._curves.of(steps[known:])], axis=1), steps
 
 
 def time_shown(session: Session) -> float | None:
