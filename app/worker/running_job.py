@@ -12,9 +12,7 @@ from app.state.session import Session
 from app.worker.work import Work
 from nerfnav.compiled import telling_compilation
 from nerfnav.errors import NerfnavError
-from nerfnav.estimator import FilterStep
-from nerfnav.navigation import NavigationStep
-from nerfnav.planner import PlanStep
+from nerfnav.navigation import Iteration, NavigationStep
 
 _log = logging.getLogger(__name__)
 _ITERATION_S = 1 / 20  # in a flight, iterations that come sooner after what was told last are seen by nobody
@@ -83,7 +81,7 @@ class RunningJob:
 
     def _is_soon_over(self, event: Any) -> bool:
         """Whether it is an iteration within a time step, too soon after what was told last to be seen."""
-        within = self._time_steps > 0 and isinstance(event, FilterStep | PlanStep)
+        within = self._time_steps > 0 and isinstance(event, Iteration)
         return within and time.monotonic() < self._told_at + _ITERATION_S
 
     def close(self) -> None:

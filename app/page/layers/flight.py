@@ -1,7 +1,5 @@
 """The flight: where the robot is, where it believes to be, how sure it is, and what it intends."""
 
-from collections.abc import Iterable
-
 import numpy as np
 import viser
 
@@ -59,7 +57,7 @@ class FlightLayer:
         steps = flight.steps if flight is not None else ()
         under_way = flight is not None and bool(steps) and flight.outcome is None
         with self._server.atomic():
-            true, believed = _centers(step.truth for step in steps), _centers(step.belief.mean for step in steps)
+            true, believed = _centers([step.truth for step in steps]), _centers([step.belief.mean for step in steps])
             self._truth.show(true)
             self._belief.show(believed)
             intent = flight.plan if flight is not None and under_way else None
@@ -109,7 +107,7 @@ def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndar
     return np.array(made) if made else None
 
 
-def _centers(states: Iterable[RigidState]) -> np.ndarray:
+def _centers(states: list[RigidState]) -> np.ndarray:
     """Positions of separate states (n, 3) [m]."""
     return np.array([state.position.detach().numpy() for state in states], np.float32).reshape(-1, 3)
 
