@@ -45,8 +45,8 @@ class RobotViewQuery(Query[RobotView]):
 
     @property
     def pause(self) -> float:
-        """A tenth of the time for pictures of a flight whose next step waits for them."""
-        return 9.0 if self.rough else 0.0
+        """A twentieth of the time for pictures of a flight whose next step waits for them."""
+        return 19.0 if self.rough else 0.0
 
     def answer(self, resources: Resources) -> RobotView:
         """Render the field from each of them."""

@@ -12,9 +12,10 @@ from app.state.session import Session
 from app.worker.work import Work
 from nerfnav.compiled import telling_compilation
 from nerfnav.errors import NerfnavError
-from nerfnav.navigation import NavigationStep
+from nerfnav.navigation import Iteration, NavigationStep
 
 _log = logging.getLogger(__name__)
+_ITERATION_S = 1 / 20  # in a flight, iterations that come sooner after what was told last are seen by nobody
 
 
 class RunningJob:
@@ -25,7 +26,7 @@ class RunningJob:
         self._reached = Progress("", 0.0)
         self._name = job.kind.value
         self._ended = False
-        self._time_steps = 0
+        self._time_steps, self._told_at = 0, 0.0
         self._step_s, self._step_began, self._begun_at = 0.0, 0.0, 0.0
         self._between_steps = True
         self._events = self._begin(job, work, session)
@@ -48,7 +49,9 @@ class RunningJob:
     def next_event(self, meanwhile: Callable[[Progress], None]) -> Any:
         """What the job yields next; its end, with what it returned, and its failures are events too.
 
-        `meanwhile` is told where it waits for the compiler, which takes a minute, and where it goes on.
+        `meanwhile` is told where it waits for the compiler, which takes a minute, and where it goes on. Iterations of
+        filter and planner that follow each other faster than the page changes are passed over once a flight goes on:
+        each that is told takes the interpreter from the next one.
         """
 
         def tell(compiles: bool) -> None:
@@ -59,6 +62,8 @@ class RunningJob:
         try:
             with telling_compilation(tell):
                 event = next(self._events)
+                while self._is_soon_over(event):
+                    event = next(self._events)
         except StopIteration as end:
             event = JobFinished(self._name, end.value)
         except NerfnavError as error:
@@ -66,12 +71,18 @@ class RunningJob:
         except Exception as error:
             _log.exception("the job %s broke", self._name)
             event = JobFailed(self._name, describe_fault(error))
+        self._told_at = time.monotonic()
         self._reached = event if isinstance(event, Progress) else self._reached
         self._ended = isinstance(event, JobFailed | JobFinished)
         if isinstance(event, NavigationStep):
             self._time_steps += 1
             self._step_s, self._step_began, self._between_steps = event.plan.dt, self._begun_at, True
         return event
+
+    def _is_soon_over(self, event: Any) -> bool:
+        """Whether it is an iteration within a time step, too soon after what was told last to be seen."""
+        within = self._time_steps > 0 and isinstance(event, Iteration)
+        return within and time.monotonic() < self._told_at + _ITERATION_S
 
     def close(self) -> None:
         """Give up what is left of the job."""

@@ -12,6 +12,7 @@ from .simulator import ContactFunction as ContactFunction
 from .simulator import Simulator as Simulator
 from .simulator import world_generator as world_generator
 from .steps import EpisodeOutcome as EpisodeOutcome
+from .steps import Iteration as Iteration
 from .steps import LoopEvent as LoopEvent
 from .steps import NavigationStep as NavigationStep
 from .worlds import WORLDS as WORLDS

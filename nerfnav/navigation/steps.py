@@ -121,5 +121,7 @@ class Doubt:
         return max(left, timing_of(robot, length, dt, dt).steps)
 
 
-LoopEvent = PlanStep | FilterStep | RelocaliseStep | NavigationStep
+Iteration = PlanStep | FilterStep
+"""What planner and filter go through within a time step."""
+LoopEvent = Iteration | RelocaliseStep | NavigationStep
 """What `navigate` yields, in the order in which it happens."""

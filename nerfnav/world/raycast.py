@@ -1,38 +1,30 @@
-"""Photographs of a mesh: embree finds what each ray hits first, the mesh says which colour it has there.
+"""Photographs of a mesh: what each ray hits first is found, the mesh says which colour it has there.
 
-No light is computed: the colours of a mesh hold sun and shadow already.
+No light is computed: the colours of a mesh hold sun and shadow already. Rays that go anywhere are embree's, and so are
+those of lenses; the rays of a pinhole camera, of which nearly all pictures are made, are found together.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Bool, Float, Float32, Int32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera, Pose
+from nerfnav.world.hits import Hits
 from nerfnav.world.kernels.pictures import average
+from nerfnav.world.raster import Rasteriser
 from nerfnav.world.scene import Scene
 from nerfnav.world.surface import surface_color
 
 Rays = Float32[np.ndarray, "n 3"]
 _AT_ONCE = 40_000  # rays: some ten milliseconds
-
-
-@dataclass(frozen=True)
-class Hits:
-    """What n rays hit first."""
-
-    face: Int32[np.ndarray, " n"]
-    """Index of the face, -1 where nothing is hit."""
-    weights: Float32[np.ndarray, "n 3"]
-    """Barycentric weights of the face's corners."""
-    distance: Float32[np.ndarray, " n"]
-    """From the ray's origin [m], infinite where nothing is hit."""
 
 
 class RayCaster:
@@ -91,7 +83,7 @@ class MeshRenderer:
             raise InvalidInputError(f"supersample must be 1 or more, not {supersample}")
         mesh = source.mesh if isinstance(source, Scene) else source
         self._sky = np.array(source.sky if isinstance(source, Scene) else sky, np.float32) * 255
-        self._caster = RayCaster(mesh)
+        self._mesh, self._raster = mesh, Rasteriser(mesh)
         paint = source.paint if isinstance(source, Scene) else None
         self._color = surface_color(mesh) if paint is None else paint.color
         self._supersample = supersample
@@ -100,7 +92,7 @@ class MeshRenderer:
     def render(self, camera: Camera, pose: Pose) -> Picture:
         """The picture that a camera at `pose` = T_world_camera takes."""
         finer, k = camera.scaled(self._supersample), self._supersample
-        hits = self._caster.first_hits(*self._rays(finer, pose))
+        hits = self._hits(finer, pose)
         seen, colors = hits.face >= 0, np.empty((len(hits.face), 3), np.float32)
         some = np.flatnonzero(seen)
         colors[some] = self._color(hits.face.take(some), hits.weights.take(some, axis=0))
@@ -110,6 +102,16 @@ class MeshRenderer:
         fine = hits.distance.reshape(finer.height, finer.width)
         depth = np.ascontiguousarray(fine[k // 2 :: k, k // 2 :: k])
         return Picture(*(torch.from_numpy(part) for part in (image, depth, fine)))
+
+    def _hits(self, camera: Camera, pose: Pose) -> Hits:
+        """What all rays hit first."""
+        if camera.fisheye or camera.distortion:
+            return self._caster.first_hits(*self._rays(camera, pose))
+        return self._raster.first_hits(camera, pose)
+
+    @cached_property
+    def _caster(self) -> RayCaster:
+        return RayCaster(self._mesh)
 
     @torch.no_grad()
     def _rays(self, camera: Camera, pose: Pose) -> tuple[Rays, Rays]:

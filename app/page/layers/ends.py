@@ -69,7 +69,7 @@ class _Handle:
     def __init__(self, server: viser.ViserServer, which: Which, robot: Robot, post: Callable[[Command], None]) -> None:
         self._server, self._which, self._post, self._end = server, which, post, End()
         self._robot = robot
-        self._dragged = False
+        self._dragged, self._yaw = False, 0.0
         name = f"/{which.value}"
         self._gizmo = server.scene.add_transform_controls(
             name, scale=GIZMO, line_width=3.0, disable_rotations=True, depth_test=False, opacity=0.9
@@ -125,9 +125,11 @@ class _Handle:
         """Put the handle at `end`; while a user drags it, that user's hand is ahead of the session."""
         self._end = end
         self._gizmo.visible = True
-        if not self._dragged and not np.allclose(self._gizmo.position, end.position, atol=1e-6):
+        if not self._dragged and math.dist(self._gizmo.position, end.position) > 1e-6:
             self._gizmo.position = end.position
-        self._body.wxyz = yaw_quaternion(end.yaw)
+        if self._yaw != end.yaw:
+            self._yaw = end.yaw
+            self._body.wxyz = yaw_quaternion(end.yaw)
         self._body.color = HIT if blocked else _COLORS[self._which]
         self._label.text = f"{self._which.value}: no room" if blocked else self._which.value
 

@@ -57,17 +57,18 @@ class FlightLayer:
         steps = flight.steps if flight is not None else ()
         under_way = flight is not None and bool(steps) and flight.outcome is None
         with self._server.atomic():
-            self._truth.show(_path([step.truth for step in steps]))
-            self._belief.show(_path([step.belief.mean for step in steps]))
+            true, believed = _centers([step.truth for step in steps]), _centers([step.belief.mean for step in steps])
+            self._truth.show(true)
+            self._belief.show(believed)
             intent = flight.plan if flight is not None and under_way else None
             self._plan.show(None if intent is None else positions(intent.states))
             self._past.show(tuple(step.plan for step in steps[-1 - _PAST : -1]) if under_way else ())
             self._show_covariances([step.belief for step in steps], scale, _size(session))
             self._nose.show(cone(steps[-1].belief, scale) if steps else None)
             # dots, for a good estimate's line lies within the line of the truth
-            self._means.show(*_balls([step.belief.mean for step in steps], radius=0.014))
+            self._means.show(*_balls(believed, radius=0.014))
             self._gusts.show(arrows(steps, () if flight is None else flight.gusts))
-            self._hits.show(*_balls([step.truth for step in steps if step.touched], radius=0.025))
+            self._hits.show(*_balls(true[[step.touched for step in steps]], radius=0.025))
             self._robot.show(*_placed(steps[-1].truth if steps else None))
             guess = flight.guess if flight is not None else None
             self._ghost.show(*_placed(guess or (steps[-1].belief.mean if steps else None)))
@@ -106,15 +107,13 @@ def arrows(steps: tuple[NavigationStep, ...], gusts: tuple[int, ...]) -> np.ndar
     return np.array(made) if made else None
 
 
-def _path(states: list[RigidState]) -> np.ndarray | None:
-    return positions(RigidState.stack(states)) if len(states) > 1 else None
+def _centers(states: list[RigidState]) -> np.ndarray:
+    """Positions of separate states (n, 3) [m]."""
+    return np.array([state.position.detach().numpy() for state in states], np.float32).reshape(-1, 3)
 
 
-def _balls(states: list[RigidState], radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    if not states:
-        return np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))
-    centers = positions(RigidState.stack(states))
-    return centers, np.tile([1.0, 0, 0, 0], (len(centers), 1)), np.full_like(centers, radius)
+def _balls(at: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return at, np.tile([1.0, 0, 0, 0], (len(at), 1)), np.full_like(at, radius)
 
 
 def _placed(state: RigidState | None) -> tuple[np.ndarray, np.ndarray]:

@@ -26,22 +26,38 @@ class Curves:
     """The flight's steps to rows: time [s], then each line."""
 
 
+class FlightRows:
+    """Curves of a flight that grows: only its new steps are asked for."""
+
+    def __init__(self, of: Callable[[tuple[NavigationStep, ...]], np.ndarray]) -> None:
+        """`of` makes rows of steps, each column of one of them."""
+        self._of, self._rows = of, of(())
+        self._steps: tuple[NavigationStep, ...] = ()
+
+    def of(self, steps: tuple[NavigationStep, ...]) -> np.ndarray:
+        """The rows of all steps."""
+        known = len(self._steps)
+        if known and (len(steps) < known or steps[0] is not self._steps[0] or steps[known - 1] is not self._steps[-1]):
+            self._rows, known = self._of(()), 0
+        if len(steps) > known:
+            self._rows = np.concatenate([self._rows, self._of(steps[known:])], axis=1)
+        self._steps = steps
+        return self._rows
+
+
 class FlightChart:
     """Curves of the whole flight, with a cursor at the time that is shown."""
 
     def __init__(self, server: viser.ViserServer, curves: Curves) -> None:
         self._chart = Chart(server, "time [s]", curves.lines)
-        self._curves = curves
-        self._rows = np.zeros((2, 0))
+        self._rows = FlightRows(curves.of)
         self._shown: tuple[FlightRecord | None, float | None] = None, None
 
     def show(self, session: Session) -> None:
         """Draw the flight, where it is not drawn already."""
         shown = session.flight, time_shown(session)
-        if shown[0] is not self._shown[0]:
-            self._rows = self._curves.of(() if session.flight is None else session.flight.steps)
         if shown[0] is not self._shown[0] or shown[1] != self._shown[1]:
-            self._chart.show(self._rows, shown[1])
+            self._chart.show(self._rows.of(() if session.flight is None else session.flight.steps), shown[1])
         self._shown = shown
 
 

@@ -233,7 +233,7 @@ def test_pictures_of_a_flight_leave_it_most_of_the_time(loop_for: Callable[[Scri
     loop.take(m.StartFlight())
     loop.until(lambda: loop.session.job is None)
     assert len(work.pictures) > 1  # it is looked at all the same
-    assert min(later - before for before, later in itertools.pairwise(work.pictures)) >= 10 * 0.04 - 0.01
+    assert min(later - before for before, later in itertools.pairwise(work.pictures)) >= 0.5
     loop.until(lambda: pending_queries(loop.session) == ())
     assert work.asked[-1].pause == 0  # where the flight ended, in full
 

@@ -7,10 +7,11 @@ import torch
 
 from app.page.panels.camera import compose
 from app.page.panels.camera_images import beside, difference, with_pixels
-from app.page.panels.flight_charts import error_curves, time_curves
+from app.page.panels.flight_charts import FlightRows, error_curves, time_curves
 from app.page.theme import BELIEF, HIT
 from app.queries.robot_view import RobotViewQuery
 from app.state.records import FlightRecord
+from nerfnav.navigation import NavigationStep
 from tests.app.doubles import filter_step, flight_step
 from tests.app.page.test_panels_and_layers import ENDS
 
@@ -56,3 +57,16 @@ def test_curves_tell_error_expectation_and_times() -> None:
     assert np.allclose(expected, 100 * 3 * np.sqrt(6e-4), rtol=1e-4)
     assert np.allclose(time_curves(steps)[1:, 0], [1.0, 2.0, 100.0])
     assert error_curves(()).shape == (3, 0)
+
+
+def test_of_a_flight_that_has_grown_only_the_new_steps_are_asked_for() -> None:
+    steps, asked = tuple(flight_step(ENDS, k) for k in range(5)), []
+
+    def watched(some: tuple[NavigationStep, ...]) -> np.ndarray:
+        asked.append(len(some))
+        return error_curves(some)
+
+    rows = FlightRows(watched)
+    for shown in (steps[:2], steps[:3], steps, steps, steps[:4], steps[2:], (), steps):
+        assert np.array_equal(rows.of(shown), error_curves(shown))
+    assert [count for count in asked if count] == [2, 1, 2, 4, 3, 5]
