@@ -27,8 +27,8 @@ _STIFFER, _LOOSER = 10.0, 10.0
 class NewtonConfig:
     """How J is minimised."""
 
-    iterations: int = 400
-    """At most so many steps."""
+    iterations: int = 1000
+    """At most so many steps; a way of 150 time steps along furniture has taken more than 400."""
     stretch: int = 300
     """After so many without an end, what was learned of the curvature is forgotten, and the search begins again from
     where it is with the control cost's curvature there: on long ways what was learned far back leads into ever shorter

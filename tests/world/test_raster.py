@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -105,3 +107,23 @@ def test_a_lens_that_bends_next_to_nothing_shows_what_a_pinhole_shows():
     finite = bent.depth.isfinite() & straight.depth.isfinite()
     assert finite.any()
     assert torch.allclose(bent.depth[finite], straight.depth[finite], atol=1e-3)
+
+
+@pytest.mark.parametrize(("count", "by_rays"), [(40, False), (400, True)])
+def test_meshes_of_very_many_faces_are_asked_for_ray_by_ray(
+    count: int, by_rays: bool, monkeypatch: pytest.MonkeyPatch
+):
+    asked: list[int] = []
+    camera, pose = Camera.from_fov(5, 5, 90), _pose(1)
+    renderer = MeshRenderer(_triangles(2, count, 0.5))
+    monkeypatch.setattr(RayCaster, "first_hits", _counted(RayCaster.first_hits, asked))
+    renderer.render(camera, pose)
+    assert bool(asked) == by_rays
+
+
+def _counted(first_hits: Any, asked: list[int]) -> Any:
+    def counted(caster: RayCaster, origins: Any, directions: Any) -> Hits:
+        asked.append(len(origins))
+        return first_hits(caster, origins, directions)
+
+    return counted
