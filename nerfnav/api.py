@@ -6,16 +6,16 @@ Whoever wants every iteration takes the generators that these run to their end: 
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import torch
 
+import nerfnav.world as world  # loaded where it is first used: half a second, for which no plan need wait
 from nerfnav.estimator import FastFilter, LastingError
 from nerfnav.field import GridField, Unknown, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
     CameraFunction,
-    ContactFunction,
     Episode,
     Mission,
     NavigateConfig,
@@ -38,10 +38,6 @@ from nerfnav.planner import (
     timing_of,
     way_length,
 )
-from nerfnav.robots import Body
-
-if TYPE_CHECKING:
-    from nerfnav.world import Scene
 
 
 def plan(
@@ -69,7 +65,7 @@ def plan(
 
 def fly(
     problem: PlanProblem,
-    scene: "Scene | None" = None,
+    scene: "world.Scene | None" = None,
     camera: Camera | None = None,
     config: NavigateConfig | None = None,
     seed: int = 0,
@@ -96,7 +92,7 @@ def fly(
         seen=problem.field,
         lasting=lasting,
     )
-    contact = None if scene is None else _contact(scene, robot.body)
+    contact = None if scene is None else world.contact_check(scene, robot.body)
     look = _pictures(problem, scene, camera)
     draws = world_generator(seed)
     simulator = Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
@@ -110,18 +106,9 @@ def _careful(problem: PlanProblem) -> PlanProblem:
     return replace(problem, field=planning_field(problem.field, Unknown.OCCUPIED))
 
 
-def _contact(scene: "Scene", body: Body) -> ContactFunction:
-    """What tells where a body touches the scene's mesh."""
-    from nerfnav.world import contact_check  # see below
-
-    return contact_check(scene, body)
-
-
-def _pictures(problem: PlanProblem, scene: "Scene | None", camera: Camera) -> CameraFunction:
+def _pictures(problem: PlanProblem, scene: "world.Scene | None", camera: Camera) -> CameraFunction:
     """What photographs the scene, or else the field."""
     if scene is None:
         return lambda pose: render_image(problem.field, camera, pose).image
-    from nerfnav.world import MeshRenderer  # half a second, for which no plan need wait
-
-    renderer = MeshRenderer(scene, supersample=2)  # as the photographs that fields learn from
+    renderer = world.MeshRenderer(scene, supersample=2)  # as the photographs that fields learn from
     return lambda pose: renderer.render(camera, pose).image

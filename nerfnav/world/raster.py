@@ -18,7 +18,7 @@ _IMAGE_AXES = np.array([1.0, -1.0, -1.0])[:, None]
 
 
 class Rasteriser:
-    """A mesh before pinhole cameras."""
+    """A mesh before pinhole cameras; not for two threads at once, as each picture is drawn in the same memory."""
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         """Of `mesh`, positions are taken in single precision, as by all who look at it."""

@@ -69,7 +69,7 @@ class Picture:
 
 
 class MeshRenderer:
-    """A camera in front of a mesh."""
+    """A camera in front of a mesh, of one thread."""
 
     def __init__(
         self,

@@ -20,8 +20,8 @@ LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
 LEAST_IMAGES, IMAGES_PER_CUBIC_METER, MOST_IMAGES = 150, 60, 420
 """Photographs that show a place from everywhere."""
 WITHOUT_DEPTH = 3
-"""How many pictures are taken of rooms for each one that would do with depth: only colours that contradict each other
-prove space to be free then, and half a dozen looks past a node seldom do."""
+"""How many are taken for each one that would do with depth: only colours that contradict each other prove space to be
+free then, and half a dozen looks past a node seldom do."""
 
 
 def takes(source: str) -> bool:
@@ -46,8 +46,8 @@ def gather(request: TrainRequest) -> Gathering:
     # a place of the size of rooms takes as much work, in voxels, as a small one
     coarser = max(1.0, (scene.voxel or TrainConfig.voxel) / FINE_VOXEL)
     volume = scene.box.size.prod().item() / coarser**3
-    alone = coarser > 1 and not request.depth
-    count = request.photographs.count or images_for(volume) * (WITHOUT_DEPTH if alone else 1)
+    rooms = coarser > 1  # places under the sky are seen through from all around, and proven by few pictures
+    count = request.photographs.count or images_for(volume, with_depth=bool(request.depth) or not rooms)
     config = replace(request.capture.suiting(scene), images=count)
     photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs if request.depth else photographs.without_depth())
@@ -57,9 +57,10 @@ def gather(request: TrainRequest) -> Gathering:
     )
 
 
-def images_for(volume: float) -> int:
-    """How many photographs show a box of `volume` [m^3]."""
-    return min(MOST_IMAGES, max(LEAST_IMAGES, round(IMAGES_PER_CUBIC_METER * volume)))
+def images_for(volume: float, with_depth: bool = True) -> int:
+    """How many photographs show a box of `volume` [m^3], with or without depth that says what is free."""
+    told = min(MOST_IMAGES, max(LEAST_IMAGES, round(IMAGES_PER_CUBIC_METER * volume)))
+    return told if with_depth else WITHOUT_DEPTH * told
 
 
 def iterations_for(volume: float) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.bundled import WITHOUT_DEPTH, images_for, iterations_for, photograph
+from app.jobs.training_data.bundled import images_for, iterations_for, photograph
 from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
 from app.jobs.training_data.request import TrainRequest
 from app.jobs.training_data.unpacking import mesh_unpacked
@@ -30,7 +30,7 @@ def gather(request: TrainRequest) -> Gathering:
     # places of all sizes take as much work, in voxels
     volume = scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
     without_depth = request.depth is False
-    count = request.photographs.count or images_for(volume) * (WITHOUT_DEPTH if without_depth else 1)
+    count = request.photographs.count or images_for(volume, with_depth=not without_depth)
     capture = replace(request.capture.clear_of(scene.voxel), images=count)
     photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
     learned, held_out = split(photographs.without_depth() if without_depth else photographs)

@@ -10,13 +10,8 @@ from app.state.job import JobKind
 from app.state.plan_actions import AllowTime, RestoreWeights
 from app.state.session import Session
 
-_OFFERS: dict[type[Command], str] = {
-    StartPlan: NEXT[JobKind.PLAN],
-    StartFlight: NEXT[JobKind.FLY],
-    AllowTime: "Allow more time",
-    RestoreWeights: "Restore the weights",
-    Cancel: "Stop now",
-}
+_OFFERS: tuple[type[Command], ...] = (StartPlan, StartFlight, AllowTime, RestoreWeights, Cancel)
+"""All that `next_step` may offer."""
 
 
 class NextButtons:
@@ -53,7 +48,8 @@ class NextButtons:
 
 
 def _button(server: viser.ViserServer, kind: type[Command]) -> viser.GuiButtonHandle:
-    first = kind is StartPlan
+    """One of them, as it is until a session gives it its words: only the one to plan can be seen, greyed out."""
+    words, first = NEXT[JobKind.PLAN], kind is StartPlan
     if kind is Cancel:
-        return server.gui.add_button(_OFFERS[kind], icon=viser.Icon.PLAYER_STOP, color="gray", visible=first)
-    return server.gui.add_button(_OFFERS[kind], icon=viser.Icon.PLAYER_PLAY, visible=first, disabled=first)
+        return server.gui.add_button(words, icon=viser.Icon.PLAYER_STOP, color="gray", visible=False)
+    return server.gui.add_button(words, icon=viser.Icon.PLAYER_PLAY, visible=first, disabled=first)
