@@ -14,6 +14,7 @@ from pathlib import Path
 from app.jobs.bench_chart import picture
 from app.jobs.bench_training import SECONDS, Row, check_capture, measure_training
 from app.jobs.result_files import png_of
+from nerfnav.errors import NerfnavError
 from nerfnav.steps import returned
 
 NUMBERS = Path(__file__).with_name("learning.json")
@@ -43,4 +44,7 @@ if __name__ == "__main__":
     parser.add_argument("capture", type=Path)
     parser.add_argument("seconds", type=float, nargs="*", default=SECONDS)
     asked = parser.parse_args()
-    main(asked.capture, tuple(asked.seconds))
+    try:
+        main(asked.capture, tuple(asked.seconds))
+    except NerfnavError as error:
+        parser.error(str(error))

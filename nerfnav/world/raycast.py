@@ -85,7 +85,7 @@ class MeshRenderer:
             raise InvalidInputError(f"supersample must be 1 or more, not {supersample}")
         mesh = source.mesh if isinstance(source, Scene) else source
         self._sky = np.array(source.sky if isinstance(source, Scene) else sky, np.float32) * 255
-        self._mesh, self._raster = mesh, Rasteriser(mesh)
+        self._mesh = mesh
         paint = source.paint if isinstance(source, Scene) else None
         self._color = surface_color(mesh) if paint is None else paint.color
         self._supersample = supersample
@@ -115,6 +115,10 @@ class MeshRenderer:
     @cached_property
     def _caster(self) -> RayCaster:
         return RayCaster(self._mesh)
+
+    @cached_property
+    def _raster(self) -> Rasteriser:
+        return Rasteriser(self._mesh)
 
     @torch.no_grad()
     def _rays(self, camera: Camera, pose: Pose) -> tuple[Rays, Rays]:
