@@ -14,6 +14,9 @@ from nerfnav.planner import PlanStep, timing_of
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, Robot
 
+LITTLE = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
+"""Outcomes of updates that learned little, or nothing."""
+
 
 class EpisodeOutcome(Enum):
     """How a flight ended; the value is what a user reads."""
@@ -84,8 +87,7 @@ class NavigationStep:
     @property
     def sees_little(self) -> bool:
         """Whether a picture came, and said little."""
-        little = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
-        return self.image is not None and self.update is not None and self.update.outcome in little
+        return self.image is not None and self.update is not None and self.update.outcome in LITTLE
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,157 @@
+"""With which headings a robot flies that needs to see: those that show it something, on the way and at its end."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field import Field
+from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
+from nerfnav.planner.sight import HEADINGS, Sights
+from nerfnav.robots import Motion, RigidState
+
+_PLACES = 10
+"""From how many places on its way a robot looks around that looks for headings."""
+_DEAR = 0.1
+"""How much more variance on the way [that of one picture's time] half a turn at the goal is worth."""
+_FINE = 32
+"""Headings of which one is chosen for each time step."""
+_MOVES = np.arange(-2, 3)
+"""By how many of them a robot turns in a step."""
+_TURNING = 0.01
+"""What it costs to turn by one of them in a step [pictures that show nothing]; by two, four times as much."""
+_FEWEST = 6
+"""Times of a way on which it may turn unevenly: of the first two the headings are given, and of the last."""
+_WORTH = 1.0
+"""How many pictures fewer that show nothing are worth to turn unevenly."""
+Angle = TypeVar("Angle", float, np.ndarray)
+
+
+@dataclass(frozen=True)
+class Watch:
+    """How a robot looks at what is on its way."""
+
+    matter: Field
+    """What its camera sees."""
+    enough: float
+    """Share of a picture that shows something from which on it is as good as any."""
+    mount: Pose = FORWARD_MOUNT
+    """T_body_camera."""
+    may_be: Callable[[RigidState], bool] | None = None
+    """Whether it fits somewhere; None: anywhere."""
+
+    def sights(self, way: Float[Tensor, "n 3"]) -> Sights:
+        """From places of a way, even in time [m]."""
+        at = np.linspace(0, len(way) - 1, _PLACES)
+        points = np.stack([np.interp(at, np.arange(len(way)), axis) for axis in way.double().numpy().T], -1)
+        return Sights.along(self.matter, torch.from_numpy(points).to(way), self.enough, self.mount)
+
+    def fits(self, end: RigidState) -> bool:
+        """Whether the robot may be there."""
+        return self.may_be is None or self.may_be(end)
+
+
+def turned_to_see(watch: Watch, sights: Sights, ends: tuple[RigidState, RigidState]) -> RigidState:
+    """The goal with the heading by which a robot knows best where it is on the way to it: it turns evenly as it goes.
+
+    `ends` are start and goal. Between pictures the variance grows by 1, and a picture of which a share shows
+    something takes that share of it away, all where it is enough: to see nothing for long is worse than to see
+    nothing now and then. Half a turn from the heading that was asked for is made where the mean falls by 0.1. Of the
+    headings with which the robot may be there: a corner needs more room than a side. Where it may with none, the goal
+    stays as it is.
+    """
+    start, goal = (so3.yaw_of(end.rotation).item() for end in ends)
+    share = np.linspace(0, 1, _PLACES)[:, None]
+    turns = _wrapped(goal - start) + math.tau / HEADINGS * np.arange(-HEADINGS, HEADINGS + 1)
+    turns = turns[np.abs(turns) <= math.pi + 1e-6]
+    at = start + share * turns
+    shown = sights.at(np.broadcast_to(share, at.shape), at)
+    off = np.abs(_wrapped(start + turns - goal))
+    best_first = np.argsort((_mean_variance(shown) + _DEAR * off / math.pi).round(6), kind="stable")
+    for turn in turns[best_first].tolist():
+        end = with_heading(ends[1], start + turn)
+        if watch.fits(end):
+            return end
+    return ends[1]
+
+
+def watching(
+    watch: Watch, sights: Sights, way: Motion, ends: tuple[RigidState, RigidState, RigidState]
+) -> Motion | None:
+    """A motion with other headings, where these show the robot more than turning evenly does; else None.
+
+    `ends` are where it starts, its goal, and that with the heading to which it turns evenly. Of headings that turn by
+    at most an eighth of a turn in two steps, those with the fewest pictures that show nothing, by dynamic programming
+    (Bellman 1957). Positions and actions stay: it is a plan to begin with, not a motion to be flown.
+    """
+    start, goal, evenly = (so3.yaw_of(end.rotation).item() for end in ends)
+    count = len(way.states.position)
+    if count < _FEWEST:
+        return None
+    share, grid = np.linspace(0, 1, count), start + math.tau / _FINE * np.arange(_FINE)
+    blind = 1 - sights.at(np.repeat(share[:, None], _FINE, 1), np.repeat(grid[None], count, 0))
+    dear = _DEAR * count / math.pi
+    least = (1 - sights.at(share, start + share * _wrapped(evenly - start))).sum() + dear * abs(_wrapped(evenly - goal))
+    last = dear * np.abs(_wrapped(grid - goal))
+    while True:
+        moves, cost = _cheapest(blind, last)
+        if not least - cost >= _WORTH:
+            return None
+        if watch.fits(with_heading(ends[1], grid[sum(moves) % _FINE])):
+            return _turned(way, _smooth(start + math.tau / _FINE * np.concatenate([[0], np.cumsum(moves)])))
+        last[sum(moves) % _FINE] = math.inf
+
+
+def _turned(way: Motion, yaws: Float[np.ndarray, " n"]) -> Motion:
+    """The same with other headings [rad]."""
+    rotation = way.states.rotation
+    turns = so3.from_yaw(torch.from_numpy(yaws) - so3.yaw_of(rotation).double()).to(rotation)
+    return replace(way, states=replace(way.states, rotation=turns @ rotation))
+
+
+def _cheapest(blind: Float[np.ndarray, "n h"], last: Float[np.ndarray, " h"]) -> tuple[np.ndarray, float]:
+    """By how many headings to turn in each step, from the first of them, and what that costs."""
+    cost = np.full(blind.shape[1], math.inf)
+    cost[0] = blind[0, 0]
+    came = []
+    for row in blind[1:]:
+        options = np.stack([np.roll(cost, move) + _TURNING * move**2 for move in _MOVES])
+        came.append(options.argmin(0))
+        cost = options.min(0) + row
+    heading = int((cost + last).argmin())
+    least, moves = float((cost + last)[heading]), []
+    for choice in reversed(came):
+        moves.append(_MOVES[choice[heading]])
+        heading = (heading - moves[-1]) % len(last)
+    return np.array(moves[::-1], dtype=int), least
+
+
+def _smooth(yaws: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Means over three steps: rotors do not begin to turn at once."""
+    padded = np.pad(yaws, 1, mode="edge")
+    mean = np.convolve(padded, np.ones(3) / 3, mode="valid")
+    return np.concatenate([yaws[:1], mean[1:-1], yaws[-1:]])
+
+
+def with_heading(state: RigidState, yaw: float) -> RigidState:
+    """The same, turned."""
+    turn = so3.from_yaw(torch.tensor(yaw) - so3.yaw_of(state.rotation)).to(state.rotation)
+    return replace(state, rotation=turn @ state.rotation)
+
+
+def _mean_variance(shown: Float[np.ndarray, "n t"]) -> Float[np.ndarray, " t"]:
+    """Over the pictures of a way, for each of some turns, from how much of each shows something, 0 to 1."""
+    variance, total = np.zeros(shown.shape[1]), np.zeros(shown.shape[1])
+    for share in shown:
+        variance = (variance + 1) * (1 - share)
+        total += variance
+    return total / len(shown)
+
+
+def _wrapped(angle: Angle) -> Angle:
+    return (angle + math.pi) % math.tau - math.pi
