@@ -5,13 +5,12 @@ from functools import partial
 
 import torch
 
-from nerfnav.geometry import so3
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Course, Orders
 from nerfnav.navigation.recovery import Lookout
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.planner import fits
-from nerfnav.planner.headings import Watch, turned_to_see, watching, with_heading
+from nerfnav.planner.headings import Watch, turned_to_see, watching
 from nerfnav.planner.sight import seeing
 from nerfnav.robots import Motion, RigidState
 
@@ -35,8 +34,8 @@ class Flight:
 
     @property
     def watch(self) -> Watch | None:
-        """How the camera looks at what is there; None where that does not matter, and on the ground, where to turn takes
-        room or leads elsewhere."""
+        """How the camera looks at what is there; None where that does not matter, and on the ground, where it takes
+        room to turn, or leads elsewhere."""
         seen, enough, guard = self.pilot.seen, self.config.in_sight, self.pilot.guard
         if seen is None or enough == 0 or self.config.open_loop or self.simulator.robot.planar:
             return None
@@ -60,8 +59,7 @@ class Flight:
         way = rest.states.position if leads else torch.stack([here.position, course.goal.position])
         sights, goal = watch.sights(way), course.leads_to
         end = turned_to_see(watch, sights, (here, goal))
-        turned = watching(watch, sights, rest, (here, goal, end)) if leads else None
+        turned = watching(watch, sights, rest, (here, goal, end), self.simulator.robot) if leads else None
         if turned is None:
             return replace(course, end=end, keeps_headings=False), rest
-        end = with_heading(goal, so3.yaw_of(turned.states.rotation[-1]).item())
-        return replace(course, end=end, keeps_headings=True), turned
+        return replace(course, end=turned.states[-1], keeps_headings=True), turned

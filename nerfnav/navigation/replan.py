@@ -130,7 +130,8 @@ def _advance(
     else:
         here, elsewhere = _onward(last, belief, flight), recovery is Recovery.RELOCALISED
         elsewhere |= course.since >= max(doubt.made, 1)
-        course, rest, left = _left(flight, course, doubt, here, update, elsewhere)
+        sees_little = image is not None and update.outcome in LITTLE
+        course, rest, left = _left(flight, course, doubt, here, (elsewhere, sees_little))
         route = Route(here, course.leads_to, left, rest.dt, course.keeps_headings)
         planned, replan_ms = yield from timed(flight.pilot.planner.replan(rest, route, executed=0), mission.clock)
         course, plan, restart = course.after(planned), planned.motion, planned.restart
@@ -147,14 +148,17 @@ def _advance(
 
 
 def _left(
-    flight: Flight, course: Course, doubt: Doubt, here: RigidState, update: FilterStep, elsewhere: bool
+    flight: Flight, course: Course, doubt: Doubt, here: RigidState, told: tuple[bool, bool]
 ) -> tuple[Course, Motion, int]:
-    """Course and rest of the last plan for the next one, and its steps; in other headings where little is seen."""
-    way, left = doubt.way, flight.mission.steps
+    """Course and rest of the last plan for the next one, and its steps; in other headings where little is seen.
+
+    What is told: whether the robot is elsewhere than that plan, or goes elsewhere, and whether it sees little.
+    """
+    way, left, (elsewhere, sees_little) = doubt.way, flight.mission.steps, told
     rest = Motion(way.states[1:], way.actions[1:], way.dt)
     if not elsewhere:
         left = max(doubt.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
-    if course.end is None or doubt.held or update.outcome in LITTLE:
+    if course.end is None or doubt.held or sees_little:
         course, rest = flight.seeing(course, here, rest, leads=not elsewhere)
     return course, rest, left
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from nerfnav.field import Field
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
 from nerfnav.planner.sight import HEADINGS, Sights
-from nerfnav.robots import Motion, RigidState
+from nerfnav.robots import Motion, RigidState, Robot
 
 _PLACES = 10
 """From how many places on its way a robot looks around that looks for headings."""
@@ -26,7 +26,7 @@ _MOVES = np.arange(-2, 3)
 _TURNING = 0.01
 """What it costs to turn by one of them in a step [pictures that show nothing]; by two, four times as much."""
 _FEWEST = 6
-"""Times of a way on which it may turn unevenly: of the first two the headings are given, and of the last."""
+"""Times of a way on which it may turn unevenly: the headings of the first two are given."""
 _WORTH = 1.0
 """How many pictures fewer that show nothing are worth to turn unevenly."""
 Angle = TypeVar("Angle", float, np.ndarray)
@@ -81,20 +81,21 @@ def turned_to_see(watch: Watch, sights: Sights, ends: tuple[RigidState, RigidSta
 
 
 def watching(
-    watch: Watch, sights: Sights, way: Motion, ends: tuple[RigidState, RigidState, RigidState]
+    watch: Watch, sights: Sights, way: Motion, ends: tuple[RigidState, RigidState, RigidState], robot: Robot
 ) -> Motion | None:
     """A motion with other headings, where these show the robot more than turning evenly does; else None.
 
     `ends` are where it starts, its goal, and that with the heading to which it turns evenly. Of headings that turn by
     at most an eighth of a turn in two steps, those with the fewest pictures that show nothing, by dynamic programming
-    (Bellman 1957). Positions and actions stay: it is a plan to begin with, not a motion to be flown.
+    (Bellman 1957). The way stays: it is a plan to begin with, whose cost has the turning in it.
     """
-    start, goal, evenly = (so3.yaw_of(end.rotation).item() for end in ends)
     count = len(way.states.position)
     if count < _FEWEST:
         return None
-    share, grid = np.linspace(0, 1, count), start + math.tau / _FINE * np.arange(_FINE)
-    blind = 1 - sights.at(np.repeat(share[:, None], _FINE, 1), np.repeat(grid[None], count, 0))
+    soon = replace(ends[0], rotation=so3.retract(ends[0].rotation, ends[0].body_rate * way.dt))
+    start, first, goal, evenly = (so3.yaw_of(end.rotation).item() for end in (ends[0], soon, *ends[1:]))
+    share, grid = np.linspace(0, 1, count)[1:], first + math.tau / _FINE * np.arange(_FINE)
+    blind = 1 - sights.at(np.repeat(share[:, None], _FINE, 1), np.repeat(grid[None], count - 1, 0))
     dear = _DEAR * count / math.pi
     least = (1 - sights.at(share, start + share * _wrapped(evenly - start))).sum() + dear * abs(_wrapped(evenly - goal))
     last = dear * np.abs(_wrapped(grid - goal))
@@ -102,16 +103,13 @@ def watching(
         moves, cost = _cheapest(blind, last)
         if not least - cost >= _WORTH:
             return None
-        if watch.fits(with_heading(ends[1], grid[sum(moves) % _FINE])):
-            return _turned(way, _smooth(start + math.tau / _FINE * np.concatenate([[0], np.cumsum(moves)])))
+        end = with_heading(ends[1], grid[sum(moves) % _FINE])
+        if watch.fits(end):
+            yaws = _smooth(first + math.tau / _FINE * np.concatenate([[0, 0], np.cumsum(moves)]))
+            waypoints = torch.cat([way.states.position, torch.from_numpy(yaws)[:, None].to(way.states.position)], -1)
+            free = robot.encode(waypoints, ends[0], end, way.dt)
+            return robot.motion(free, ends[0], end, count - 1, way.dt)
         last[sum(moves) % _FINE] = math.inf
-
-
-def _turned(way: Motion, yaws: Float[np.ndarray, " n"]) -> Motion:
-    """The same with other headings [rad]."""
-    rotation = way.states.rotation
-    turns = so3.from_yaw(torch.from_numpy(yaws) - so3.yaw_of(rotation).double()).to(rotation)
-    return replace(way, states=replace(way.states, rotation=turns @ rotation))
 
 
 def _cheapest(blind: Float[np.ndarray, "n h"], last: Float[np.ndarray, " h"]) -> tuple[np.ndarray, float]:
@@ -132,10 +130,8 @@ def _cheapest(blind: Float[np.ndarray, "n h"], last: Float[np.ndarray, " h"]) ->
 
 
 def _smooth(yaws: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Means over three steps: rotors do not begin to turn at once."""
-    padded = np.pad(yaws, 1, mode="edge")
-    mean = np.convolve(padded, np.ones(3) / 3, mode="valid")
-    return np.concatenate([yaws[:1], mean[1:-1], yaws[-1:]])
+    """Each the mean of it and the one before: rotors do not turn a robot at once."""
+    return np.concatenate([yaws[:1], 0.5 * (yaws[1:] + yaws[:-1])])
 
 
 def with_heading(state: RigidState, yaw: float) -> RigidState:
