@@ -25,7 +25,7 @@ from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import LITTLE, Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
-from nerfnav.planner import PlanOutcome, Route
+from nerfnav.planner import PlanOutcome, PlanStep, Route
 from nerfnav.robots import Motion, RigidState
 
 
@@ -131,10 +131,9 @@ def _advance(
         here, elsewhere = _onward(last, belief, flight), recovery is Recovery.RELOCALISED
         elsewhere |= course.since >= max(doubt.made, 1)
         sees_little = image is not None and update.outcome in LITTLE
-        course, rest, left = _left(flight, course, doubt, here, (elsewhere, sees_little))
-        route = Route(here, course.leads_to, left, rest.dt, course.keeps_headings)
-        planned, replan_ms = yield from timed(flight.pilot.planner.replan(rest, route, executed=0), mission.clock)
-        course, plan, restart = course.after(planned), planned.motion, planned.restart
+        told = elsewhere, sees_little
+        course, planned, replan_ms = yield from _replanned(flight, course, doubt, here, told)
+        plan, restart = planned.motion, planned.restart
         if flight.pilot.guard is not None:
             began = mission.clock()
             backup, taken = flight.pilot.guard.beside(planned, mission.dt)
@@ -147,20 +146,24 @@ def _advance(
     return step, course
 
 
-def _left(
+def _replanned(
     flight: Flight, course: Course, doubt: Doubt, here: RigidState, told: tuple[bool, bool]
-) -> tuple[Course, Motion, int]:
-    """Course and rest of the last plan for the next one, and its steps; in other headings where little is seen.
+) -> Generator[LoopEvent, None, tuple[Course, PlanStep, float]]:
+    """The next plan, which carries the last one on, in other headings where little is seen; and how long it took [ms].
 
     What is told: whether the robot is elsewhere than that plan, or goes elsewhere, and whether it sees little.
     """
     way, left, (elsewhere, sees_little) = doubt.way, flight.mission.steps, told
+    clock, began = flight.mission.clock, flight.mission.clock()
     rest = Motion(way.states[1:], way.actions[1:], way.dt)
     if not elsewhere:
         left = max(doubt.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
     if course.end is None or doubt.held or sees_little:
         course, rest = flight.seeing(course, here, rest, leads=not elsewhere)
-    return course, rest, left
+    turned_ms = 1e3 * (clock() - began)
+    route = Route(here, course.leads_to, left, rest.dt, course.keeps_headings)
+    planned, planned_ms = yield from timed(flight.pilot.planner.replan(rest, route, executed=0), clock)
+    return course.after(planned), planned, turned_ms + planned_ms
 
 
 def _onward(last: NavigationStep, belief: Belief, flight: Flight) -> RigidState:

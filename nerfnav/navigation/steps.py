@@ -84,11 +84,6 @@ class NavigationStep:
         """Whether the robot comes to rest and waits, for it does not know where it is, or no way on."""
         return self.recovery is not None and self.recovery.holds
 
-    @property
-    def sees_little(self) -> bool:
-        """Whether a picture came, and said little."""
-        return self.image is not None and self.update is not None and self.update.outcome in LITTLE
-
 
 @dataclass(frozen=True)
 class Doubt:

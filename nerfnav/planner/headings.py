@@ -25,8 +25,8 @@ _MOVES = np.arange(-2, 3)
 """By how many of them a robot turns in a step."""
 _TURNING = 0.01
 """What it costs to turn by one of them in a step [pictures that show nothing]; by two, four times as much."""
-_FEWEST = 6
-"""Times of a way on which it may turn unevenly: the headings of the first two are given."""
+_FEWEST = 5
+"""Steps of a way on which it may turn unevenly: the headings of the first two times are given."""
 _WORTH = 1.0
 """How many pictures fewer that show nothing are worth to turn unevenly."""
 Angle = TypeVar("Angle", float, np.ndarray)
@@ -90,7 +90,7 @@ def watching(
     (Bellman 1957). The way stays: it is a plan to begin with, whose cost has the turning in it.
     """
     count = len(way.states.position)
-    if count < _FEWEST:
+    if count <= max(_FEWEST, robot.minimum_steps):
         return None
     soon = replace(ends[0], rotation=so3.retract(ends[0].rotation, ends[0].body_rate * way.dt))
     start, first, goal, evenly = (so3.yaw_of(end.rotation).item() for end in (ends[0], soon, *ends[1:]))
