@@ -9,6 +9,7 @@ from nerfnav.geometry import so3
 from nerfnav.navigation.flight import Flight
 from nerfnav.navigation.recovery import Recovery, come_to_rest
 from nerfnav.navigation.steps import Doubt, NavigationStep
+from nerfnav.planner.headings import turning_rate
 from nerfnav.robots import Motion, RigidState, Robot
 
 _ARRIVING = 0.8
@@ -45,7 +46,8 @@ def turning(doubt: Doubt, flight: Flight, lost: bool) -> Turning:
     """How a robot turns all the time that it holds: one that is not lost first to where it should see something, by
     where it was when that began; else to the middle of the place, for there is more to be seen than outside."""
     began, guard, dt = doubt.way.states[0], flight.pilot.guard, flight.mission.dt
-    config, most = flight.config.recovery, _quickest(flight)
+    config = flight.config.recovery
+    most = max(config.turn, turning_rate(flight.simulator.robot, config.glance))
     turn = 0.0 if lost else flight.sees(began)[1]
     side = 1.0 if guard is None else side_of(began, guard.field.box.center)
     around = math.copysign(config.turn, turn if turn else side)
@@ -74,10 +76,3 @@ def side_of(state: RigidState, place: Tensor) -> float:
     """1 where a robot has to turn to the left to look at a place, -1 where to the right: its shorter way around."""
     ahead, away = state.rotation[:2, 0], place[:2] - state.position[:2]
     return -1.0 if ahead[0] * away[1] < ahead[1] * away[0] else 1.0
-
-
-def _quickest(flight: Flight) -> float:
-    """With which a robot may turn to where it sees something [rad/s]: half of what it can, where that is known."""
-    config, bounds = flight.config.recovery, flight.simulator.robot.bounds
-    most = next((bound.upper for bound in bounds if bound.name == "body rate"), None)
-    return config.turn if most is None else max(config.turn, min(config.glance, 0.5 * most))

@@ -20,9 +20,13 @@ _PLACES = 10
 _DEAR = 0.1
 """How much more variance on the way [that of one picture's time] half a turn at the goal is worth."""
 _FINE = 32
-"""Headings of which one is chosen for each time step."""
+"""Headings of which one is chosen for each time step, at least."""
 _MOVES = np.arange(-2, 3)
 """By how many of them a robot turns in a step."""
+_QUICK = 4.0
+"""With which it turns at most on its way [rad/s]."""
+_USUAL = 2.5
+"""The same for robots of which nobody has said how fast they turn [rad/s]."""
 _TURNING = 0.01
 """What it costs to turn by one of them in a step [pictures that show nothing]; by two, four times as much."""
 _FEWEST = 5
@@ -86,16 +90,17 @@ def watching(
     """A motion with other headings, where these show the robot more than turning evenly does; else None.
 
     `ends` are where it starts, its goal, and that with the heading to which it turns evenly. Of headings that turn by
-    at most an eighth of a turn in two steps, those with the fewest pictures that show nothing, by dynamic programming
+    4 rad/s or half of what the robot can, those with the fewest pictures that show nothing, by dynamic programming
     (Bellman 1957). The way stays: it is a plan to begin with, whose cost has the turning in it.
     """
     count = len(way.states.position)
     if count <= max(_FEWEST, robot.minimum_steps):
         return None
+    fine = max(_FINE, math.ceil(math.tau * _MOVES[-1] / (turning_rate(robot, _QUICK) * way.dt)))
     soon = replace(ends[0], rotation=so3.retract(ends[0].rotation, ends[0].body_rate * way.dt))
     start, first, goal, evenly = (so3.yaw_of(end.rotation).item() for end in (ends[0], soon, *ends[1:]))
-    share, grid = np.linspace(0, 1, count)[1:], first + math.tau / _FINE * np.arange(_FINE)
-    blind = 1 - sights.at(np.repeat(share[:, None], _FINE, 1), np.repeat(grid[None], count - 1, 0))
+    share, grid = np.linspace(0, 1, count)[1:], first + math.tau / fine * np.arange(fine)
+    blind = 1 - sights.at(np.repeat(share[:, None], fine, 1), np.repeat(grid[None], count - 1, 0))
     dear = _DEAR * count / math.pi
     least = (1 - sights.at(share, start + share * _wrapped(evenly - start))).sum() + dear * abs(_wrapped(evenly - goal))
     last = dear * np.abs(_wrapped(grid - goal))
@@ -103,13 +108,19 @@ def watching(
         moves, cost = _cheapest(blind, last)
         if not least - cost >= _WORTH:
             return None
-        end = with_heading(ends[1], grid[sum(moves) % _FINE])
+        end = with_heading(ends[1], grid[sum(moves) % fine])
         if watch.fits(end):
-            yaws = _smooth(first + math.tau / _FINE * np.concatenate([[0, 0], np.cumsum(moves)]))
+            yaws = _smooth(first + math.tau / fine * np.concatenate([[0, 0], np.cumsum(moves)]))
             waypoints = torch.cat([way.states.position, torch.from_numpy(yaws)[:, None].to(way.states.position)], -1)
             free = robot.encode(waypoints, ends[0], end, way.dt)
             return robot.motion(free, ends[0], end, count - 1, way.dt)
-        last[sum(moves) % _FINE] = math.inf
+        last[sum(moves) % fine] = math.inf
+
+
+def turning_rate(robot: Robot, wanted: float) -> float:
+    """With which a robot turns to see something [rad/s]: as wanted, or half of what it can, where that is less."""
+    most = next((bound.upper for bound in robot.bounds if bound.name == "body rate"), None)
+    return min(wanted, _USUAL if most is None else 0.5 * most)
 
 
 def _cheapest(blind: Float[np.ndarray, "n h"], last: Float[np.ndarray, " h"]) -> tuple[np.ndarray, float]:

@@ -13,12 +13,21 @@ from torch import Tensor
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.planner.fast import FastPlanConfig, replan_fast
-from nerfnav.planner.headings import _MOVES, _TURNING, Watch, _cheapest, _mean_variance, turned_to_see, watching
+from nerfnav.planner.headings import (
+    _MOVES,
+    _TURNING,
+    Watch,
+    _cheapest,
+    _mean_variance,
+    turned_to_see,
+    turning_rate,
+    watching,
+)
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.steps import last_step
 from nerfnav.planner.trajectory import Trajectory
-from nerfnav.robots import Motion, Quadrotor, RigidState
+from nerfnav.robots import Couch, Motion, Quadrotor, RigidState
 from tests.planner.test_first_ends import field_of
 
 _ROBOT = Quadrotor()
@@ -161,3 +170,22 @@ def _waved(rotation: Tensor) -> Tensor:
     """Headings that swing to 0.4 rad and back."""
     swing = 0.4 * torch.sin(torch.linspace(0, math.pi, len(rotation)))
     return so3.from_yaw(swing) @ rotation
+
+
+@pytest.mark.parametrize(("dt", "count"), [(0.02, 60), (0.1, 16)])
+def test_a_robot_turns_no_faster_where_steps_are_short(dt: float, count: int) -> None:
+    start = RigidState.at_rest((0.0, 0.0, 0.0))
+    still = torch.tensor([_ROBOT.weight, 0.0, 0.0, 0.0]).expand(count, 4)
+    way = Motion(RigidState.stack([start] * (count + 1)), still, dt)
+    watch = Watch(_BEHIND, 0.4)
+    found = watching(watch, watch.sights(way.states.position), way, (start, start, start), _ROBOT)
+    assert found is not None
+    turned_by = np.diff(np.unwrap(so3.yaw_of(found.states.rotation).double().numpy()))
+    assert np.abs(turned_by).max() <= 4.0 * dt + 1e-3
+
+
+def test_how_fast_a_robot_turns_follows_from_what_it_can() -> None:
+    assert turning_rate(_ROBOT, 4.0) == 4.0 and turning_rate(_ROBOT, 60.0) == 0.5 * _ROBOT.config.max_rate
+    slow = Quadrotor(replace(_ROBOT.config, max_rate=2.0))
+    assert turning_rate(slow, 4.0) == 1.0
+    assert turning_rate(Couch(), 4.0) == 2.5
