@@ -6,6 +6,7 @@ import torch
 
 from nerfnav.estimator import StateNoise
 from nerfnav.geometry import Pose
+from nerfnav.planner import PlanStep
 from nerfnav.robots import RigidState
 
 
@@ -33,13 +34,24 @@ class Course:
     """The time step at which this became the goal."""
     end: RigidState | None = None
     """Where plans lead: there, with a heading in which something is seen; None: with the heading that it is told."""
+    keeps_headings: bool = False
+    """Whether plans keep the headings of those before, which were chosen for what they show."""
 
     def heeding(self, orders: Orders, index: int) -> "Course":
         """The course after orders that came at time step `index`."""
         goal = orders.goal
         if goal is None or _same(goal, self.goal):
             return self
-        return replace(self, goal=goal, since=index, end=None)
+        return replace(self, goal=goal, since=index, end=None, keeps_headings=False)
+
+    @property
+    def leads_to(self) -> RigidState:
+        """Where the next plan leads."""
+        return self.end or self.goal
+
+    def after(self, planned: PlanStep) -> "Course":
+        """The course after a plan, which has kept its headings unless it was made anew."""
+        return replace(self, keeps_headings=self.keeps_headings and planned.restart is None)
 
 
 def _same(one: RigidState, other: RigidState) -> bool:

@@ -7,7 +7,7 @@ nothing to the filter. Meanwhile the robot holds: it comes to rest by what it be
 better than its place.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Protocol, runtime_checkable
@@ -76,7 +76,10 @@ class RecoveryConfig:
     rest: int = 6
     """Steps that a robot which holds looks ahead."""
     turn: float = 2.5
-    """With which it looks around [rad/s]."""
+    """With which it looks all around [rad/s]."""
+    glance: float = 6.0
+    """With which it turns at most to where it should see something [rad/s]: half of the body rate that the paper's
+    robot may have."""
     widen: float = 1.7
     """Factor on all standard deviations of the belief for each picture that disagrees."""
     found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 2.0, 0.02, 3.0))
@@ -139,16 +142,13 @@ class Lookout:
         return Belief(belief.mean.moved_to(step.body_poses(self.mount)[0]), self.config.found.covariance())
 
 
-def side_of(state: RigidState, place: Tensor) -> float:
-    """1 where a robot has to turn to the left to look at a place, -1 where to the right: its shorter way around."""
-    ahead, away = state.rotation[:2, 0], place[:2] - state.position[:2]
-    return -1.0 if ahead[0] * away[1] < ahead[1] * away[0] else 1.0
-
-
-def come_to_rest(robot: Robot, start: RigidState, steps: int, dt: float, turn: float = 0.0) -> Motion:
-    """What a robot does in `steps` steps of `dt` [s] that holds: brake, then stay and turn with `turn` [rad/s]."""
+def come_to_rest(
+    robot: Robot, start: RigidState, steps: int, dt: float, turn: Callable[[RigidState], float] | None = None
+) -> Motion:
+    """What a robot does in `steps` steps of `dt` [s] that holds: brake, then stay, and turn with `turn` [rad/s] of its
+    state."""
     states, actions = [start], []
     for _ in range(steps):
-        actions.append(robot.hold(states[-1], dt, turn))
+        actions.append(robot.hold(states[-1], dt, 0.0 if turn is None else turn(states[-1])))
         states.append(robot.step(states[-1], actions[-1], dt))
     return Motion(RigidState.stack(states), torch.stack(actions), dt)

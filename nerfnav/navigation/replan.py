@@ -8,8 +8,7 @@ plan is no longer safe (navigation/backup.py).
 """
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -17,43 +16,17 @@ from torch import Tensor
 from nerfnav.estimator import Belief, FilterOutcome, FilterStep
 from nerfnav.estimator.predict import predict
 from nerfnav.geometry import so3
+from nerfnav.navigation.flight import Flight
+from nerfnav.navigation.looking import at_rest, looking_first, turning
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
-from nerfnav.navigation.orders import Course, Orders
+from nerfnav.navigation.orders import Course
 from nerfnav.navigation.realtime import Overrun
-from nerfnav.navigation.recovery import Lookout, Recovery, come_to_rest, side_of
+from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.navigation.steps import LITTLE, Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
-from nerfnav.planner import PlanOutcome, Route, fits
-from nerfnav.planner.sight import turned_to_see
+from nerfnav.planner import PlanOutcome, PlanStep, Route
 from nerfnav.robots import Motion, RigidState
-
-
-@dataclass(frozen=True)
-class _Flight:
-    """What does not change during a flight, but for the orders."""
-
-    mission: Mission
-    simulator: Simulator
-    pilot: Pilot
-    config: NavigateConfig
-    generator: torch.Generator
-    orders: Orders = field(default_factory=Orders)
-    """Of this time step alone."""
-
-    @property
-    def lookout(self) -> Lookout:
-        """What looks for the robot when it is lost."""
-        return Lookout(self.pilot.relocaliser, self.config.recovery, self.simulator.mount)
-
-    def in_sight(self, way: Tensor, start: RigidState, goal: RigidState) -> RigidState:
-        """The goal, turned so that the camera sees something on the way to it (n, 3) [m], and the robot fits there."""
-        seen, enough, guard = self.pilot.seen, self.config.in_sight, self.pilot.guard
-        if seen is None or enough == 0 or self.simulator.robot.planar or self.config.open_loop:
-            return goal
-        solid = seen if guard is None else guard.field
-        may_be = partial(fits, solid, self.simulator.robot.body)
-        return turned_to_see(seen, way, (start, goal), enough, self.simulator.mount, may_be)
 
 
 def navigate(
@@ -70,19 +43,19 @@ def navigate(
     outcome is COLLIDED whatever else happens. Raises what the planner raises for ends that cannot be planned
     between.
     """
-    flight = _Flight(mission, simulator, pilot, config, generator)
-    step, end = yield from _begin(flight)
-    yield step
-    touched, held, course = False, 0, Course(mission.goal, end=end)
+    flight = Flight(mission, simulator, pilot, config, generator)
+    step, course = yield from _begin(flight)
     doubt = Doubt(step.plan, unsure=1)  # until a picture says where the robot is
+    step = looking_first(step, flight, doubt)
+    yield step
+    touched, held = False, 0
     while step.outcome is None:
         world = replace(flight, orders=mission.orders())
         course = course.heeding(world.orders, step.index)
-        if course.end is None or step.sees_little:  # turn to something
-            here, way = step.belief.mean, doubt.way.states.position
-            way = torch.stack([here.position, course.goal.position]) if course.end is None else way
-            course = replace(course, end=flight.in_sight(way, here, course.end or course.goal))
-        now = yield from (_drift(step, world) if config.open_loop else _advance(step, world, course, doubt))
+        if config.open_loop:
+            now = yield from _drift(step, world)
+        else:
+            now, course = yield from _advance(step, world, course, doubt)
         passing = _with_missed(step, now, flight)
         for step in passing:
             touched |= step.touched
@@ -97,7 +70,7 @@ def navigate(
                 break
 
 
-def _with_missed(last: NavigationStep, step: NavigationStep, flight: _Flight) -> Iterator[NavigationStep]:
+def _with_missed(last: NavigationStep, step: NavigationStep, flight: Flight) -> Iterator[NavigationStep]:
     """A time step, and in real time those that passed while it was computed."""
     yield step
     if flight.mission.realtime:
@@ -108,11 +81,10 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: _Flight) ->
         ).steps()
 
 
-def _begin(flight: _Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, RigidState]]:
-    """Plan from the true start, which the user has chosen, then from where the robot believes to be; returns where
-    plans lead as well."""
+def _begin(flight: Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, Course]]:
+    """Plan from the true start, which the user has chosen, then from where the robot believes to be."""
     mission, start, config = flight.mission, flight.simulator.state, flight.config
-    goal = mission.goal
+    goal, course = mission.goal, Course(mission.goal, end=mission.goal)
     mean = start.retract(config.initial.sample(flight.generator))
     belief = Belief(mean, config.initial.covariance())
     motion, spent_ms, outcome = mission.plan, 0.0, None
@@ -124,11 +96,10 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, 
         if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
             outcome = EpisodeOutcome.NO_PLAN
     if outcome is None and not config.open_loop:
-        steps, goal = motion.actions.shape[-2], flight.in_sight(motion.states.position, start, goal)
-        planned, again_ms = yield from timed(
-            flight.pilot.planner.replan(motion, Route(mean, goal, steps, motion.dt), executed=0)
-        )
-        motion, spent_ms = planned.motion, spent_ms + again_ms
+        course, motion = flight.seeing(Course(goal), start, motion)
+        route = Route(mean, course.leads_to, motion.actions.shape[-2], motion.dt, course.keeps_headings)
+        planned, again_ms = yield from timed(flight.pilot.planner.replan(motion, route, executed=0))
+        course, motion, spent_ms = course.after(planned), planned.motion, spent_ms + again_ms
     guard, expected = flight.pilot.guard, None
     if outcome is None and guard is not None:
         expected = guard.hits_expected(motion)
@@ -138,12 +109,12 @@ def _begin(flight: _Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, 
         0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome, hits_expected=expected,
         apparent=None if config.open_loop else flight.pilot.lasting.beside(belief),
     )  # fmt: skip
-    return step, goal
+    return step, course
 
 
 def _advance(
-    last: NavigationStep, flight: _Flight, course: Course, doubt: Doubt
-) -> Generator[LoopEvent, None, NavigationStep]:
+    last: NavigationStep, flight: Flight, course: Course, doubt: Doubt
+) -> Generator[LoopEvent, None, tuple[NavigationStep, Course]]:
     """One turn of Algorithm 1."""
     mission, simulator, index = flight.mission, flight.simulator, last.index + 1
     action, touched = _act(last, flight)
@@ -154,32 +125,48 @@ def _advance(
     )
     backup, (belief, recovery) = None, (yield from _trusted(update, image, flight, doubt))
     if recovery is not None and recovery.holds:
-        turn = _looking_around(doubt, flight) if recovery.turns else 0.0
-        plan, replan_ms, restart = _rest(last, belief, turn, flight), 0.0, None
+        turn = turning(doubt, flight, recovery is Recovery.SEARCHED) if recovery.turns else None
+        plan, replan_ms, restart = at_rest(_onward(last, belief, flight), last, turn, flight), 0.0, None
     else:
-        elsewhere = recovery is Recovery.RELOCALISED or course.since >= max(doubt.made, 1)
-        left, way = mission.steps, doubt.way
-        if not elsewhere:
-            left = max(doubt.steps_left(belief.mean, simulator.robot), flight.config.minimum_horizon)
-        planned, replan_ms = yield from timed(
-            flight.pilot.planner.replan(
-                way, Route(_onward(last, belief, flight), course.end or course.goal, left, way.dt), executed=1
-            ),
-            mission.clock,
-        )
+        here, elsewhere = _onward(last, belief, flight), recovery is Recovery.RELOCALISED
+        elsewhere |= course.since >= max(doubt.made, 1)
+        sees_little = image is not None and update.outcome in LITTLE
+        told = elsewhere, sees_little
+        course, planned, replan_ms = yield from _replanned(flight, course, doubt, here, told)
         plan, restart = planned.motion, planned.restart
         if flight.pilot.guard is not None:
             began = mission.clock()
             backup, taken = flight.pilot.guard.beside(planned, mission.dt)
             replan_ms += 1e3 * (mission.clock() - began)
             plan, recovery = (backup.motion, Recovery.BACKUP) if taken else (plan, recovery)
-    return NavigationStep(
+    step = NavigationStep(
         index, index * mission.dt, action, simulator.state, flight.pilot.lasting.beside(belief), image, update, plan,
         touched, filter_ms, replan_ms, recovery=recovery, restart=restart, backup=backup, apparent=belief,
     )  # fmt: skip
+    return step, course
 
 
-def _onward(last: NavigationStep, belief: Belief, flight: _Flight) -> RigidState:
+def _replanned(
+    flight: Flight, course: Course, doubt: Doubt, here: RigidState, told: tuple[bool, bool]
+) -> Generator[LoopEvent, None, tuple[Course, PlanStep, float]]:
+    """The next plan, which carries the last one on, in other headings where little is seen; and how long it took [ms].
+
+    What is told: whether the robot is elsewhere than that plan, or goes elsewhere, and whether it sees little.
+    """
+    way, left, (elsewhere, sees_little) = doubt.way, flight.mission.steps, told
+    clock, began = flight.mission.clock, flight.mission.clock()
+    rest = Motion(way.states[1:], way.actions[1:], way.dt)
+    if not elsewhere:
+        left = max(doubt.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
+    if course.end is None or doubt.held or sees_little:
+        course, rest = flight.seeing(course, here, rest, leads=not elsewhere)
+    turned_ms = 1e3 * (clock() - began)
+    route = Route(here, course.leads_to, left, rest.dt, course.keeps_headings)
+    planned, planned_ms = yield from timed(flight.pilot.planner.replan(rest, route, executed=0), clock)
+    return course.after(planned), planned, turned_ms + planned_ms
+
+
+def _onward(last: NavigationStep, belief: Belief, flight: Flight) -> RigidState:
     """Where the next plan begins: where the last one has led by now, or where the robot believes to be.
 
     A robot that tracks plans is tilted by what it corrects. To plan from there would be to go on with the correction:
@@ -195,22 +182,8 @@ def _onward(last: NavigationStep, belief: Belief, flight: _Flight) -> RigidState
     return RigidState(mean.position, led.velocity + mean.velocity - passing, turn @ led.rotation, led.body_rate)
 
 
-def _rest(last: NavigationStep, belief: Belief, turn: float, flight: _Flight) -> Motion:
-    """What a robot intends that does not know where it is; it turns with `turn` [rad/s] meanwhile."""
-    robot, config = flight.simulator.robot, flight.config.recovery
-    start = robot.settled(_onward(last, belief, flight), last.plan.states[0])
-    return come_to_rest(robot, start, config.rest, flight.mission.dt, turn)
-
-
-def _looking_around(doubt: Doubt, flight: _Flight) -> float:
-    """With which it turns [rad/s] all the time that it holds: from where that began, first to the middle of the place,
-    for there is more to be seen than outside."""
-    turn, guard = flight.config.recovery.turn, flight.pilot.guard
-    return turn if guard is None else turn * side_of(doubt.way.states[0], guard.field.box.center)
-
-
 def _trusted(
-    update: FilterStep, image: Tensor | None, flight: _Flight, doubt: Doubt
+    update: FilterStep, image: Tensor | None, flight: Flight, doubt: Doubt
 ) -> Generator[LoopEvent, None, tuple[Belief, Recovery | None]]:
     """The belief to go on with after an update, and what was done where it is not the update's own."""
     assert update.posterior is not None, "the last step of an estimator has the posterior"
@@ -224,7 +197,7 @@ def _trusted(
     return belief, Recovery.BLIND if blind else None
 
 
-def _act(last: NavigationStep, flight: _Flight) -> tuple[Tensor, bool]:
+def _act(last: NavigationStep, flight: Flight) -> tuple[Tensor, bool]:
     """Let the world move on by the first action of the plan; returns it, and whether the body touched anything."""
     simulator, orders, action = flight.simulator, flight.orders, last.plan.actions[0]
     touched = simulator.follow(last.plan, orders.gust, last.belief.mean)
@@ -233,7 +206,7 @@ def _act(last: NavigationStep, flight: _Flight) -> tuple[Tensor, bool]:
     return action, touched
 
 
-def _drift(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, NavigationStep]:
+def _drift(last: NavigationStep, flight: Flight) -> Generator[LoopEvent, None, NavigationStep]:
     """One time step without looking: the next planned action, and a belief that only spreads."""
     yield from ()
     simulator, dt, index = flight.simulator, flight.mission.dt, last.index + 1
@@ -245,7 +218,7 @@ def _drift(last: NavigationStep, flight: _Flight) -> Generator[LoopEvent, None, 
     )
 
 
-def _judge(step: NavigationStep, flight: _Flight, course: Course, held: int) -> EpisodeOutcome | None:
+def _judge(step: NavigationStep, flight: Flight, course: Course, held: int) -> EpisodeOutcome | None:
     """Whether the flight is over, collisions aside; a robot that does not know where it is has not arrived."""
     mission, config = flight.mission, flight.config
     if step.recovery is Recovery.LOST:

@@ -14,6 +14,9 @@ from nerfnav.planner import PlanStep, timing_of
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, Robot
 
+LITTLE = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
+"""Outcomes of updates that learned little, or nothing."""
+
 
 class EpisodeOutcome(Enum):
     """How a flight ended; the value is what a user reads."""
@@ -80,12 +83,6 @@ class NavigationStep:
     def holds(self) -> bool:
         """Whether the robot comes to rest and waits, for it does not know where it is, or no way on."""
         return self.recovery is not None and self.recovery.holds
-
-    @property
-    def sees_little(self) -> bool:
-        """Whether a picture came, and said little."""
-        little = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
-        return self.image is not None and self.update is not None and self.update.outcome in little
 
 
 @dataclass(frozen=True)

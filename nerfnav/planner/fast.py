@@ -34,6 +34,9 @@ _FIRMER = (10.0, 100.0)
 _FINER = 4
 """How many times as many densities are taken to choose between finalists: a body must not slip through a wall."""
 
+_KEPT = 1e-6
+"""Share of its scale by which a heading may change that is kept: too little to matter, and enough to divide by."""
+
 
 @dataclass(frozen=True)
 class ScoutConfig:
@@ -154,6 +157,8 @@ class _Desk:
         self.objective, self._fine = self._weighing(weights), self._weighing(fine)
         self._light = self._weighing(light, scout.points)
         self.scales = problem.robot.free_scales(trajectory.free).double().numpy()
+        if problem.keeps_headings:
+            self.scales[problem.robot.free_headings(len(self.scales))] *= _KEPT
 
     def _weighing(self, weights: CostWeights, points: int | None = None) -> Objective:
         """J with other weights, and with a coarser body."""

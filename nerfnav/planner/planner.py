@@ -93,8 +93,9 @@ class FieldPlanner:
     def problem(self, route: Route) -> PlanProblem:
         """What there is to plan from scratch."""
         return PlanProblem(
-            self.field, self.robot, route.start, route.goal, route.steps, route.dt, self.terms, self.disturbance
-        )
+            self.field, self.robot, route.start, route.goal, route.steps, route.dt, self.terms, self.disturbance,
+            keeps_headings=route.keeps_headings,
+        )  # fmt: skip
 
     def rest(self, last: Motion, route: Route) -> PlanProblem:
         """What is left to plan of `last` from an estimate, or from the nearest state that the robot can be in."""

@@ -53,11 +53,13 @@ class PlanProblem:
     """What will disturb the robot, for plans that count risk."""
     overdue: bool = False
     """Whether the arrival is put off at each step, see terms/risk.py."""
+    keeps_headings: bool = False
+    """Whether the search leaves the headings of a trajectory as they are, see Route."""
 
     @property
     def route(self) -> Route:
         """From where to where, and in how many steps."""
-        return Route(self.start, self.goal, self.steps, self.dt)
+        return Route(self.start, self.goal, self.steps, self.dt, self.keeps_headings)
 
     def context(self, weights: CostWeights) -> TermContext:
         """What the terms are told."""

@@ -18,3 +18,5 @@ class Route(TensorStruct):
     """Number of time steps; 20 in the paper."""
     dt: float = 0.1
     """Length of a step [s]; 0.1 in the paper."""
+    keeps_headings: bool = False
+    """Whether a plan that is carried on keeps the headings that it has (see headings.py), and is not free to turn."""

@@ -1,28 +1,23 @@
 """What a camera sees by its heading: a robot that flies by its camera is lost in front of the void."""
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TypeVar
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float
+from torch import Tensor
 
 from nerfnav.field import FastRenderer, Field, render_rays
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, so3
-from nerfnav.planner.astar import resample
 from nerfnav.robots import RigidState
 
 _EYE = Camera.from_fov(6, 4, 90)
 """What looks around."""
 _RAYS = 4096
 """Rays rendered at once by the reference."""
-_HEADINGS, _PLACES = 16, 10
-"""Into how many directions a robot looks that looks for one, and from how many places on its way."""
-_DEAR = 0.1
-"""How much more variance on the way [that of one picture's time] half a turn at the goal is worth."""
-Angle = TypeVar("Angle", float, np.ndarray)
+HEADINGS = 16
+"""Into how many directions a robot looks that looks for one."""
 
 
 def seen_from(
@@ -45,45 +40,40 @@ def seen_from(
     return opacity.reshape(count, len(yaws), -1).mean(-1).numpy()
 
 
-def turned_to_see(
-    matter: Field, way: Float[torch.Tensor, "n 3"], ends: tuple[RigidState, RigidState], enough: float,
-    mount: Pose = FORWARD_MOUNT, may_be: Callable[[RigidState], bool] | None = None,
-) -> RigidState:  # fmt: skip
-    """The goal with the heading by which a robot knows best where it is on the way to it: it turns evenly as it goes.
+@dataclass(frozen=True)
+class Sights:
+    """What is seen by heading from places along a way."""
 
-    `way` leads from start to goal [m]. Between pictures the variance grows by 1, and a picture of which a share shows
-    something takes that share of it away, all where it is `enough`: to see nothing for long is worse than to see
-    nothing now and then. Half a turn from the heading that was asked for is made where the mean falls by 0.1. Of the
-    headings with which the robot `may_be` there: a corner needs more room than a side. Where it may with none, the goal
-    stays as it is.
-    """
-    start, goal = (so3.yaw_of(end.rotation).item() for end in ends)
-    places = resample(way, torch.linspace(0, 1, _PLACES))
-    seen = seen_from(matter, places, torch.arange(_HEADINGS) * (math.tau / _HEADINGS), mount).clip(max=enough) / enough
-    share = np.linspace(0, 1, _PLACES)[:, None]
-    turns = _wrapped(goal - start) + math.tau / _HEADINGS * np.arange(-_HEADINGS, _HEADINGS + 1)
-    turns = turns[np.abs(turns) <= math.pi + 1e-6]
-    at = (start + share * turns) % math.tau * (_HEADINGS / math.tau)
-    low, rest, row = np.floor(at).astype(int), at % 1, np.arange(_PLACES)[:, None]
-    shown = (1 - rest) * seen[row, low % _HEADINGS] + rest * seen[row, (low + 1) % _HEADINGS]
-    off = np.abs(_wrapped(start + turns - goal))
-    best_first = np.argsort((_mean_variance(shown) + _DEAR * off / math.pi).round(6), kind="stable")
-    for turn in turns[best_first].tolist():
-        turned = so3.from_yaw(torch.tensor(start + turn - goal)).to(way)
-        end = replace(ends[1], rotation=turned @ ends[1].rotation)
-        if may_be is None or may_be(end):
-            return end
-    return ends[1]
+    seen: Float[np.ndarray, "n h"]
+    """Shares of what is enough, 0 to 1; headings evenly from 0 to a whole turn."""
+
+    @classmethod
+    def along(cls, matter: Field, places: Float[Tensor, "n 3"], enough: float, mount: Pose = FORWARD_MOUNT) -> "Sights":
+        """From places of a way [m]; `enough` is the share of a picture from which on it is as good as any."""
+        seen = seen_from(matter, places, torch.arange(HEADINGS) * (math.tau / HEADINGS), mount)
+        return cls(seen.clip(max=enough) / enough)
+
+    def at(self, places: Float[np.ndarray, " *n"], yaws: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """At shares of the way, 0 to 1, and headings [rad]; linear between."""
+        row = places * (len(self.seen) - 1)
+        first = np.minimum(row.astype(int), max(0, len(self.seen) - 2))
+        second = np.minimum(first + 1, len(self.seen) - 1)
+        return (1 - (row - first)) * self._turned(first, yaws) + (row - first) * self._turned(second, yaws)
+
+    def _turned(self, row: np.ndarray, yaws: np.ndarray) -> np.ndarray:
+        at = yaws % math.tau * (HEADINGS / math.tau)
+        low, rest = np.floor(at).astype(int), at % 1
+        return (1 - rest) * self.seen[row, low % HEADINGS] + rest * self.seen[row, (low + 1) % HEADINGS]
 
 
-def _mean_variance(shown: Float[np.ndarray, "n t"]) -> Float[np.ndarray, " t"]:
-    """Over the pictures of a way, for each of some turns, from how much of each shows something, 0 to 1."""
-    variance, total = np.zeros(shown.shape[1]), np.zeros(shown.shape[1])
-    for share in shown:
-        variance = (variance + 1) * (1 - share)
-        total += variance
-    return total / len(shown)
-
-
-def _wrapped(angle: Angle) -> Angle:
-    return (angle + math.pi) % math.tau - math.pi
+def seeing(
+    matter: Field, state: RigidState, enough: float, mount: Pose = FORWARD_MOUNT
+) -> tuple[float, float]:
+    """How much of `enough` a camera sees of what is something, 0 to 1, and by how much its robot has to turn to see as
+    much of it as it can: to the nearest of the headings from which that is [rad, to the left]."""
+    turns = torch.arange(-HEADINGS // 2, HEADINGS // 2) * (math.tau / HEADINGS)
+    seen = seen_from(matter, state.position[None], so3.yaw_of(state.rotation) + turns, mount)[0]
+    seen = seen.clip(max=enough) / enough
+    near_first = np.argsort(turns.abs().numpy(), kind="stable")
+    best = max(near_first, key=lambda heading: seen[heading].round(6))
+    return float(seen[HEADINGS // 2]), float(turns[best])

@@ -74,7 +74,7 @@ def carry_on(
             yield kept
             return
         yield replace(kept, outcome=None)
-    yield from _anew(problem, kept, reason, config, occupancy)
+    yield from _anew(replace(problem, keeps_headings=False), kept, reason, config, occupancy)
 
 
 def _anew(

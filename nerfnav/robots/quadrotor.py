@@ -170,9 +170,13 @@ class Quadrotor(Robot):
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """The weight, a few body lengths, half a radian."""
         scales = torch.full_like(free, _FREE_POSITION)
-        steps = (free.shape[-1] + 12) // 4
-        scales[:2], scales[-(steps - 2) :] = self.weight, _FREE_YAW
+        scales[:2], scales[self.free_headings(len(free))] = self.weight, _FREE_YAW
         return scales
+
+    def free_headings(self, count: int) -> slice:
+        """The last ones."""
+        steps = (count + 12) // 4
+        return slice(count - (steps - 2), count)
 
     def demands(self, motion: Motion) -> dict[str, Float[Tensor, "*batch times"]]:
         """Thrust [N], tilt [rad], speed [m/s], length of the body rate [rad/s]."""

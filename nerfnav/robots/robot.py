@@ -37,8 +37,8 @@ class Limit:
 CAMERA = Camera.from_fov(200, 200, 90)
 """What robots see with unless told otherwise: as wide as the bundled fields' own photographs."""
 _NO_PART_OF_THE_MAP = frozenset(
-    ("__init__", "hold", "steer", "encode", "free_scales", "check_ends", "settled", "with_body", "body_with_room",
-     "with_camera", "source")
+    ("__init__", "hold", "steer", "encode", "free_scales", "free_headings", "check_ends", "settled", "with_body",
+     "body_with_room", "with_camera", "source")
 )  # fmt: skip
 """What a robot may do in its own way, and still be moved by its parent's compiled map."""
 
@@ -198,6 +198,10 @@ class Robot(ABC):
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """By how much each of the free numbers may change before the motion is quite another one; 1 by default."""
         return torch.ones_like(free)
+
+    def free_headings(self, count: int) -> slice:
+        """Which of so many free numbers turn the robot and do not move it; none by default."""
+        return slice(count, count)
 
 
 @cache

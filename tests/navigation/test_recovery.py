@@ -18,12 +18,12 @@ from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest, side_of
+from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest
 from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.spread import PAPERS_NOISE, position_spread
-from nerfnav.robots.state import POSITION, RigidState
+from nerfnav.robots.state import POSITION
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, grey, simulator
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
@@ -296,12 +296,6 @@ def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_
         level, _ = position_spread(ROBOT, MISSION.dt, PAPERS_NOISE)
         assert 1 < pictures <= 5 and RecoveryConfig().widest <= level
         assert not Lookout(None).is_blind(Belief(world.state, spread), FilterOutcome.UPDATED, doubts=False)
-
-
-def test_a_robot_that_sees_nothing_turns_the_shorter_way_to_the_middle_of_the_place() -> None:
-    middle = torch.tensor([1.0, 0.0, 0.5])
-    for x, y, heading, side in [(0, 0, 0.5, -1.0), (0, 0, -0.5, 1.0), (2, 0, 3.0, 1.0), (2, 0, -3.0, -1.0)]:
-        assert side_of(RigidState.at_rest((float(x), float(y), 0.5), heading), middle) == side
 
 
 @pytest.mark.slow

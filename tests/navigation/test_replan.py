@@ -270,7 +270,7 @@ def test_a_goal_that_moves_in_flight_is_flown_to():
     assert len(steps) > MISSION.steps
 
 
-@pytest.mark.parametrize(("in_sight", "headings"), [(0.4, (2.0, 3.2)), (0.0, (0.0, 0.01))])
+@pytest.mark.parametrize(("in_sight", "headings"), [(0.4, (1.8, 3.2)), (0.0, (0.0, 0.01))])
 def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is_asked_for(
     in_sight: float, headings: tuple[float, float]
 ) -> None:
@@ -279,6 +279,8 @@ def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is
     steps = steps_of(list(navigate(MISSION, world, pilot, replace(CONFIG, in_sight=in_sight), draws(1))))
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     for step in steps:
+        if step.holds:
+            continue
         end = step.plan.states[-1]
         assert headings[0] <= abs(so3.yaw_of(end.rotation).item()) <= headings[1]
         torch.testing.assert_close(end.position, GOAL.position, atol=1e-4, rtol=0)
@@ -291,7 +293,7 @@ def test_a_goal_is_turned_to_headings_alone_with_which_the_robot_fits_there() ->
     steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     for step in steps:
-        assert fits(field, ROBOT.body, step.plan.states[-1])
+        assert step.holds or fits(field, ROBOT.body, step.plan.states[-1])
 
 
 def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():

@@ -1,0 +1,62 @@
+"""Robots that see nothing and turn to where something is to be seen."""
+
+import math
+
+import pytest
+import torch
+
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry import so3
+from nerfnav.navigation.looking import Turning, side_of
+from nerfnav.navigation.mission import NavigateConfig, Pilot
+from nerfnav.navigation.recovery import Recovery, come_to_rest
+from nerfnav.navigation.replan import navigate
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.planner.sight import seeing
+from nerfnav.robots import RigidState
+from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
+from tests.planner.test_first_ends import field_of
+
+CONFIG = NavigateConfig(initial=CALM, noise=CALM)
+_PLACE = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+
+
+def test_a_robot_that_sees_nothing_turns_the_shorter_way_to_the_middle_of_the_place() -> None:
+    middle = torch.tensor([1.0, 0.0, 0.5])
+    for x, y, heading, side in [(0, 0, 0.5, -1.0), (0, 0, -0.5, 1.0), (2, 0, 3.0, 1.0), (2, 0, -3.0, -1.0)]:
+        assert side_of(RigidState.at_rest((float(x), float(y), 0.5), heading), middle) == side
+
+
+@pytest.mark.parametrize("aim", [0.3, -1.5, 3.0])
+def test_a_robot_turns_to_a_heading_quickly_and_stays_there(aim: float) -> None:
+    start = RigidState.at_rest((0.0, 0.0, 0.5))
+    motion = come_to_rest(ROBOT, start, 20, 0.1, Turning(aim, 6.0, 2.5, 0.1))
+    yaws = so3.yaw_of(motion.states.rotation)
+    assert motion.states.body_rate[:, 2].abs().max() < 6.01
+    off = ((yaws - aim + math.pi) % math.tau - math.pi).abs()
+    arrives = 3 + math.ceil(abs(aim) / 0.6)
+    assert off[arrives:].max() < 0.1, "and does not swing past it"
+    assert (motion.states.position - start.position).norm(dim=-1).max() < 0.01
+
+
+def flown(place: VoxelField, in_sight: float = 0.4) -> list[NavigationStep]:
+    """A flight of a robot that begins by looking to the east."""
+    world = simulator()
+    pilot = Pilot(StraightPlanner(), Oracle(world), seen=place)
+    config = NavigateConfig(initial=CALM, noise=CALM, in_sight=in_sight)
+    return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+
+
+def test_a_robot_that_should_see_nothing_from_where_it_stands_turns_before_it_leaves() -> None:
+    behind = field_of(_PLACE, ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0)), spacing=0.05)
+    steps = flown(behind)
+    assert steps[0].recovery is Recovery.BLIND and steps[0].plan.states.velocity.norm(dim=-1).max() < 0.1
+    assert seeing(behind, steps[0].plan.states[-1], 0.4)[0] > 0.5 > seeing(behind, steps[0].plan.states[0], 0.4)[0]
+    assert not steps[1].holds, "a picture has said where it is"
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_a_robot_that_should_see_something_leaves_at_once_and_so_does_one_that_nobody_asks() -> None:
+    before, behind = ((0.8, -1.0, -1.0), (1.0, 1.0, 1.0)), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
+    for steps in (flown(field_of(_PLACE, before, spacing=0.05)), flown(field_of(_PLACE, behind, spacing=0.05), 0.0)):
+        assert all(step.recovery is None for step in steps) and steps[-1].outcome is EpisodeOutcome.REACHED
