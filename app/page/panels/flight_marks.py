@@ -20,6 +20,7 @@ def marks_of(flight: Timed) -> tuple[Mark, ...]:
     happened = {
         "hit": [step.touched for step in steps],
         "lost": [_is_lost(step) for step in steps],
+        "blind": [step.recovery is Recovery.BLIND for step in steps],
         "braked": [step.recovery is Recovery.BACKUP for step in steps],
         "found": [step.recovery is Recovery.RELOCALISED for step in steps],
         "gust": _at(flight.gusts, len(steps)),
@@ -58,7 +59,7 @@ def _marks_of_track(track: TrackRecord) -> tuple[Mark, ...]:
 
 
 def _is_lost(step: NavigationStep) -> bool:
-    return step.recovery not in (None, Recovery.RELOCALISED, Recovery.BACKUP)
+    return step.recovery in (Recovery.WIDENED, Recovery.SEARCHED, Recovery.LOST)
 
 
 def _at(indices: Iterable[int], count: int) -> list[bool]:

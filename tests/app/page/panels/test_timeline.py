@@ -4,6 +4,7 @@ from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
+import pytest
 
 from app.page.panels.chart import with_cursor
 from app.page.panels.command_palette import entries
@@ -17,14 +18,13 @@ from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 
 ENDS = Ends(End((-0.7, 0.0, 0.4)), End((0.7, 0.1, 0.4)))
-_BLIND = next(each for each in Recovery if each is not Recovery.RELOCALISED)
 _WORD_OF_KEY = {"space": "space", "pageup": "page up", "pagedown": "page up, down"}
 
 
 def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
     steps = [flight_step(ENDS, index) for index in range(8)]
     steps[2:4] = (replace(step, touched=True) for step in steps[2:4])
-    steps[4:6] = (replace(step, recovery=_BLIND) for step in steps[4:6])
+    steps[4:6] = (replace(step, recovery=Recovery.WIDENED) for step in steps[4:6])
     steps[6] = replace(steps[6], recovery=Recovery.RELOCALISED)
     marks = marks_of(FlightRecord(ENDS, tuple(steps), gusts=(1,), goals_moved=(7,)))
     times = [step.time for step in steps]
@@ -33,10 +33,11 @@ def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
     )  # fmt: skip
 
 
-def test_a_robot_that_brakes_for_want_of_a_way_is_not_lost() -> None:
+@pytest.mark.parametrize(("recovery", "word"), [(Recovery.BACKUP, "braked"), (Recovery.BLIND, "blind")])
+def test_a_robot_that_brakes_for_want_of_a_way_or_sees_nothing_is_not_lost(recovery: Recovery, word: str) -> None:
     steps = [flight_step(ENDS, index) for index in range(4)]
-    steps[2] = replace(steps[2], recovery=Recovery.BACKUP)
-    assert marks_of(FlightRecord(ENDS, tuple(steps))) == ((steps[2].time, "braked"),)
+    steps[2] = replace(steps[2], recovery=recovery)
+    assert marks_of(FlightRecord(ENDS, tuple(steps))) == ((steps[2].time, word),)
 
 
 def test_words_of_marks_do_not_run_into_one_another_and_numbers_give_way() -> None:
