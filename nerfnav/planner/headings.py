@@ -90,8 +90,8 @@ def watching(
     """A motion with other headings, where these show the robot more than turning evenly does; else None.
 
     `ends` are where it starts, its goal, and that with the heading to which it turns evenly. Of headings that turn by
-    4 rad/s or half of what the robot can, those with the fewest pictures that show nothing, by dynamic programming
-    (Bellman 1957). The way stays: it is a plan to begin with, whose cost has the turning in it.
+    4 rad/s at most, or half of what the robot can, those with the fewest pictures that show nothing, by dynamic
+    programming (Bellman 1957). The way stays: it is a plan to begin with, whose cost has the turning in it.
     """
     count = len(way.states.position)
     if count <= max(_FEWEST, robot.minimum_steps):
