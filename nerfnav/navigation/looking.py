@@ -9,8 +9,8 @@ from nerfnav.geometry import so3
 from nerfnav.navigation.flight import Flight
 from nerfnav.navigation.recovery import Recovery, come_to_rest
 from nerfnav.navigation.steps import Doubt, NavigationStep
-from nerfnav.planner.headings import turning_rate
-from nerfnav.robots import Motion, RigidState, Robot
+from nerfnav.planner.headings import turning_rate, wrapped
+from nerfnav.robots import Motion, RigidState
 
 _ARRIVING = 0.8
 """Share of what is left to turn that is turned in a step."""
@@ -38,8 +38,7 @@ class Turning:
         if self.aim is None:
             return self.around
         soon = so3.yaw_of(so3.retract(state.rotation, state.body_rate * self.dt)).item()
-        left = (self.aim - soon + math.pi) % math.tau - math.pi
-        return max(-self.most, min(self.most, _ARRIVING * left / self.dt))
+        return max(-self.most, min(self.most, _ARRIVING * wrapped(self.aim - soon) / self.dt))
 
 
 def turning(doubt: Doubt, flight: Flight, lost: bool) -> Turning:
@@ -58,7 +57,7 @@ def turning(doubt: Doubt, flight: Flight, lost: bool) -> Turning:
 
 def at_rest(start: RigidState, last: NavigationStep, turn: Turning | None, flight: Flight) -> Motion:
     """What a robot intends that does not know where it is, and turns meanwhile."""
-    robot: Robot = flight.simulator.robot
+    robot = flight.simulator.robot
     start = robot.settled(start, last.plan.states[0])
     return come_to_rest(robot, start, flight.config.recovery.rest, flight.mission.dt, turn)
 

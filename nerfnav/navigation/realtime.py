@@ -69,5 +69,5 @@ def missed(spent_ms: float, dt: float) -> int:
 def later(plan: Motion, steps: int, believed: RigidState, robot: Robot) -> Motion:
     """What is left of a plan some time steps later; where nothing is, the robot comes to rest."""
     if steps < len(plan.actions):
-        return Motion(plan.states[steps:], plan.actions[steps:], plan.dt)
+        return plan.left_after(steps)
     return come_to_rest(robot, believed, RecoveryConfig.rest, plan.dt)

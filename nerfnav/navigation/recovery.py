@@ -20,6 +20,9 @@ from nerfnav.estimator import Belief, FilterOutcome, RelocaliseOutcome, Relocali
 from nerfnav.geometry import FORWARD_MOUNT, Pose
 from nerfnav.robots import POSITION, Motion, RigidState, Robot
 
+LITTLE = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
+"""Outcomes of updates that learned little, or nothing."""
+
 
 @runtime_checkable
 class Relocaliser(Protocol):
@@ -126,7 +129,7 @@ class Lookout:
         spread = float(belief.covariance.diagonal()[POSITION].max().sqrt())
         if doubts:
             return outcome is FilterOutcome.PREDICTED_ONLY or spread > self.config.sure
-        return outcome in (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY) and spread > self.config.widest
+        return outcome in LITTLE and spread > self.config.widest
 
     def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
         """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no

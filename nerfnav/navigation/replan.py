@@ -21,9 +21,9 @@ from nerfnav.navigation.looking import at_rest, looking_first, turning
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Course
 from nerfnav.navigation.realtime import Overrun
-from nerfnav.navigation.recovery import Recovery
+from nerfnav.navigation.recovery import LITTLE, Recovery
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import LITTLE, Doubt, EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.timed import timed
 from nerfnav.planner import PlanOutcome, PlanStep, Route
 from nerfnav.robots import Motion, RigidState
@@ -74,8 +74,7 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: Flight) -> 
     """A time step, and in real time those that passed while it was computed."""
     yield step
     if flight.mission.realtime:
-        under_way = Motion(last.plan.states[1:], last.plan.actions[1:], last.plan.dt)
-        pilot = flight.pilot
+        under_way, pilot = last.plan.left_after(1), flight.pilot
         yield from Overrun(
             step, under_way, flight.simulator, pilot.estimator, flight.generator, pilot.lasting
         ).steps()
@@ -155,7 +154,7 @@ def _replanned(
     """
     way, left, (elsewhere, sees_little) = doubt.way, flight.mission.steps, told
     clock, began = flight.mission.clock, flight.mission.clock()
-    rest = Motion(way.states[1:], way.actions[1:], way.dt)
+    rest = way.left_after(1)
     if not elsewhere:
         left = max(doubt.steps_left(here, flight.simulator.robot), flight.config.minimum_horizon)
     if course.end is None or doubt.held or sees_little:

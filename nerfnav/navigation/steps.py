@@ -7,15 +7,12 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator import Belief, FilterOutcome, FilterStep, RelocaliseStep
+from nerfnav.estimator import Belief, FilterStep, RelocaliseStep
 from nerfnav.navigation.backup import Backup
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.planner import PlanStep, timing_of
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, Robot
-
-LITTLE = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
-"""Outcomes of updates that learned little, or nothing."""
 
 
 class EpisodeOutcome(Enum):

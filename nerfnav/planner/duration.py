@@ -83,7 +83,7 @@ def is_hurried(robot: Robot, distance: float, seconds: float) -> bool:
 
 def speed_limit(robot: Robot) -> float | None:
     """How fast it may be [m/s]; None where it may have any speed."""
-    return next((bound.upper for bound in robot.bounds if bound.name == "speed"), None)
+    return robot.most("speed")
 
 
 def longest_step(robot: Robot, speed: float) -> float:

@@ -71,11 +71,11 @@ def turned_to_see(watch: Watch, sights: Sights, ends: tuple[RigidState, RigidSta
     """
     start, goal = (so3.yaw_of(end.rotation).item() for end in ends)
     share = np.linspace(0, 1, _PLACES)[:, None]
-    turns = _wrapped(goal - start) + math.tau / HEADINGS * np.arange(-HEADINGS, HEADINGS + 1)
+    turns = wrapped(goal - start) + math.tau / HEADINGS * np.arange(-HEADINGS, HEADINGS + 1)
     turns = turns[np.abs(turns) <= math.pi + 1e-6]
     at = start + share * turns
     shown = sights.at(np.broadcast_to(share, at.shape), at)
-    off = np.abs(_wrapped(start + turns - goal))
+    off = np.abs(wrapped(start + turns - goal))
     best_first = np.argsort((_mean_variance(shown) + _DEAR * off / math.pi).round(6), kind="stable")
     for turn in turns[best_first].tolist():
         end = with_heading(ends[1], start + turn)
@@ -102,8 +102,8 @@ def watching(
     share, grid = np.linspace(0, 1, count)[1:], first + math.tau / fine * np.arange(fine)
     blind = 1 - sights.at(np.repeat(share[:, None], fine, 1), np.repeat(grid[None], count - 1, 0))
     dear = _DEAR * count / math.pi
-    least = (1 - sights.at(share, start + share * _wrapped(evenly - start))).sum() + dear * abs(_wrapped(evenly - goal))
-    last = dear * np.abs(_wrapped(grid - goal))
+    least = (1 - sights.at(share, start + share * wrapped(evenly - start))).sum() + dear * abs(wrapped(evenly - goal))
+    last = dear * np.abs(wrapped(grid - goal))
     while True:
         moves, cost = _cheapest(blind, last)
         if not least - cost >= _WORTH:
@@ -119,7 +119,7 @@ def watching(
 
 def turning_rate(robot: Robot, wanted: float) -> float:
     """With which a robot turns to see something [rad/s]: as wanted, or half of what it can, where that is less."""
-    most = next((bound.upper for bound in robot.bounds if bound.name == "body rate"), None)
+    most = robot.most("body rate")
     return min(wanted, _USUAL if most is None else 0.5 * most)
 
 
@@ -160,5 +160,6 @@ def _mean_variance(shown: Float[np.ndarray, "n t"]) -> Float[np.ndarray, " t"]:
     return total / len(shown)
 
 
-def _wrapped(angle: Angle) -> Angle:
+def wrapped(angle: Angle) -> Angle:
+    """The same angle [rad], within half a turn."""
     return (angle + math.pi) % math.tau - math.pi

@@ -130,7 +130,7 @@ def _rest(problem: PlanProblem, last: Motion, executed: int) -> Trajectory | Non
 
 def _cost_left(problem: PlanProblem, last: Motion, executed: int, config: FastPlanConfig) -> float:
     """J of what is left of the last plan, for as many steps as there will be."""
-    rest = Motion(last.states[executed:], last.actions[executed:], last.dt)
+    rest = last.left_after(executed)
     left = rest.actions.shape[-2]
     if left == 0:
         return 0.0

@@ -195,6 +195,10 @@ class Robot(ABC):
         """
         return motion.actions.new_zeros(motion.actions.shape[:-2])
 
+    def most(self, name: str) -> float | None:
+        """The upper bound of that name, such as "speed"; None where there is none."""
+        return next((bound.upper for bound in self.bounds if bound.name == name), None)
+
     def free_scales(self, free: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """By how much each of the free numbers may change before the motion is quite another one; 1 by default."""
         return torch.ones_like(free)

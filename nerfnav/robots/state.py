@@ -82,3 +82,7 @@ class Motion(TensorStruct):
     """Action of each of the N steps, as the robot's `action_names` say."""
     dt: float
     """Length of a step [s]."""
+
+    def left_after(self, steps: int) -> "Motion":
+        """What is left of one motion after so many of its steps."""
+        return Motion(self.states[steps:], self.actions[steps:], self.dt)
