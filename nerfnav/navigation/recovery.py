@@ -16,6 +16,7 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
+from nerfnav.errors import require_not_negative, require_positive
 from nerfnav.estimator import Belief, FilterOutcome, RelocaliseOutcome, RelocaliseStep, StateNoise
 from nerfnav.geometry import FORWARD_MOUNT, Pose
 from nerfnav.robots import POSITION, Motion, RigidState, Robot
@@ -88,6 +89,11 @@ class RecoveryConfig:
     found: StateNoise = field(default_factory=lambda: StateNoise(0.02, 2.0, 0.02, 3.0))
     """Spread of the belief after the robot was found: its pose is known well, its velocities hardly, for it was flown
     on a wrong belief; a tenth of this on the rates, and the next pictures are rejected again."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for rates to turn with that are none."""
+        require_not_negative(turn=self.turn)
+        require_positive(glance=self.glance)
 
 
 @dataclass(frozen=True)

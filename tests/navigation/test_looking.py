@@ -5,11 +5,12 @@ import math
 import pytest
 import torch
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.navigation.looking import Turning, side_of
 from nerfnav.navigation.mission import NavigateConfig, Pilot
-from nerfnav.navigation.recovery import Recovery, come_to_rest
+from nerfnav.navigation.recovery import Recovery, RecoveryConfig, come_to_rest
 from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.sight import seeing
@@ -60,3 +61,11 @@ def test_a_robot_that_should_see_something_leaves_at_once_and_so_does_one_that_n
     before, behind = ((0.8, -1.0, -1.0), (1.0, 1.0, 1.0)), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
     for steps in (flown(field_of(_PLACE, before, spacing=0.05)), flown(field_of(_PLACE, behind, spacing=0.05), 0.0)):
         assert all(step.recovery is None for step in steps) and steps[-1].outcome is EpisodeOutcome.REACHED
+
+
+@pytest.mark.parametrize(("name", "rate"), [
+    ("turn", -1.0), ("turn", math.nan), ("glance", -1.0), ("glance", 0.0), ("glance", math.nan),
+])  # fmt: skip
+def test_a_rate_to_turn_with_that_is_none_is_refused_by_name(name: str, rate: float) -> None:
+    with pytest.raises(InvalidInputError, match=name):
+        RecoveryConfig(**{name: rate})
