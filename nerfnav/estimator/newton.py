@@ -13,7 +13,8 @@ the camera makes of colours, gain 1 + g and bias b. With C the field's colours a
 A surface that stands a little beside its place shows most where colours are steep: the variance of r_i is not s^2 but
 s^2 + |dC_i/dp|^2 m^2, m how far off surfaces are. So w_i ~ 1 / (1 + |dC_i/dp|^2 m^2 / s^2) at the start, of mean 1.
 
-Every pose is judged on its own: a step that makes it worse is not taken, and lambda grows.
+Steps are stretched to where the next ones would lead (see stretch.py). Every pose is judged on its own: a step that
+makes it worse is not taken, and lambda grows, or the next stays plain.
 """
 
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from nerfnav.estimator.stretch import stretches
 from nerfnav.geometry import Pose, so3
 from nerfnav.structs import TensorStruct
 
@@ -147,12 +149,14 @@ class Iterate:
 def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
     """Every stage on the way down, the start first; no pose's cost ever rises."""
     here, trust = evaluate(sight, start, prior, config.robust)
-    damping = torch.full_like(here.cost, config.damping)
+    damping, before, stretch = torch.full_like(here.cost, config.damping), None, torch.zeros_like(here.cost)
     yield here
     for _ in range(config.iterations):
         scale = here.curvature.diagonal(dim1=-2, dim2=-1).clamp_min(1e-9)
         damped = here.curvature + torch.diag_embed(damping[:, None] * scale)
-        step = -torch.linalg.solve(damped, here.slope)
+        plain = -torch.linalg.solve(damped, here.slope)
+        stretch = stretches(scale, plain, before, stretch)
+        before, step = plain, stretch[:, None] * plain
         moved = step[:, POSE].abs().amax(-1)
         if bool((moved < config.settled).all()):
             yield _settled(here, here.guess.retract(step), prior, moved)
@@ -160,7 +164,9 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
         tried, _ = evaluate(sight, here.guess.retract(step), prior, config.robust, trust)
         better = tried.cost < here.cost
         here = _chosen(better, tried, here, moved)
-        damping = torch.where(better, 0.2 * damping, 5 * damping).clamp(1e-7, 1e7)
+        worse = torch.where(stretch > 1, damping, 5 * damping)
+        damping = torch.where(better, 0.2 * damping, worse).clamp(1e-7, 1e7)
+        stretch = torch.where(better, stretch, torch.zeros_like(stretch))
         yield here
         if bool((moved < config.settled).all()):
             return

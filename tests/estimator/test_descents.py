@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from nerfnav.estimator import stretch
 from nerfnav.estimator.descents import improve
 from nerfnav.estimator.newton import Guess, NewtonConfig, Prior, evaluate, joined, minimise
 from nerfnav.estimator.photometric import Observation, residuals
@@ -134,3 +135,31 @@ def test_rays_that_begin_near_the_last_surface_end_where_rays_from_the_camera_do
     one = list(improve(seen(), starts(1), prior(True), NewtonConfig(8)))[-1]
     again = list(improve(seen(), one.guess, prior(True), NewtonConfig(0)))[-1]  # from the camera on
     torch.testing.assert_close(one.cost, again.cost, rtol=1e-4, atol=1e-6)
+
+
+class Bent:
+    """Two pixels whose colours are x and x^2 / 2 - 0.8, held against black: by what Gauss and Newton leave out, each
+    step leaves 0.8 of x."""
+
+    colors = torch.zeros(2, 3)
+
+    def linearised(self, poses: Pose) -> tuple[torch.Tensor, torch.Tensor]:
+        x = poses.position[:, :1, None]
+        by_pose = torch.zeros(len(x), 2, 3, 6)
+        by_pose[..., 0] = torch.cat([torch.ones_like(x), x], 1)
+        return torch.cat([x, 0.5 * x.square() - 0.8], 1).expand(-1, 2, 3), by_pose
+
+
+def bent_end(steps: int) -> tuple[float, torch.Tensor]:
+    """Where a descent of so many steps from 0.1 ends, and its costs."""
+    start = Guess.at(Pose(torch.eye(3)[None], torch.tensor([[0.1, 0.0, 0.0]])))
+    stages = [*minimise(Bent(), start, Prior(joined(None, (0.0, 0.0))), NewtonConfig(steps, robust=10.0))]
+    return abs(float(stages[-1].guess.pose.position[0, 0])), torch.stack([stage.cost for stage in stages])
+
+
+def test_steps_that_would_go_on_for_long_are_stretched(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, costs = bent_end(6)
+    monkeypatch.setattr(stretch, "MOST_STRETCH", 1.0)
+    plain, _ = bent_end(6)
+    assert plain == pytest.approx(0.1 * 0.8**6, rel=0.1)
+    assert found < 0.4 * plain and (costs.diff(dim=0) <= 0).all()

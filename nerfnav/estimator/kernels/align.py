@@ -9,7 +9,8 @@ import math
 import numpy as np
 
 from nerfnav.compiled import kernel
-from nerfnav.estimator.kernels.descent import LEAST_DAMPING, MOST_DAMPING, damped_step, move, pulled, sums
+from nerfnav.estimator.kernels.descent import pulled, sums
+from nerfnav.estimator.kernels.steps import LEAST_DAMPING, MOST_DAMPING, damped_step, move
 from nerfnav.robots.kernels.rotations import product
 
 LEAST_DEPTH = 1e-6

@@ -14,15 +14,15 @@ import numpy as np
 
 from nerfnav.compiled import kernel
 from nerfnav.estimator.kernels.glance import center, turn
+from nerfnav.estimator.kernels.steps import LEAST_DAMPING, MOST_DAMPING, damped_step, move, stretched
 from nerfnav.field.kernels.sight import ray_scratch, see_ray
-from nerfnav.geometry.kernels.linear import multiply, solve_positive
-from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product, turned
+from nerfnav.geometry.kernels.linear import multiply
+from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product
 
 NEAR = 3.0
 """How far a pose may move before its rays are followed from the camera again [steps of a ray]."""
 LEEWAY = 4.0
 """How far before the density of last time rays begin, in lengths that their points have moved: surfaces lie aslant."""
-LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e7
 
 
 @kernel()
@@ -39,9 +39,9 @@ def descend(grid, sight, prior, settings, trace, held, moved):
     pixels = sight[0].shape[0]
     rows, first = np.empty((9, 3 * pixels), np.float32), np.empty(pixels, np.float32)
     trust = np.empty(3 * pixels, np.float32)
-    anchor, step, longest, length = np.empty((4, 3)), np.empty(8), 0, 0.0
+    anchor, step, before, longest, length = np.empty((4, 3)), np.empty(8), np.empty(8), 0, 0.0
     for n in range(held.shape[1]):
-        weight, best, stage, going = damping, 0, 0, True
+        weight, best, stage, going, stretch = damping, 0, 0, True, 0.0
         for axis in range(3):
             anchor[3, axis] = np.inf  # nothing is known yet
         for later in range(iterations + 1):
@@ -49,6 +49,7 @@ def descend(grid, sight, prior, settings, trace, held, moved):
         while going:
             if stage > 0:
                 damped_step(trace[7][best, n], trace[8][best, n], trace[9][best, n], weight, step)
+                stretch = stretched(trace[7][best, n], trace[8][best, n], before, stretch, step)
                 move(trace, (best, n), step, (stage, n))
                 for i in range(6):
                     length = abs(step[i]) if i == 0 else max(length, abs(step[i]))
@@ -63,7 +64,8 @@ def descend(grid, sight, prior, settings, trace, held, moved):
                     for i in range(6):
                         moved[stage, n] = max(moved[stage, n], abs(step[i]))
                 else:
-                    weight = min(5.0 * weight, MOST_DAMPING)
+                    weight = min(5.0 * weight, MOST_DAMPING) if stretch == 1.0 else weight
+                    stretch = 0.0
             held[stage, n] = best
             going = stage < iterations and (stage == 0 or not moved[stage, n] < settled)
             stage += 1
@@ -71,31 +73,6 @@ def descend(grid, sight, prior, settings, trace, held, moved):
         for later in range(stage, iterations + 1):
             held[later, n] = best
     return longest
-
-
-@kernel(inline=True)
-def damped_step(seen, known, slope, weight, step):
-    """Fill the damped Gauss-Newton step (8); returns whether there is one: where not, it is 0."""
-    damped = np.empty((8, 8))
-    for i in range(8):
-        for j in range(8):
-            damped[i, j] = seen[i, j] + known[i, j]
-    for i in range(8):
-        damped[i, i] += weight * max(damped[i, i], 1e-9)
-    found = solve_positive(damped, slope, step)
-    for i in range(8):
-        step[i] = -step[i] if found else 0.0
-    return found
-
-
-@kernel(inline=True)
-def move(guesses, held, step, trial):
-    """The guess to try: that which is held (+) step. `held` and `trial` are places in `guesses`."""
-    turned(guesses[0][held], step[3], step[4], step[5], guesses[0][trial])
-    for axis in range(3):
-        guesses[1][trial][axis] = guesses[1][held][axis] + step[axis]
-    for side in range(2):
-        guesses[2][trial][side] = guesses[2][held][side] + step[6 + side]
 
 
 @kernel(inline=True)
