@@ -36,9 +36,9 @@ class NavigateConfig:
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
     in_sight: float = 0.4
-    """Share of a picture that shows something from which on it is as good as any. A robot that may turn as it likes
-    arrives with the heading by which most is seen on its way, where that is clearly more than by the goal's; 0, as in
-    the paper: with the goal's."""
+    """Share of a picture that has edges from which on it is as good as any: not the void, no blank wall. A robot that
+    may turn as it likes arrives with the heading by which most is seen on its way, where that is clearly more than by
+    the goal's; 0, as in the paper: with the goal's."""
     leash_m: float = 0.0
     """How far the believed position may be from where the last plan has led by now, for the next plan to begin there
     [m]: something must track plans then, between steps. 0, as in the paper: plans begin where the robot believes to

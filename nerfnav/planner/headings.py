@@ -43,7 +43,7 @@ class Watch:
     matter: Field
     """What its camera sees."""
     enough: float
-    """Share of a picture that shows something from which on it is as good as any."""
+    """Share of a picture that has edges from which on it is as good as any (see sight.py)."""
     mount: Pose = FORWARD_MOUNT
     """T_body_camera."""
     may_be: Callable[[RigidState], bool] | None = None
@@ -124,20 +124,21 @@ def turning_rate(robot: Robot, wanted: float) -> float:
 
 
 def _cheapest(blind: Float[np.ndarray, "n h"], last: Float[np.ndarray, " h"]) -> tuple[np.ndarray, float]:
-    """By how many headings to turn in each step, from the first of them, and what that costs."""
+    """By how many headings to turn in each step, from the first of them, and what that costs; it arrives unturned."""
     cost = np.full(blind.shape[1], math.inf)
     cost[0] = blind[0, 0]
     came = []
-    for row in blind[1:]:
+    for row in blind[1:-1]:
         options = np.stack([np.roll(cost, move) + _TURNING * move**2 for move in _MOVES])
         came.append(options.argmin(0))
         cost = options.min(0) + row
+    cost = cost + blind[-1]
     heading = int((cost + last).argmin())
     least, moves = float((cost + last)[heading]), []
     for choice in reversed(came):
         moves.append(_MOVES[choice[heading]])
         heading = (heading - moves[-1]) % len(last)
-    return np.array(moves[::-1], dtype=int), least
+    return np.array([*moves[::-1], 0], dtype=int), least
 
 
 def _smooth(yaws: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -1,4 +1,10 @@
-"""What a camera sees by its heading: a robot that flies by its camera is lost in front of the void."""
+"""What a camera sees by its heading: a robot that flies by its camera is lost in front of the void, or of a blank wall.
+
+How much a picture tells shows in a tiny one already. With v the sum of a pixel's squared differences from those beside
+it (mean over the channels), it shows a share v / (v + 2 c^2) of an edge. The mean of that goes with the number of
+patches that share what the real picture tells (estimator/photometric.py): rank correlation 0.71 to 0.79 in four places,
+where that of the share which is not void is 0.6 to 0.8 outdoors, and 0 in rooms.
+"""
 
 import math
 from dataclasses import dataclass
@@ -14,6 +20,8 @@ from nerfnav.robots import RigidState
 
 _EYE = Camera.from_fov(6, 4, 90)
 """What looks around."""
+_EDGE = 0.15
+"""c: how much colours differ at what is half an edge [1 = full scale]."""
 _RAYS = 4096
 """Rays rendered at once by the reference."""
 HEADINGS = 16
@@ -23,7 +31,8 @@ HEADINGS = 16
 def seen_from(
     matter: Field, points: Float[torch.Tensor, "n 3"], yaws: Float[torch.Tensor, " h"], mount: Pose = FORWARD_MOUNT
 ) -> Float[np.ndarray, "n h"]:
-    """How much of what a camera on a level body at each point sees is something, by the body's heading, 0 to 1."""
+    """How much of what a camera on a level body at each point sees is something and has edges, by the body's heading, 0
+    to 1: whichever of both is less."""
     in_body = _EYE.directions(_EYE.pixels()) @ mount.rotation.T
     directions = torch.einsum("hij,rj->hri", so3.from_yaw(yaws), in_body)
     count, rays = len(points), directions.shape[0] * directions.shape[1]
@@ -31,13 +40,23 @@ def seen_from(
     along = directions.reshape(1, rays, 3).expand(count, rays, 3).reshape(-1, 3)
     with torch.no_grad():
         if isinstance(matter, FastRenderer):
-            opacity = matter.render_rays(origins, along).opacity
+            parts = [matter.render_rays(origins, along)]
         else:
-            opacity = torch.cat([
-                render_rays(matter, some.to(matter.box.lower), where.to(matter.box.lower)).opacity.cpu()
+            parts = [
+                render_rays(matter, some.to(matter.box.lower), where.to(matter.box.lower))
                 for some, where in zip(origins.split(_RAYS), along.split(_RAYS), strict=True)
-            ])  # fmt: skip
-    return opacity.reshape(count, len(yaws), -1).mean(-1).numpy()
+            ]
+    color, opacity = (torch.cat([getattr(part, name).cpu() for part in parts]) for name in ("color", "opacity"))
+    edges = _edges(color.reshape(count, len(yaws), _EYE.height, _EYE.width, 3)).mean((-2, -1))
+    return edges.minimum(opacity.reshape(count, len(yaws), -1).mean(-1)).numpy()
+
+
+def _edges(color: Float[Tensor, "n h v u 3"]) -> Float[Tensor, "n h v u"]:
+    """How far each pixel differs from those beside it, 0 to 1."""
+    across, down = (color.diff(dim=axis).square().mean(-1) for axis in (-2, -3))
+    pad = torch.nn.functional.pad
+    differs = pad(across, (1, 0)) + pad(across, (0, 1)) + pad(down, (0, 0, 1, 0)) + pad(down, (0, 0, 0, 1))
+    return differs / (differs + 2 * _EDGE**2)
 
 
 @dataclass(frozen=True)
@@ -49,7 +68,7 @@ class Sights:
 
     @classmethod
     def along(cls, matter: Field, places: Float[Tensor, "n 3"], enough: float, mount: Pose = FORWARD_MOUNT) -> "Sights":
-        """From places of a way [m]; `enough` is the share of a picture from which on it is as good as any."""
+        """From places of a way [m]; `enough` is the share with edges from which on a picture is as good as any."""
         seen = seen_from(matter, places, torch.arange(HEADINGS) * (math.tau / HEADINGS), mount)
         return cls(seen.clip(max=enough) / enough)
 
@@ -69,8 +88,8 @@ class Sights:
 def seeing(
     matter: Field, state: RigidState, enough: float, mount: Pose = FORWARD_MOUNT
 ) -> tuple[float, float]:
-    """How much of `enough` a camera sees of what is something, 0 to 1, and by how much its robot has to turn to see as
-    much of it as it can: to the nearest of the headings from which that is [rad, to the left]."""
+    """How much of `enough` a camera sees that has edges, 0 to 1, and by how much its robot has to turn to see as much
+    of it as it can: to the nearest of the headings from which that is [rad, to the left]."""
     turns = torch.arange(-HEADINGS // 2, HEADINGS // 2) * (math.tau / HEADINGS)
     seen = seen_from(matter, state.position[None], so3.yaw_of(state.rotation) + turns, mount)[0]
     seen = seen.clip(max=enough) / enough

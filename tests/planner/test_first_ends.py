@@ -23,13 +23,15 @@ Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 def field_of(box: Corners, *blocks: Corners, spacing: float = 0.02) -> VoxelField:
-    """A field of `box` in which blocks are solid."""
+    """A field of `box` in which blocks are solid, and painted in squares of 20 cm, so that a camera sees them."""
     bounds = Box.of(*box)
     points = node_positions(bounds, shape_for(bounds, spacing))
     raw = torch.full(points.shape[:3], EMPTY_RAW)
     for lower, upper in blocks:
         raw[((points >= torch.tensor(lower)) & (points <= torch.tensor(upper))).all(-1)] = _SOLID
-    values = torch.cat([raw[..., None], torch.full((*raw.shape, 3), 0.5)], -1)
+    paint = torch.rand(4096, 3, generator=torch.Generator().manual_seed(0))
+    squares = (((points - bounds.lower) / 0.2).long() * torch.tensor([1, 37, 1369])).sum(-1) % len(paint)
+    values = torch.cat([raw[..., None], paint[squares]], -1)
     return VoxelField(bounds, values, torch.ones(3), FieldInfo(source="a test"))
 
 

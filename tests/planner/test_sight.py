@@ -1,6 +1,7 @@
 """What a camera sees by its heading, and by how much a robot has to turn to see something."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,9 +22,16 @@ _BEHIND: VoxelField = field_of(_PLACE, ((-1.0, -1.0, -1.0), (-0.6, 1.0, 1.0)), s
 def test_more_is_seen_towards_a_wall_than_away_from_it_whichever_way_the_camera_is_mounted() -> None:
     here, yaws = torch.zeros(1, 3), torch.tensor([0.0, math.pi / 2, math.pi])
     ahead = seen_from(_BEHIND, here, yaws)[0]
-    assert ahead[0] < 0.01 < 0.1 < ahead[1] < 0.9 < ahead[2]
+    assert ahead[0] < 0.01 < 0.1 < ahead[1] < 0.7 < ahead[2]
     astern = Pose(so3.from_yaw(torch.tensor(math.pi)) @ FORWARD_MOUNT.rotation, torch.zeros(3))
     assert seen_from(_BEHIND, here, yaws, astern)[0].tolist() == pytest.approx(ahead[[2, 1, 0]].tolist(), abs=0.05)
+
+
+def test_a_blank_wall_shows_as_little_as_the_void() -> None:
+    color = torch.full_like(_BEHIND.values[..., 1:], 0.3)
+    blank = replace(_BEHIND, values=torch.cat([_BEHIND.values[..., :1], color], -1))
+    before, painted = (seen_from(field, torch.zeros(1, 3), torch.tensor([math.pi]))[0, 0] for field in (blank, _BEHIND))
+    assert before < 0.1 < 0.7 < painted
 
 
 def test_sights_are_those_of_the_places_and_headings_they_were_taken_at_and_between_them_between_those() -> None:
