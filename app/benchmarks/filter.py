@@ -12,7 +12,16 @@ from torch import Tensor
 
 from app.benchmarks.comparison import Comparison, interleaved, milliseconds
 from app.benchmarks.plan import both_threads
-from nerfnav.estimator import Belief, Estimator, FastFilter, FilterConfig, PixelConfig, PoseFilter, StateNoise
+from nerfnav.estimator import (
+    Belief,
+    Estimator,
+    FastFilter,
+    FilterConfig,
+    PixelConfig,
+    PoseFilter,
+    PyramidConfig,
+    StateNoise,
+)
 from nerfnav.experiments import Arena
 from nerfnav.experiments.views import SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState
@@ -69,7 +78,8 @@ def measure(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int =
 
 def bench_filter(arena: Arena) -> FastFilter:
     """The fast filter as it is timed."""
-    config = FilterConfig(pixels=PixelConfig(count=_PIXELS)).for_field(arena.field.info.noise_std)
+    config = FilterConfig(pixels=PixelConfig(count=_PIXELS), pyramid=PyramidConfig(pixels=_PIXELS))
+    config = config.for_field(arena.field.info.noise_std)
     return FastFilter(arena.field, Quadrotor(), CAMERA, config=config)
 
 

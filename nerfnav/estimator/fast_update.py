@@ -113,11 +113,11 @@ class Update:
 
     def _observation(self, halvings: int, pose: Pose, pixels: int) -> tuple[Observation, PixelSource | None]:
         """So many pixels of one stage, which begins at a pose."""
-        view = self.view.at(halvings)
+        view, pyramid = self.view.at(halvings), self.config.pyramid
         if halvings:
             return small_observation(self.image, view, pixels, self.generator), None
         if self._chosen is None:
-            wanted = replace(self.config.pixels, count=self.config.pyramid.pixels)
+            wanted = replace(self.config.pixels, count=pyramid.pixels, draw=pyramid.draw)
             slopes = partial(Observation.slopes, pose, view)
             with threads(THREADS):
                 self._chosen = choose_pixels(self.image, wanted, self.generator, slopes)

@@ -42,9 +42,9 @@ class FilterConfig:
     """How the paper's filter minimises the cost."""
     pyramid: PyramidConfig = dataclasses.field(default_factory=PyramidConfig)
     """How the fast filter does."""
-    floor: StateNoise = dataclasses.field(default_factory=lambda: StateNoise(0.0008, 0.0, 0.0008, 0.0))
+    floor: StateNoise = dataclasses.field(default_factory=lambda: StateNoise(0.0005, 0.0, 0.0005, 0.0))
     """What no picture improves upon, for field and camera are never quite what they are taken for (fast filter)."""
-    grain: float = 0.07
+    grain: float = 0.055
     """The same for the position as a share of the distance of the field's nodes, where that is more: a field learned
     from photographs puts its surfaces no more exactly, and errs alike in picture after picture (fast filter)."""
     exact_covariance: bool = False

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from nerfnav.compiled import threads
 from nerfnav.estimator.kernels.glance import glance
+from nerfnav.estimator.kernels.slopes import slopes
 from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, render_rays, sight_grid_of
 from nerfnav.field.render import before_backdrop
 from nerfnav.geometry import Camera, Pose, so3
@@ -46,7 +47,7 @@ class ColorNoise:
     per_patch: float = 1.0
     """To the fast filter, any number of pixels of a patch are worth this many independent ones (see `patches`), so that
     k = 1 + m / (per_patch patches) for m compared pixels."""
-    few_patches: float = 30.0
+    few_patches: float = 25.0
     """Fewer patches than this are worth less each, by the square of their number: where little shows, it is what is
     near, errors of the field are large in the picture, and hardly any patch speaks against another's."""
     outlier_deviations: float = 3.0
@@ -125,10 +126,18 @@ class Observation:
     def slopes(
         cls, pose: Pose, view: tuple[Field, Camera, Pose], pixels: Int[Tensor, "m 2"]
     ) -> Float[Tensor, "m 3 6"]:
-        """The derivative alone, of any pixels at one body pose: what they tell of it."""
+        """Derivatives of any pixels' colours by the camera's motion, at one body pose: what they tell of it.
+
+        By d(centre) [1/m] and d(turn) [1/rad], in the world's axes.
+        """
+        blind = cls(*view, pixels, torch.zeros(len(pixels), 3))
         with torch.no_grad():
-            blind = cls(*view, pixels, torch.zeros(len(pixels), 3))
-            return blind.linearised(pose.map(lambda tensor: tensor[None]))[1][0]
+            if (grid := sight_grid_of(blind.field)) is not None:
+                rows = slopes(grid, blind.sight, array_of(pose.rotation), array_of(pose.position))
+                return torch.from_numpy(rows).T.reshape(len(pixels), 3, 6)
+            camera = pose.compose(blind.mount)
+            directions = blind._in_camera @ camera.rotation.T
+            return colors_and_jacobian(blind.field, camera.position.expand_as(directions), directions)[1]
 
     def shown(self, poses: Pose) -> Float[Tensor, "n m 3"]:
         """What the field shows from body poses (n,), without derivatives."""

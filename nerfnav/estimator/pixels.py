@@ -9,6 +9,10 @@ Or they are drawn by what they tell. With J_i = dC_i/dpose of a candidate and A 
 
 is its leverage, the gain of log det A by counting it once more: drawing by it keeps log det nearly as large as the
 best choice does (D-optimal design; Mahoney, "Randomized algorithms for matrices and data", 2011).
+
+Each draw has its own faults. In a picture that shows little the features lie together, around what is near, and an
+error of the field there drags the pose away with nothing to speak against it. What tells most by the field is in part
+what is wrong in it, such as stains on a plain wall. So the fast filter takes half of its pixels from either.
 """
 
 from collections.abc import Callable
@@ -32,6 +36,7 @@ class PixelDraw(Enum):
 
     FEATURES = "around image features"
     INFORMATION = "by how much they tell about the pose"
+    BOTH = "half of them around image features, the others by how much they tell about the pose"
     UNIFORM = "evenly from the whole picture"
 
 
@@ -43,6 +48,7 @@ class PixelSource(Enum):
     UNIFORM = "all pixels were drawn from the whole picture, as asked or for want of features"
     ALL = "all pixels of the picture"
     INFORMATION = "pixels that tell most about the pose"
+    BOTH = "pixels around image features, and others that tell most about the pose"
 
 
 @dataclass(frozen=True)
@@ -51,10 +57,10 @@ class PixelConfig:
 
     count: int = 256
     """Pixels compared in an update of the paper's filter (paper: 256; the authors' later code: 1,024); the fast
-    filter's number is its pyramid's."""
+    filter's number and draw are its pyramid's."""
     draw: PixelDraw = PixelDraw.FEATURES
     """How they are chosen (paper: around features)."""
-    candidates: int = 3
+    candidates: int = 2
     """Where information counts: times as many pixels of the whole picture are asked what they tell."""
     features: int = 500
     """ORB features looked for at most."""
@@ -100,37 +106,61 @@ def choose_pixels(
     every = torch.arange(image.shape[0] * image.shape[1])
     if config.count >= len(every):
         return _choice(every, PixelSource.ALL, image)
-    if config.draw is PixelDraw.UNIFORM:
-        return _choice(_draw(every, config.count, generator), PixelSource.UNIFORM, image)
-    if config.draw is PixelDraw.INFORMATION:
-        asked = _choice(_draw(every, config.candidates * config.count, generator), PixelSource.INFORMATION, image)
-        kept = by_information(slopes(asked.pixels), config.count, generator)
-        return PixelChoice(asked.pixels[kept], PixelSource.INFORMATION)
-    mask = feature_mask(image, config).reshape(-1)
-    near, far = mask.nonzero().squeeze(-1), (~mask).nonzero().squeeze(-1)
-    chosen = _draw(near, config.count, generator)
-    source = PixelSource.FEATURES
-    if len(chosen) < config.count:
-        source = PixelSource.UNIFORM if len(near) == 0 else PixelSource.FILLED
-        chosen = torch.cat([chosen, _draw(far, config.count - len(chosen), generator)])
-    return _choice(chosen, source, image)
+    near = _around_features(image, config, generator)
+    if len(near) == config.count:
+        return _choice(near, PixelSource.FEATURES, image)
+    left = torch.ones(len(every), dtype=torch.bool)
+    left[near] = False
+    others, wanted = left.nonzero().squeeze(-1), config.count - len(near)
+    if config.draw in (PixelDraw.INFORMATION, PixelDraw.BOTH):
+        asked = _draw(others, config.candidates * wanted, generator)
+        others = asked[by_information(slopes(_places(asked, image)), wanted, generator)]
+    else:
+        others = _draw(others, wanted, generator)
+    return _choice(torch.cat([near, others]), _source(config, len(near)), image)
+
+
+def _around_features(
+    image: UInt8[Tensor, "height width 3"], config: PixelConfig, generator: torch.Generator
+) -> Int[Tensor, " n"]:
+    """As many as `config.draw` wants of those, or as there are."""
+    wanted = {PixelDraw.FEATURES: config.count, PixelDraw.BOTH: config.count // 2}.get(config.draw, 0)
+    if wanted == 0:
+        return torch.arange(0)
+    return _draw(feature_mask(image, config).reshape(-1).nonzero().squeeze(-1), wanted, generator)
+
+
+def _source(config: PixelConfig, near: int) -> PixelSource:
+    """Where pixels come from of which so many lie around features, and others do not."""
+    if config.draw in (PixelDraw.INFORMATION, PixelDraw.BOTH):
+        return PixelSource.BOTH if near else PixelSource.INFORMATION
+    return PixelSource.FILLED if near else PixelSource.UNIFORM
 
 
 def by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: torch.Generator) -> Int[Tensor, " n"]:
     """Which `count` of m pixels, drawn by leverage without putting any back (Efraimidis and Spirakis 2006)."""
-    flat = slopes.double().flatten(0, 1)
+    told = leverage(slopes)
+    late = torch.empty_like(told).exponential_(generator=generator) / told.clamp_min(1e-30)
+    return late.argsort()[:count]
+
+
+def leverage(slopes: Float[Tensor, "m 3 6"]) -> Float[Tensor, " m"]:
+    """h of each of m pixels among them; derivatives that are no numbers tell nothing."""
+    flat = slopes.double().nan_to_num(0, 0, 0).flatten(0, 1)
     information = flat.T @ flat
     information = information + _LEAST_TOLD * (information.diagonal().mean() + 1e-30) * torch.eye(6).double()
     root = torch.linalg.cholesky(information)
     whitened = torch.linalg.solve_triangular(root, flat.T, upper=False)
-    leverage = whitened.square().sum(0).reshape(-1, 3).sum(-1)
-    late = torch.empty_like(leverage).exponential_(generator=generator) / leverage.clamp_min(1e-30)
-    return late.argsort()[:count]
+    return whitened.square().sum(0).reshape(-1, 3).sum(-1)
 
 
 def _choice(index: Int[Tensor, " m"], source: PixelSource, image: UInt8[Tensor, "height width 3"]) -> PixelChoice:
+    return PixelChoice(_places(index, image), source)
+
+
+def _places(index: Int[Tensor, " m"], image: UInt8[Tensor, "height width 3"]) -> Int[Tensor, "m 2"]:
     width = image.shape[1]
-    return PixelChoice(torch.stack([index % width, index // width], -1), source)
+    return torch.stack([index % width, index // width], -1)
 
 
 def _draw(index: Int[Tensor, " n"], count: int, generator: torch.Generator) -> Int[Tensor, " m"]:

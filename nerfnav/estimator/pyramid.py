@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.estimator.photometric import Observation
+from nerfnav.estimator.pixels import PixelDraw
 from nerfnav.field import Field, GridField
 from nerfnav.geometry import Camera, Pose, reduced
 
@@ -90,9 +91,11 @@ class PyramidConfig:
     misplaced: float = 0.05
     """How far a learned field's surfaces stand from their places [share of the distance of its nodes]: colours that are
     steep there count less (see newton.py)."""
-    pixels: int = 1024
+    pixels: int = 768
     """Pixels compared in the end, at most."""
-    coarse_pixels: int = 256
+    draw: PixelDraw = PixelDraw.BOTH
+    """How those are chosen."""
+    coarse_pixels: int = 192
     """Pixels compared in each stage before that, at most: these only lead to where the last one begins."""
     settled: float = 6e-4
     """The last stage ends when a step moves no pose number further than this [m, rad]; one reduced by 2^k, 2^k times

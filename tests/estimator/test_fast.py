@@ -13,7 +13,7 @@ from nerfnav.estimator.fast import FastFilter, inerf
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
 from nerfnav.estimator.photometric import ColorNoise, Observation, patches
-from nerfnav.estimator.pixels import PixelConfig, PixelDraw
+from nerfnav.estimator.pixels import PixelDraw
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import PyramidConfig, SearchConfig
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
@@ -188,7 +188,7 @@ def test_a_turned_picture_leaves_a_sound_belief_that_knows_it_is_lost():
 
 @pytest.mark.parametrize("draw", PixelDraw)
 def test_a_picture_improves_the_pose_however_its_pixels_are_drawn(draw: PixelDraw):
-    config = replace(CONFIG, pixels=PixelConfig(draw=draw), pyramid=replace(PYRAMID, pixels=150))
+    config = replace(CONFIG, pyramid=replace(PYRAMID, pixels=150, draw=draw))
     steps, truth, prediction = update(0, replace(FILTER, config=config))
     assert len(steps[-1].pixels) == 150
     assert posterior(steps[-1]).mean.local(truth)[:3].norm() < 0.4 * prediction.mean.local(truth)[:3].norm()
