@@ -2,53 +2,32 @@
 
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.compiled import threads
-from nerfnav.estimator.adaptive import noise_scale, with_noise_scaled
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.cost import PoseCost, precision
-from nerfnav.estimator.covariance import POSE, information_of, posterior_covariance
+from nerfnav.estimator.covariance import POSE
 from nerfnav.estimator.descents import improve
-from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.judge import End, Judge
 from nerfnav.estimator.newton import POSE as _POSE
-from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig, Prior, joined, picture_information
-from nerfnav.estimator.noise import ProcessNoise
-from nerfnav.estimator.photometric import THREADS, Observation, are_inliers, difference, patches
+from nerfnav.estimator.newton import Guess, Iterate, NewtonConfig
+from nerfnav.estimator.photometric import THREADS, Observation, are_inliers, difference
 from nerfnav.estimator.pixels import PixelChoice, PixelSource, choose_pixels
-from nerfnav.estimator.pyramid import Stage, View, small_observation
+from nerfnav.estimator.pyramid import Stage, small_observation
 from nerfnav.estimator.starts import drawn, likeliest
-from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.estimator.steps import FilterStep
 from nerfnav.geometry import Pose, so3
-from nerfnav.robots import BODY_RATE, TANGENT, VELOCITY, RigidState
 
-_End = tuple[FilterStep, Observation, Iterate]
-"""Where a descent is."""
-_TOLD = 3
-"""Fewest directions of the six in which a picture must halve the variance to be more than WEAK."""
 _TYPICAL_DEPTH = 0.3
 """How far off the things are that a picture shows [share of the box's longest edge]."""
 
 
 @dataclass
-class Update:
+class Update(Judge):
     """One update."""
 
-    view: View
-    """What looks at what."""
-    config: FilterConfig
-    """How it works."""
-    trusted: bool
-    """Whether the prediction counts in the cost."""
-    prediction: Belief
-    """Where the dynamics lead, with the process noise `noise` in it."""
-    image: Tensor
-    generator: torch.Generator
-    noise: ProcessNoise | None = None
     _chosen: PixelChoice | None = None
 
     def run(self) -> Iterator[FilterStep]:
@@ -59,20 +38,24 @@ class Update:
         """
         pyramid, trusted = self.config.pyramid, self.trusted
         many = trusted and self._spread_px() > pyramid.narrow
-        best = None
+        best, rival = None, None
         for best in self._descend(pyramid.stages(many), self._coarse_guess() if many else self._only_guess(), 0):
             yield best[0]
         assert best is not None, "a descent yields at least its start"
         iteration, search = best[0].iteration + 1, pyramid.search
         for _ in range(search.rounds if trusted else 0):
-            if not self._is_doubtful(best):
+            if not self._is_doubtful(best) and self._patches >= search.patches:
                 break
-            best, iteration = yield from self._search(best, iteration)
+            best, rival, iteration = yield from self._search(best, iteration)
         step, seen, here = best
-        yield self._conclude(replace(step, iteration=iteration - 1), seen, here)
+        last = self._conclude(replace(step, iteration=iteration - 1), seen, here)
+        yield self._of_both(last, best, rival) if trusted and search.rounds else last
 
-    def _search(self, best: _End, iteration: int) -> Generator[FilterStep, None, tuple[_End, int]]:
-        """Improve random states of the prediction; returns the best now, and how many iterations there have been."""
+    def _search(self, best: End, iteration: int) -> Generator[FilterStep, None, tuple[End, End | None, int]]:
+        """Improve random states of the prediction.
+
+        Returns the best now, another minimum where one was found, and how many iterations there have been.
+        """
         search = self.config.pyramid.search
         *early, rival, last = search.stages(self.config.pyramid.pixels)
         guess = self._searched_guess()
@@ -80,13 +63,18 @@ class Update:
             found = yield from self._descended(stage, guess, iteration)
             guess, iteration = found[2].likeliest(stage.kept), found[0].iteration + 1
         found = yield from self._descended(rival, Guess.cat([guess, best[2].guess]), iteration)
-        guess, iteration = found[2].likeliest(rival.kept), found[0].iteration + 1
-        if _alike(guess.pose[0], found[2].guess.pose[-1], search.alike):
-            return best, iteration
-        found = yield from self._descended(last, guess, iteration)
-        return found if found[2].cost[0] < best[2].cost[0] else best, found[0].iteration + 1
+        guess, iteration = found[2].likeliest(len(found[2].cost)), found[0].iteration + 1
+        ends, mine = guess.pose, found[2].guess.pose[-1]
+        others = [index for index in range(len(guess.exposure)) if not _alike(ends[index], mine, search.alike)]
+        if not others or (others[0] and self._is_doubtful(best)):
+            return best, None, iteration
+        found = yield from self._descended(last, guess[others[0] : others[0] + 1], iteration)
+        iteration = found[0].iteration + 1
+        if _alike(found[2].guess.pose[0], best[2].guess.pose[0], search.alike):
+            return (found if found[2].cost[0] < best[2].cost[0] else best), None, iteration
+        return (found, best, iteration) if found[2].cost[0] < best[2].cost[0] else (best, found, iteration)
 
-    def _descended(self, stage: Stage, guess: Guess, iteration: int) -> Generator[FilterStep, None, _End]:
+    def _descended(self, stage: Stage, guess: Guess, iteration: int) -> Generator[FilterStep, None, End]:
         """One stage; returns its end."""
         end = None
         for end in self._descend([stage], guess, iteration):
@@ -94,7 +82,7 @@ class Update:
         assert end is not None, "a descent yields at least its start"
         return end
 
-    def _descend(self, stages: Sequence[Stage], guess: Guess, iteration: int) -> Iterator[_End]:
+    def _descend(self, stages: Sequence[Stage], guess: Guess, iteration: int) -> Iterator[End]:
         """All stages' iterations, with the observation of the stage; the last is the result."""
         pyramid, here = self.config.pyramid, None
         for stage in stages:
@@ -143,49 +131,12 @@ class Update:
         poses = drawn(self.prediction, search.candidates, self.generator)
         return likeliest(seen, poses, search.starts, search.saturation)
 
-    def _prior(self, pixels: int, halvings: int = 0) -> Prior:
-        config, noise = self.config, self.config.color_noise
-        kappa = config.pyramid.mistrust**-halvings / (self._alike(pixels) * noise.std**2)
-        slack = config.pyramid.misplaced * self.view.grain / noise.std
-        return Prior(self._information, self.prediction.mean.pose, kappa, slack)
-
-    @cached_property
-    def _information(self) -> Float[Tensor, "8 8"]:
-        """Of the pose and of the exposure."""
-        return joined(self._known if self.trusted else None, (self.config.gain_std, self.config.bias_std))
-
-    @cached_property
-    def _known(self) -> Float[Tensor, "6 6"]:
-        """Inverse covariance of the predicted pose."""
-        return precision(self.prediction.covariance[POSE][:, POSE])
-
-    def _alike(self, pixels: int) -> float:  # k: how many of this many pixels err alike
-        return self.config.color_noise.alike_of(pixels, self._patches)
-
-    @cached_property
-    def _patches(self) -> float:
-        return patches(self.image, noise_std=self.config.color_noise.std)
-
     def _spread_px(self) -> float:
         """Standard deviation of where things show in the first stage's picture, as far as the prediction can tell."""
         spread = self.prediction.covariance.diagonal()[POSE].sqrt()
         depth = _TYPICAL_DEPTH * float(self.view.levels[0].box.size.max())
         angle = float(spread[3:].norm() + spread[:3].norm() / depth)
         return self.view.at(self.config.pyramid.halvings[0])[1].fx * angle
-
-    @cached_property
-    def _regression(self) -> Float[Tensor, "12 6"]:
-        """Change of the whole state for a change of the pose; of the pose alone where the dynamics are not trusted."""
-        if not self.trusted:
-            return torch.eye(TANGENT)[:, POSE]
-        covariance = self.prediction.covariance
-        return torch.linalg.solve(covariance[POSE][:, POSE], covariance[POSE]).T
-
-    def _state(self, pose: Pose, change: Float[Tensor, "6"]) -> RigidState:
-        """The whole state for a pose, which is `change` away from the prediction."""
-        mean, change = self.prediction.mean, self._regression @ change
-        velocity, body_rate = mean.velocity + change[VELOCITY], mean.body_rate + change[BODY_RATE]
-        return RigidState(pose.position, velocity, pose.rotation, body_rate)
 
     def _record(
         self, iteration: int, here: Iterate, best: int, looked: tuple[Tensor, PixelSource | None]
@@ -202,65 +153,6 @@ class Update:
             believed=are_inliers(size, self.config.color_noise),
             pixel_source=source,
         )
-
-    def _is_doubtful(self, end: _End) -> bool:
-        """Whether the colours differ by more than noise explains, on the whole or mostly."""
-        step, seen, _ = end
-        bound = self.config.pyramid.search.doubt * self.config.color_noise.std
-        return not self._squares(step, seen) <= bound**2 or self._disagrees(step)
-
-    def _squares(self, step: FilterStep, seen: Observation) -> float:
-        """Mean square of the colours' differences (Huber)."""
-        return step.photometric / self._prior(len(seen.pixels)).kappa / step.residual.numel() / 3
-
-    def _disagrees(self, step: FilterStep) -> bool:
-        """Whether most pixels differ by more than noise explains."""
-        config = self.config
-        return not step.residual.median().item() <= config.residual_gate * config.color_noise.std
-
-    @torch.no_grad()
-    def _conclude(self, step: FilterStep, seen: Observation, here: Iterate) -> FilterStep:
-        """The posterior at the minimum, or the prediction where the minimum is not to be believed."""
-        config = self.config
-        known = picture_information(here)
-        if not step.process <= config.innovation_gate or self._disagrees(step) or not known.isfinite().all():
-            return replace(step, posterior=self.prediction, outcome=FilterOutcome.DIVERGED)
-        scale, change = self._doubt_of(step, seen), here.change[0, _POSE]
-        known = known / scale
-        step, prediction = self._adapted(step, change, known)
-        if config.exact_covariance:
-            noise = replace(config.color_noise, alike=scale * self._alike(len(seen.pixels)))
-            curved = PoseCost.of(seen.exposed(here.guess.exposure[0]), prediction, noise).hessian(step.mean)
-        else:
-            curved = 2 * information_of(change[3:], precision(prediction.covariance), known)
-        covariance, curvature = posterior_covariance(curved, prediction.covariance)
-        floor = replace(config.floor, position_m=max(config.floor.position_m, config.grain * self.view.grain))
-        covariance = covariance + floor.covariance()
-        root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
-        gained = torch.linalg.eigvalsh(root.T @ known @ root) > 1
-        outcome = FilterOutcome.UPDATED if int(gained.sum()) >= _TOLD else FilterOutcome.WEAK
-        mean = replace(step.mean, rotation=so3.project(step.mean.rotation))
-        return replace(step, mean=mean, posterior=Belief(mean, covariance), outcome=outcome, curvature=curvature)
-
-    def _doubt_of(self, step: FilterStep, seen: Observation) -> float:
-        """How many times less a picture tells than held-out views promise, by its own differences and its patches."""
-        if not self.config.adaptive:
-            return 1.0
-        return self.config.color_noise.doubt(self._squares(step, seen), self._patches)
-
-    def _adapted(
-        self, step: FilterStep, change: Float[Tensor, "6"], known: Float[Tensor, "6 6"]
-    ) -> tuple[FilterStep, Belief]:
-        """The end of a descent and the prediction, as they are with the process noise that the picture shows.
-
-        The pose stays, for the prediction hardly moves it; its velocities follow.
-        """
-        config, before = self.config, self.prediction
-        if self.noise is None or not self.trusted or not config.adaptive:
-            return step, before
-        size = noise_scale(change, self._known, known, config.noise_trust)
-        adapted = replace(self, prediction=with_noise_scaled(before, self.noise.covariance(), size))
-        return replace(step, mean=adapted._state(step.mean.pose, change)), adapted.prediction
 
 
 def _alike(first: Pose, second: Pose, bounds: tuple[float, float]) -> bool:

@@ -47,6 +47,9 @@ class SearchConfig:
 
     doubt: float = 1.6
     """Look again where the colours' root mean square difference (Huber) ends above this many standard deviations."""
+    patches: float = 15.0
+    """Look for other minima also where a picture has fewer patches than this (see `patches` in photometric.py): little
+    that it shows is soon taken for something like it."""
     rounds: int = 1
     """Times at most, in one update, that random states are drawn and the likeliest improved: what a search may take. It
     goes on with the next picture."""

@@ -39,6 +39,7 @@ class Recovery(Enum):
 
     WIDENED = "the picture disagreed: the belief was widened, and the robot holds"
     BLIND = "the picture says too little for where the robot may be: it holds and looks around"
+    ADRIFT = "the robot may be anywhere near, and was looked for everywhere and not found: it holds and looks around"
     SEARCHED = "the robot was looked for everywhere and not found: it holds and looks around"
     BACKUP = "the plan was no longer safe: the robot comes to rest in free space"
     RELOCALISED = "the robot was lost, and found again by looking everywhere"
@@ -52,12 +53,12 @@ class Recovery(Enum):
     @property
     def doubts(self) -> bool:
         """Whether it does not know where it is."""
-        return self in (Recovery.WIDENED, Recovery.BLIND, Recovery.SEARCHED)
+        return self in (Recovery.WIDENED, Recovery.BLIND, Recovery.ADRIFT, Recovery.SEARCHED)
 
     @property
     def turns(self) -> bool:
         """Whether it looks somewhere else meanwhile, for what it sees does not help."""
-        return self in (Recovery.BLIND, Recovery.SEARCHED)
+        return self in (Recovery.BLIND, Recovery.ADRIFT, Recovery.SEARCHED)
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,10 @@ class RecoveryConfig:
     sure: float = 0.03
     """The same for a robot in doubt, which is BLIND whenever it sees nothing: above this, a picture that agrees with
     its belief tells too little to end the doubt [m]. The sky agrees with any."""
+    adrift: float = 0.12
+    """Standard deviation of a coordinate of the position from which a BLIND robot is looked for everywhere, as a lost
+    one is [m]: three times `widest`, which is a standard deviation of its own already. It does not come to rest while
+    it drifts, for it tilts, and knows its tilt no better than its place."""
     rest: int = 6
     """Steps that a robot which holds looks ahead."""
     turn: float = 2.5
@@ -132,10 +137,26 @@ class Lookout:
 
     def is_blind(self, belief: Belief, outcome: FilterOutcome | None, doubts: bool) -> bool:
         """Whether a robot whose picture did not disagree had better look around all the same."""
-        spread = float(belief.covariance.diagonal()[POSITION].max().sqrt())
+        spread = spread_of(belief)
         if doubts:
             return outcome is FilterOutcome.PREDICTED_ONLY or spread > self.config.sure
         return outcome in LITTLE and spread > self.config.widest
+
+    def look_around(
+        self, belief: Belief, image: Tensor | None, adrift: int
+    ) -> Generator[RelocaliseStep, None, tuple[Belief, Recovery]]:
+        """What is done for a BLIND robot: the belief to go on with, and the name of it.
+
+        `adrift` pictures before have left it as wide as `RecoveryConfig.adrift`, those not counted that showed nothing
+        (None). It is searched for in every few of them, once around; pictures are believed meanwhile, for none of them
+        disagreed.
+        """
+        config = self.config
+        if self.relocaliser is None or image is None or spread_of(belief) <= config.adrift:
+            return belief, Recovery.BLIND
+        searched, since = divmod(adrift, config.between)
+        found = None if since or searched >= config.searches else (yield from self.search(belief, image))
+        return (belief, Recovery.ADRIFT) if found is None else (found, Recovery.RELOCALISED)
 
     def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
         """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no
@@ -149,6 +170,11 @@ class Lookout:
         if step.outcome is not RelocaliseOutcome.FOUND:
             return None
         return Belief(belief.mean.moved_to(step.body_poses(self.mount)[0]), self.config.found.covariance())
+
+
+def spread_of(belief: Belief) -> float:
+    """The largest standard deviation of a coordinate of the position [m]."""
+    return float(belief.covariance.diagonal()[POSITION].max().sqrt())
 
 
 def come_to_rest(

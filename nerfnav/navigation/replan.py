@@ -192,8 +192,10 @@ def _trusted(
     found = (yield from lookout.search(belief, image)) if wanted else None
     if found is not None:
         return found, Recovery.RELOCALISED
-    blind = lookout.is_blind(belief, update.outcome, doubt.unsure > 0)
-    return belief, Recovery.BLIND if blind else None
+    if not lookout.is_blind(belief, update.outcome, doubt.unsure > 0):
+        return belief, None
+    shown = None if update.outcome is FilterOutcome.PREDICTED_ONLY else image  # black and plain pictures are everywhere
+    return (yield from lookout.look_around(belief, shown, doubt.adrift))
 
 
 def _act(last: NavigationStep, flight: Flight) -> tuple[Tensor, bool]:

@@ -96,14 +96,20 @@ class Doubt:
     """Of these, those in which it did not know where it is."""
     lost: int = 0
     """Pictures since that disagreed."""
+    adrift: int = 0
+    """Pictures since that told too little to find a robot that may be anywhere near."""
 
     def after(self, step: NavigationStep) -> "Doubt":
         """After one more time step."""
         if not step.holds:
             return Doubt(step.plan, step.index)
         doubts = step.recovery is not Recovery.BACKUP
-        disagreed = doubts and step.recovery is not Recovery.BLIND and not step.late
-        return replace(self, held=self.held + 1, unsure=self.unsure + doubts, lost=self.lost + disagreed)
+        adrift = step.recovery is Recovery.ADRIFT and not step.late
+        disagreed = step.recovery in (Recovery.WIDENED, Recovery.SEARCHED) and not step.late
+        return replace(
+            self, held=self.held + 1, unsure=self.unsure + doubts, lost=self.lost + disagreed,
+            adrift=self.adrift + adrift,
+        )  # fmt: skip
 
     def steps_left(self, believed: RigidState, robot: Robot) -> int:
         """Time steps that the rest of the way takes; for a robot that has stopped, as many as from rest."""

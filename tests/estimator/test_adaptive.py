@@ -70,7 +70,7 @@ def test_a_picture_that_differs_more_than_promised_or_shows_little_tells_less():
     rise = [told(True, few_patches=few) - told(True, few_patches=0.1) for few in (100.0, 200.0)]
     assert rise[1] > 3 * rise[0], "by the square of the number of patches"
     assert told(False, few_patches=1e4) == pytest.approx(told(False))
-    assert told(True, std=0.6 * COLOR_STD) > 1.5 * told(False, std=0.6 * COLOR_STD)
+    assert told(True, std=0.8 * COLOR_STD) > 1.5 * told(False, std=0.8 * COLOR_STD)
     assert told(True, std=3 * COLOR_STD) == pytest.approx(told(False, std=3 * COLOR_STD), rel=0.05)
 
 

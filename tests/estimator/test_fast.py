@@ -17,8 +17,12 @@ from nerfnav.estimator.pixels import PixelDraw
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.pyramid import PyramidConfig, SearchConfig
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.field.levels import raw_of
 from nerfnav.field.render import render_image
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
+from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, DT, HERE, HOVER, ROBOT, balls, draws, picture, posterior, updated
 
@@ -241,3 +245,89 @@ def test_the_process_term_is_that_of_the_papers_cost():
     seen = Observation.of(picture(balls(), HERE), step.pixels, (balls(), CAMERA, FORWARD_MOUNT))
     cost = PoseCost.of(seen, prediction, replace(colors, alike=1.0))
     assert cost.process(step.mean).item() == pytest.approx(step.process, rel=0.02, abs=1e-3)
+
+
+OFF = torch.tensor([0.01, -0.01, 0.01, 0, 0, 0, 0.01, 0.01, -0.01, 0, 0, 0])
+
+
+def test_a_picture_that_nothing_found_explains_is_as_likely_as_not_of_somewhere_else():
+    truth, prediction = HERE.retract(OFF), Belief(HERE, SMALL.covariance())
+    clean = picture(balls(), truth).float()
+    noise = 255 * COLOR_STD * torch.randn(clean.shape, generator=draws(1))
+    noisy, noisier = ((clean + size * noise).clamp(0, 255).round().to(torch.uint8) for size in (1.0, 1.8))
+    *_, explained = FILTER.correct(prediction, noisy, draws(0))
+    *_, doubtful = FILTER.correct(prediction, noisier, draws(0))
+    assert explained.outcome is FilterOutcome.UPDATED and doubtful.outcome is FilterOutcome.WEAK
+    sure, unsure = posterior(explained), posterior(doubtful)
+    assert sure.mean.local(truth)[:3].norm() < 2e-3
+    assert (unsure.mean.local(truth)[:3] - 0.5 * OFF[:3]).norm() < 3e-3, "half way to where the picture leads"
+    away = unsure.mean.local(HERE)
+    least = 0.5 * prediction.covariance + torch.outer(away, away)
+    assert torch.linalg.eigvalsh(unsure.covariance - least).min() > -1e-7, "half of what the prediction left open"
+    assert torch.linalg.eigvalsh(sure.covariance - least).min() < -2e-5
+    assert_sound(unsure)
+
+
+def test_a_few_strange_pixels_leave_a_picture_explained():
+    truth, prediction = HERE.retract(OFF), Belief(HERE, SMALL.covariance())
+    image, generator = picture(balls(), truth), draws(2)
+    strange = torch.rand(*SHAPE[:2], 1, generator=generator) < 0.06
+    image = torch.where(strange, torch.randint(0, 256, SHAPE, generator=generator, dtype=torch.uint8), image)
+    *_, last = FILTER.correct(prediction, image, draws(0))
+    assert last.residual.square().mean().sqrt() > SEARCH.doubt * COLOR_STD, "it is searched with all the same"
+    assert last.outcome is FilterOutcome.UPDATED
+    assert posterior(last).mean.local(truth)[:3].norm() < 4e-3
+
+
+def test_a_doubtful_end_far_from_the_prediction_is_left():
+    prediction = Belief(HERE, StateNoise(0.004, 0.004, 0.004, 0.004).covariance())
+    clean = picture(balls(), HERE.retract(OFF)).float()
+    noise = 1.8 * 255 * COLOR_STD * torch.randn(clean.shape, generator=draws(1))
+    *_, last = FILTER.correct(prediction, (clean + noise).clamp(0, 255).round().to(torch.uint8), draws(0))
+    assert last.process > 12.6 and last.outcome is FilterOutcome.WEAK
+    torch.testing.assert_close(posterior(last).covariance, prediction.covariance)
+    torch.testing.assert_close(posterior(last).mean.position, HERE.position)
+
+
+_PERIOD = 0.04
+
+
+def stripes() -> VoxelField:
+    """A blank wall ahead with a band of upright stripes that goes on to both sides, so that it looks the same from
+    wherever the camera is moved to by a period of 4 cm."""
+    box = Box.of((0.0, -0.9, 0.0), (0.6, 0.9, 0.5))
+    points = node_positions(box, shape_for(box, 0.01))
+    wave = 0.5 + 0.4 * torch.sin(2 * torch.pi * points[..., 1] / _PERIOD)
+    band = (points[..., 2] - 0.27).abs() < 0.012
+    color = torch.where(band, wave, torch.full_like(wave, 0.5))[..., None].expand(*wave.shape, 3)
+    density = torch.where(points[..., 0] > 0.55, 400.0, 0.0)
+    return VoxelField(box, torch.cat([raw_of(density)[..., None], color], -1), torch.zeros(3))
+
+
+def beside_stripes(shift: float, rounds: int) -> tuple[float, Belief, float]:
+    """Of a robot before the stripes that is `shift` beside where it is predicted [m]: how far off its belief is in
+    that direction in the end, the belief, and how many patches the picture has."""
+    field, camera = stripes(), Camera.from_fov(96, 80, 60)
+    here = RigidState.at_rest((0.1, 0.0, 0.25))
+    truth = here.retract(torch.tensor([0.0, shift, *[0.0] * 10]))
+    image = (255 * render_image(field, camera, truth.pose.compose(FORWARD_MOUNT)).color.clamp(0, 1)).round()
+    image = image.to(torch.uint8)
+    noise = StateNoise(0.02, 0.01, 0.001, 0.01)
+    config = FilterConfig(color_noise=ColorNoise(std=0.03))
+    config = replace(config, pyramid=replace(config.pyramid, search=replace(config.pyramid.search, rounds=rounds)))
+    filter_ = FastFilter(field, ROBOT, camera, config=config)
+    *_, last = filter_.correct(Belief(here, noise.covariance()), image, draws(3))
+    belief = posterior(last)
+    return float(belief.mean.local(truth)[1]), belief, patches(image, noise_std=0.03)
+
+
+def test_where_two_minima_are_alike_the_covariance_covers_both():
+    shift = 0.65 * _PERIOD
+    (alone, sure, told), (off, unsure, _) = beside_stripes(shift, rounds=0), beside_stripes(shift, rounds=1)
+    deviation = float(sure.covariance[1, 1].sqrt())
+    assert told < SearchConfig().patches
+    assert abs(abs(alone) - _PERIOD) < 0.006, "the nearest stripe is a wrong one"
+    assert deviation < 0.3 * _PERIOD, "Laplace's covariance sees one minimum"
+    spread = float(unsure.covariance[1, 1].sqrt())
+    assert spread > 0.4 * _PERIOD and abs(off) < 2.4 * spread, "with the other, it says so"
+    assert_sound(unsure)

@@ -18,7 +18,7 @@ from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest
+from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest, spread_of
 from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
@@ -190,7 +190,7 @@ def test_a_robot_that_is_carried_away_is_put_down_before_it_looks() -> None:
 
 def test_the_episode_tells_what_was_done_also_after_storage(tmp_path: Path) -> None:
     episode = Episode.of(flight(range(2, 5)))
-    told = {"widened": 2, "blind": 0, "searched": 0, "backup": 0, "relocalised": 1, "lost": 0}
+    told = {"widened": 2, "blind": 0, "adrift": 0, "searched": 0, "backup": 0, "relocalised": 1, "lost": 0}
     assert episode.metrics()["recoveries"] == told
     episode.save(tmp_path)
     assert Episode.load(tmp_path).recoveries == episode.recoveries
@@ -258,6 +258,60 @@ class Unseeing:
         outcome = FilterOutcome.DIVERGED if self.count == self.disagreeing else outcome
         self.count += 1
         yield from replace(self.oracle, outcome=outcome).update(*parts)  # type: ignore[arg-type]
+
+
+@dataclass
+class Unsure:
+    """An estimator to which pictures tell little of a belief that the start left wide."""
+
+    oracle: Oracle
+    outcome: FilterOutcome = FilterOutcome.WEAK
+
+    def update(self, *parts: object) -> Iterator[FilterStep]:
+        belief = parts[0]
+        assert isinstance(belief, Belief)
+        known = float(belief.covariance.diagonal()[POSITION].max()) < CONFIG.recovery.sure**2
+        outcome = FilterOutcome.UPDATED if known else self.outcome
+        yield from replace(self.oracle, outcome=outcome).update(*parts)  # type: ignore[arg-type]
+
+
+def unsure_flight(spread: float, searcher: Searcher | None, outcome: FilterOutcome) -> list[NavigationStep]:
+    world = simulator() if searcher is None else searcher.simulator
+    pilot = Pilot(StraightPlanner(), Unsure(Oracle(world), outcome), searcher)
+    config = replace(CONFIG, initial=replace(CALM, position_m=spread))
+    return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
+
+
+def test_a_blind_robot_that_may_be_anywhere_near_is_searched_for_and_flies_on_from_where_it_is_found() -> None:
+    searcher = Searcher(simulator(), fails=2)
+    steps = unsure_flight(1.1 * CONFIG.recovery.adrift, searcher, FilterOutcome.WEAK)
+    between = CONFIG.recovery.between
+    kinds = [step.recovery for step in steps[1 : 2 * between + 3]]
+    assert kinds == [Recovery.ADRIFT] * 2 * between + [Recovery.RELOCALISED, None]
+    assert searcher.asked == 3 and steps[-1].outcome is EpisodeOutcome.REACHED
+    torch.testing.assert_close(steps[2 * between + 1].belief.mean.position, steps[2 * between + 1].truth.position)
+
+
+def test_a_blind_robot_that_is_not_found_is_searched_for_once_around_and_its_pictures_go_on_to_be_believed() -> None:
+    searcher = Searcher(simulator(), RelocaliseOutcome.AMBIGUOUS)
+    steps = unsure_flight(1.1 * CONFIG.recovery.adrift, searcher, FilterOutcome.WEAK)
+    assert searcher.asked == CONFIG.recovery.searches
+    assert {step.recovery for step in steps[1:]} == {Recovery.ADRIFT}
+    assert all(step.update is not None and step.update.outcome is FilterOutcome.WEAK for step in steps[1:])
+    assert steps[-1].outcome is EpisodeOutcome.TIMEOUT
+
+
+def test_pictures_of_nothing_are_not_searched_with() -> None:
+    searcher = Searcher(simulator())
+    steps = unsure_flight(1.1 * CONFIG.recovery.adrift, searcher, FilterOutcome.PREDICTED_ONLY)
+    assert searcher.asked == 0 and all(step.holds for step in steps[1:])
+
+
+def test_a_blind_robot_that_is_not_far_off_looks_around_and_is_not_searched_for() -> None:
+    steps = unsure_flight(0.7 * CONFIG.recovery.adrift, Searcher(simulator()), FilterOutcome.WEAK)
+    found = next((step.index for step in steps if step.recovery is Recovery.RELOCALISED), len(steps))
+    assert found > 5 and {step.recovery for step in steps[1:found]} == {Recovery.BLIND}
+    assert all(spread_of(step.belief) <= CONFIG.recovery.adrift for step in steps[1:found])
 
 
 def unseeing_flight(dark: range, disagreeing: int | None, spread: float = 0.01) -> list[NavigationStep]:

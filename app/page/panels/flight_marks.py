@@ -20,7 +20,7 @@ def marks_of(flight: Timed) -> tuple[Mark, ...]:
     happened = {
         "hit": [step.touched for step in steps],
         "lost": [_is_lost(step) for step in steps],
-        "blind": [step.recovery is Recovery.BLIND for step in steps],
+        "blind": [step.recovery in (Recovery.BLIND, Recovery.ADRIFT) for step in steps],
         "braked": [step.recovery is Recovery.BACKUP for step in steps],
         "found": [step.recovery is Recovery.RELOCALISED for step in steps],
         "gust": _at(flight.gusts, len(steps)),

@@ -272,7 +272,7 @@ def test_fly_prints_the_numbers_of_its_contract_and_its_run_can_be_exported(
         "mesh_collision_steps": None,
         "late_steps": None,
         "estimation": dict.fromkeys(("position_rmse_m", "rotation_rmse_rad", "velocity_rmse", "nees_mean")),
-        "recoveries": dict.fromkeys(("widened", "blind", "searched", "backup", "relocalised", "lost")),
+        "recoveries": dict.fromkeys(("widened", "blind", "adrift", "searched", "backup", "relocalised", "lost")),
         "timing_ms": {f"{part}_p{share}": None for part in ("replan", "filter", "step") for share in (50, 95)},
     }
     assert flight["outcome"] in ("reached", "collided", "diverged", "timeout")

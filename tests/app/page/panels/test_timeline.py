@@ -33,7 +33,9 @@ def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("recovery", "word"), [(Recovery.BACKUP, "braked"), (Recovery.BLIND, "blind")])
+@pytest.mark.parametrize(
+    ("recovery", "word"), [(Recovery.BACKUP, "braked"), (Recovery.BLIND, "blind"), (Recovery.ADRIFT, "blind")]
+)
 def test_a_robot_that_brakes_for_want_of_a_way_or_sees_nothing_is_not_lost(recovery: Recovery, word: str) -> None:
     steps = [flight_step(ENDS, index) for index in range(4)]
     steps[2] = replace(steps[2], recovery=recovery)
