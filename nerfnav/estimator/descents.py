@@ -63,8 +63,8 @@ def _compiled(
         yield Iterate(Guess(Pose(rotation, position), exposure), **dict(zip(_PARTS, parts, strict=True)))
 
 
-def _settings(config: NewtonConfig) -> tuple[int, float, float, float]:
-    return config.iterations, config.damping, config.robust, config.settled
+def _settings(config: NewtonConfig) -> tuple[int, float, float, float, float]:
+    return config.iterations, config.damping, config.robust, config.settled, config.stretch
 
 
 _PARTS = ("cost", "process", "residual", "change", "seen", "known", "slope", "moved")

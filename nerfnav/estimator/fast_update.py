@@ -90,7 +90,7 @@ class Update(Judge):
             pixels = stage.pixels if stage.pixels == pyramid.pixels else min(stage.pixels, pyramid.rays // rays)
             seen, source = self._observation(stage.halvings, guess.pose[0], pixels)
             settled = pyramid.settled * 2**stage.halvings
-            settings = NewtonConfig(stage.iterations, robust=stage.robust, settled=settled)
+            settings = NewtonConfig(stage.iterations, robust=stage.robust, settled=settled, stretch=pyramid.stretch)
             places = ((seen.pixels + 0.5) * 2**stage.halvings).long()
             prior = self._prior(len(seen.pixels), stage.halvings)
             for here in improve(seen, guess, prior, settings, stage.told):

@@ -50,6 +50,8 @@ class NewtonConfig:
     settled: float = 0.0
     """A step that moves no pose number of any pose further than this [m, rad] is the last, and is taken without looking
     again; 0: no step is."""
+    stretch: float = 1.0
+    """The most that a step is stretched (see stretch.py); 1: not at all, as suits searches that begin far off."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
         scale = here.curvature.diagonal(dim1=-2, dim2=-1).clamp_min(1e-9)
         damped = here.curvature + torch.diag_embed(damping[:, None] * scale)
         plain = -torch.linalg.solve(damped, here.slope)
-        stretch = stretches(scale, plain, before, stretch)
+        stretch = stretches(scale, plain, before, stretch, config.stretch)
         before, step = plain, stretch[:, None] * plain
         moved = step[:, POSE].abs().amax(-1)
         if bool((moved < config.settled).all()):

@@ -100,6 +100,8 @@ class PyramidConfig:
     """How those are chosen."""
     coarse_pixels: int = 192
     """Pixels compared in each stage before that, at most: these only lead to where the last one begins."""
+    stretch: float = 2.0
+    """The most that steps are stretched (see stretch.py): more overshoots."""
     settled: float = 6e-4
     """The last stage ends when a step moves no pose number further than this [m, rad]; one reduced by 2^k, 2^k times
     as soon."""

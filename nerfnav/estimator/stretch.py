@@ -13,18 +13,18 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-MOST_STRETCH = 2.0
-"""The most that s may be: more overshoots."""
 _SLOWEST = 0.99
 """The most that q is taken for."""
 _Steps = Float[Tensor, "n 8"]
 
 
-def stretches(scale: _Steps, step: _Steps, before: _Steps | None, last: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """s of each of n steps; `before` are the steps before, which were stretched by `last` (0: in vain)."""
+def stretches(
+    scale: _Steps, step: _Steps, before: _Steps | None, last: Float[Tensor, " n"], most: float
+) -> Float[Tensor, " n"]:
+    """s of each of n steps, at most `most`; `before` are the steps before, stretched by `last` (0: in vain)."""
     if before is None:
         return torch.ones_like(last)
     square = (scale * before.square()).sum(-1)
     share = (scale * step * before).sum(-1) / square.clamp_min(1e-30)
     rate = torch.where((last > 0) & (square > 0), 1 - (1 - share) / last.clamp_min(1e-30), torch.zeros_like(last))
-    return (1 / (1 - rate.clamp_max(_SLOWEST))).clamp(1, MOST_STRETCH)
+    return (1 / (1 - rate.clamp_max(_SLOWEST))).clamp(1, most)

@@ -31,11 +31,11 @@ def descend(grid, sight, prior, settings, trace, held, moved):
 
     `grid` as `see_ray` has it; `sight` is (directions in the camera (m, 3), colours (m, 3), R and p of the mount);
     `prior` (information (8, 8), mean rotation, mean position, whether there is a mean, kappa, slack); `settings`
-    (iterations, damping, robust, settled); `trace` (rotations, positions, exposures, cost, process, residual, change,
-    seen, known, slope), each (iterations + 1, n, ...), what was tried in each stage. `held` (iterations + 1, n) is
+    (iterations, damping, robust, settled, stretch); `trace` (rotations, positions, exposures, cost, process, residual,
+    change, seen, known, slope), each (iterations + 1, n, ...), what was tried in each stage. `held` (iterations + 1, n) is
     filled with the stage whose trial each pose holds then, and `moved` with how far the last step went.
     """
-    iterations, damping, _, settled = settings
+    iterations, damping, _, settled, most = settings
     pixels = sight[0].shape[0]
     rows, first = np.empty((9, 3 * pixels), np.float32), np.empty(pixels, np.float32)
     trust = np.empty(3 * pixels, np.float32)
@@ -49,7 +49,7 @@ def descend(grid, sight, prior, settings, trace, held, moved):
         while going:
             if stage > 0:
                 damped_step(trace[7][best, n], trace[8][best, n], trace[9][best, n], weight, step)
-                stretch = stretched(trace[7][best, n], trace[8][best, n], before, stretch, step)
+                stretch = stretched(trace[7][best, n], trace[8][best, n], before, stretch, step, most)
                 move(trace, (best, n), step, (stage, n))
                 for i in range(6):
                     length = abs(step[i]) if i == 0 else max(length, abs(step[i]))

@@ -7,7 +7,7 @@ from nerfnav.geometry.kernels.linear import solve_positive
 from nerfnav.robots.kernels.rotations import turned
 
 LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e7
-MOST_STRETCH, SLOWEST = 2.0, 0.99
+SLOWEST = 0.99
 
 
 @kernel(inline=True)
@@ -26,10 +26,11 @@ def damped_step(seen, known, slope, weight, step):
 
 
 @kernel(inline=True)
-def stretched(seen, known, before, stretch, step):
-    """Stretch a step to where its successors would lead, and keep in `before` what it was; returns by how much.
+def stretched(seen, known, before, stretch, step, most):
+    """Stretch a step to where its successors would lead, at most by `most`; returns by how much.
 
-    `before` is the step before it, which was stretched by `stretch` (0: there is none, or it was in vain).
+    `before` is the step before it, which was stretched by `stretch` (0: there is none, or it was in vain), and then
+    what this one was.
     """
     shared, square = 0.0, 0.0
     for i in range(8):
@@ -37,7 +38,7 @@ def stretched(seen, known, before, stretch, step):
         shared += scale * step[i] * before[i]
         square += scale * before[i] * before[i]
     rate = 1.0 - (1.0 - shared / square) / stretch if stretch > 0.0 and square > 0.0 else 0.0
-    found = min(max(1.0 / (1.0 - min(rate, SLOWEST)), 1.0), MOST_STRETCH)
+    found = min(max(1.0 / (1.0 - min(rate, SLOWEST)), 1.0), most)
     for i in range(8):
         before[i] = step[i]
         step[i] *= found
