@@ -32,8 +32,8 @@ def descend(grid, sight, prior, settings, trace, held, moved):
     `grid` as `see_ray` has it; `sight` is (directions in the camera (m, 3), colours (m, 3), R and p of the mount);
     `prior` (information (8, 8), mean rotation, mean position, whether there is a mean, kappa, slack); `settings`
     (iterations, damping, robust, settled, stretch); `trace` (rotations, positions, exposures, cost, process, residual,
-    change, seen, known, slope), each (iterations + 1, n, ...), what was tried in each stage. `held` (iterations + 1, n) is
-    filled with the stage whose trial each pose holds then, and `moved` with how far the last step went.
+    change, seen, known, slope), each (iterations + 1, n, ...), what was tried in each stage. `held` (iterations + 1, n)
+    is filled with the stage whose trial each pose holds then, and `moved` with how far the last step went.
     """
     iterations, damping, _, settled, most = settings
     pixels = sight[0].shape[0]
