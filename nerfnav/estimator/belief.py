@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.robots import RigidState
+from nerfnav.robots import POSITION, RigidState
 from nerfnav.structs import TensorStruct
 
 
@@ -17,3 +17,8 @@ class Belief(TensorStruct):
     """Most likely state."""
     covariance: Float[Tensor, "*batch 12 12"]
     """In the tangent of the mean: position, velocity, attitude, body rate (see robots/state.py)."""
+
+    @property
+    def spread(self) -> float:
+        """The largest standard deviation of a coordinate of the position [m], of one belief."""
+        return float(self.covariance.diagonal()[POSITION].max().sqrt())

@@ -44,7 +44,7 @@ from nerfnav.planner import (
     way_length,
     with_risk,
 )
-from nerfnav.robots import POSITION, Motion, RigidState, Robot
+from nerfnav.robots import Motion, RigidState, Robot
 
 _STEP = 0.9
 """Share of a step after which a plan is redone: pictures do not come exactly in time."""
@@ -127,7 +127,7 @@ class Guide:
         end = RigidState.at_rest(goal.position, goal.yaw)
         if not all(map(math.isfinite, (*goal.position, goal.yaw))):
             return self._given_up(f"the goal {goal.position}, {goal.yaw} is made of finite numbers only")
-        spread = float(belief.covariance.diagonal()[POSITION].max().sqrt())
+        spread = belief.spread
         widest = self._width / 4 if self.config.widest_m is None else self.config.widest_m
         if not spread <= widest:
             return self._given_up(f"the place is known to {100 * spread:.1f} cm, and plans need {100 * widest:.1f} cm")

@@ -19,7 +19,7 @@ from torch import Tensor
 from nerfnav.errors import require_not_negative, require_positive
 from nerfnav.estimator import Belief, FilterOutcome, RelocaliseOutcome, RelocaliseStep, StateNoise
 from nerfnav.geometry import FORWARD_MOUNT, Pose
-from nerfnav.robots import POSITION, Motion, RigidState, Robot
+from nerfnav.robots import Motion, RigidState, Robot
 
 LITTLE = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
 """Outcomes of updates that learned little, or nothing."""
@@ -137,10 +137,9 @@ class Lookout:
 
     def is_blind(self, belief: Belief, outcome: FilterOutcome | None, doubts: bool) -> bool:
         """Whether a robot whose picture did not disagree had better look around all the same."""
-        spread = spread_of(belief)
         if doubts:
-            return outcome is FilterOutcome.PREDICTED_ONLY or spread > self.config.sure
-        return outcome in LITTLE and spread > self.config.widest
+            return outcome is FilterOutcome.PREDICTED_ONLY or belief.spread > self.config.sure
+        return outcome in LITTLE and belief.spread > self.config.widest
 
     def look_around(
         self, belief: Belief, image: Tensor | None, adrift: int
@@ -152,7 +151,7 @@ class Lookout:
         disagreed.
         """
         config = self.config
-        if self.relocaliser is None or image is None or spread_of(belief) <= config.adrift:
+        if self.relocaliser is None or image is None or belief.spread <= config.adrift:
             return belief, Recovery.BLIND
         searched, since = divmod(adrift, config.between)
         found = None if since or searched >= config.searches else (yield from self.search(belief, image))
@@ -170,11 +169,6 @@ class Lookout:
         if step.outcome is not RelocaliseOutcome.FOUND:
             return None
         return Belief(belief.mean.moved_to(step.body_poses(self.mount)[0]), self.config.found.covariance())
-
-
-def spread_of(belief: Belief) -> float:
-    """The largest standard deviation of a coordinate of the position [m]."""
-    return float(belief.covariance.diagonal()[POSITION].max().sqrt())
 
 
 def come_to_rest(

@@ -41,7 +41,7 @@ from nerfnav.estimator.apparent import apparent, true_state
 from nerfnav.estimator.verdict import contrast
 from nerfnav.field import Field
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
-from nerfnav.robots import POSITION, HandHeld, RigidState, Robot
+from nerfnav.robots import HandHeld, RigidState, Robot
 from nerfnav.tracking.corrections import Correction, correction
 from nerfnav.tracking.frame import Frame
 from nerfnav.tracking.likeness import Likeness, Usual
@@ -201,8 +201,9 @@ class Tracker:
 
     def _give_up_in_time(self) -> bool:
         """After a picture that cannot be used: end the track where that happened too often in a row."""
+        assert self._belief is not None, "there is a track to end"
         self._useless += 1
-        if self._useless < self.config.patience and self._spread() < self.config.widest:
+        if self._useless < self.config.patience and self._belief.spread < self.config.widest:
             return False
         self._belief, self._useless, self._doubted = None, 0, False
         return True
@@ -261,8 +262,3 @@ class Tracker:
             if fit.outcome in _USED and likeness is not None:
                 self._belief, told = fit.posterior, likeness.difference
         return TrackStatus.FOUND_AGAIN if self._was_known else TrackStatus.FOUND, told
-
-    def _spread(self) -> float:
-        """Largest standard deviation of a coordinate of the position [m]."""
-        assert self._belief is not None
-        return float(self._belief.covariance.diagonal()[POSITION].max().sqrt())

@@ -18,7 +18,7 @@ from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest, spread_of
+from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_to_rest
 from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
@@ -311,7 +311,7 @@ def test_a_blind_robot_that_is_not_far_off_looks_around_and_is_not_searched_for(
     steps = unsure_flight(0.7 * CONFIG.recovery.adrift, Searcher(simulator()), FilterOutcome.WEAK)
     found = next((step.index for step in steps if step.recovery is Recovery.RELOCALISED), len(steps))
     assert found > 5 and {step.recovery for step in steps[1:found]} == {Recovery.BLIND}
-    assert all(spread_of(step.belief) <= CONFIG.recovery.adrift for step in steps[1:found])
+    assert all(step.belief.spread <= CONFIG.recovery.adrift for step in steps[1:found])
 
 
 def unseeing_flight(dark: range, disagreeing: int | None, spread: float = 0.01) -> list[NavigationStep]:
