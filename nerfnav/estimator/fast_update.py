@@ -69,10 +69,9 @@ class Update(Judge):
         if not others or (others[0] and self._is_doubtful(best)):
             return best, None, iteration
         found = yield from self._descended(last, guess[others[0] : others[0] + 1], iteration)
-        iteration = found[0].iteration + 1
-        if _alike(found[2].guess.pose[0], best[2].guess.pose[0], search.alike):
-            return (found if found[2].cost[0] < best[2].cost[0] else best), None, iteration
-        return (found, best, iteration) if found[2].cost[0] < best[2].cost[0] else (best, found, iteration)
+        first, second = (found, best) if found[2].cost[0] < best[2].cost[0] else (best, found)
+        same = _alike(first[2].guess.pose[0], second[2].guess.pose[0], search.alike)
+        return first, None if same else second, found[0].iteration + 1
 
     def _descended(self, stage: Stage, guess: Guess, iteration: int) -> Generator[FilterStep, None, End]:
         """One stage; returns its end."""

@@ -151,7 +151,8 @@ class Iterate:
 def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> Iterator[Iterate]:
     """Every stage on the way down, the start first; no pose's cost ever rises."""
     here, trust = evaluate(sight, start, prior, config.robust)
-    damping, before, stretch = torch.full_like(here.cost, config.damping), None, torch.zeros_like(here.cost)
+    damping, stretch = torch.full_like(here.cost, config.damping), torch.zeros_like(here.cost)
+    before = torch.zeros_like(here.slope)
     yield here
     for _ in range(config.iterations):
         scale = here.curvature.diagonal(dim1=-2, dim2=-1).clamp_min(1e-9)

@@ -138,20 +138,18 @@ def _source(config: PixelConfig, near: int) -> PixelSource:
 
 
 def by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: torch.Generator) -> Int[Tensor, " n"]:
-    """Which `count` of m pixels, drawn by leverage without putting any back (Efraimidis and Spirakis 2006)."""
-    told = leverage(slopes)
-    late = torch.empty_like(told).exponential_(generator=generator) / told.clamp_min(1e-30)
-    return late.argsort()[:count]
+    """Which `count` of m pixels, drawn by leverage without putting any back (Efraimidis and Spirakis 2006).
 
-
-def leverage(slopes: Float[Tensor, "m 3 6"]) -> Float[Tensor, " m"]:
-    """h of each of m pixels among them; derivatives that are no numbers tell nothing."""
+    Derivatives that are no numbers tell nothing.
+    """
     flat = slopes.double().nan_to_num(0, 0, 0).flatten(0, 1)
     information = flat.T @ flat
     information = information + _LEAST_TOLD * (information.diagonal().mean() + 1e-30) * torch.eye(6).double()
     root = torch.linalg.cholesky(information)
     whitened = torch.linalg.solve_triangular(root, flat.T, upper=False)
-    return whitened.square().sum(0).reshape(-1, 3).sum(-1)
+    leverage = whitened.square().sum(0).reshape(-1, 3).sum(-1)
+    late = torch.empty_like(leverage).exponential_(generator=generator) / leverage.clamp_min(1e-30)
+    return late.argsort()[:count]
 
 
 def _choice(index: Int[Tensor, " m"], source: PixelSource, image: UInt8[Tensor, "height width 3"]) -> PixelChoice:

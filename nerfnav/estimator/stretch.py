@@ -19,11 +19,10 @@ _Steps = Float[Tensor, "n 8"]
 
 
 def stretches(
-    scale: _Steps, step: _Steps, before: _Steps | None, last: Float[Tensor, " n"], most: float
+    scale: _Steps, step: _Steps, before: _Steps, last: Float[Tensor, " n"], most: float
 ) -> Float[Tensor, " n"]:
-    """s of each of n steps, at most `most`; `before` are the steps before, stretched by `last` (0: in vain)."""
-    if before is None:
-        return torch.ones_like(last)
+    """s of each of n steps, at most `most`; `before` are the steps before, stretched by `last` (0: there are none,
+    or they were in vain)."""
     square = (scale * before.square()).sum(-1)
     share = (scale * step * before).sum(-1) / square.clamp_min(1e-30)
     rate = torch.where((last > 0) & (square > 0), 1 - (1 - share) / last.clamp_min(1e-30), torch.zeros_like(last))
