@@ -3,12 +3,14 @@
 Gauss-Newton from one scale converges from two or three pixels away. Reduced by 2^k, a picture forgives 2^k as much.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.photometric import Observation
 from nerfnav.estimator.pixels import PixelDraw
 from nerfnav.field import Field, GridField
@@ -117,6 +119,11 @@ class PyramidConfig:
     """Spread of the prediction, in pixels of the first stage, from which one start may not be enough."""
     search: SearchConfig = field(default_factory=SearchConfig)
     """What follows where the result is doubtful."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for steps that would be shortened, or go back."""
+        if not 1 <= self.stretch < math.inf:
+            raise InvalidInputError(f"stretch must be a number, at least 1, not {self.stretch:g}")
 
     def pixels_at(self, stage: int) -> int:
         """Pixels compared in a stage."""

@@ -96,8 +96,8 @@ class RecoveryConfig:
     on a wrong belief; a tenth of this on the rates, and the next pictures are rejected again."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInputError for rates to turn with that are none."""
-        require_not_negative(turn=self.turn)
+        """Raise InvalidInputError for rates to turn with, or a spread to search from, that are none."""
+        require_not_negative(turn=self.turn, adrift=self.adrift)
         require_positive(glance=self.glance)
 
 

@@ -1,5 +1,6 @@
 """The fast filter, from a picture to a posterior."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -245,6 +246,12 @@ def test_the_process_term_is_that_of_the_papers_cost():
     seen = Observation.of(picture(balls(), HERE), step.pixels, (balls(), CAMERA, FORWARD_MOUNT))
     cost = PoseCost.of(seen, prediction, replace(colors, alike=1.0))
     assert cost.process(step.mean).item() == pytest.approx(step.process, rel=0.02, abs=1e-3)
+
+
+@pytest.mark.parametrize("stretch", [0.5, 0.0, -1.0, math.nan, math.inf])
+def test_steps_that_would_be_shortened_or_go_back_are_refused(stretch: float):
+    with pytest.raises(InvalidInputError, match="stretch must be a number, at least 1"):
+        PyramidConfig(stretch=stretch)
 
 
 OFF = torch.tensor([0.01, -0.01, 0.01, 0, 0, 0, 0.01, 0.01, -0.01, 0, 0, 0])

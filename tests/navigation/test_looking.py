@@ -64,8 +64,9 @@ def test_a_robot_that_should_see_something_leaves_at_once_and_so_does_one_that_n
 
 
 @pytest.mark.parametrize(("name", "rate"), [
-    ("turn", -1.0), ("turn", math.nan), ("glance", -1.0), ("glance", 0.0), ("glance", math.nan),
+    ("turn", -1.0), ("turn", math.nan), ("glance", -1.0), ("glance", 0.0), ("glance", math.nan), ("adrift", -0.1),
+    ("adrift", math.nan),
 ])  # fmt: skip
-def test_a_rate_to_turn_with_that_is_none_is_refused_by_name(name: str, rate: float) -> None:
+def test_a_rate_to_turn_with_or_a_spread_that_is_none_is_refused_by_name(name: str, rate: float) -> None:
     with pytest.raises(InvalidInputError, match=name):
         RecoveryConfig(**{name: rate})
