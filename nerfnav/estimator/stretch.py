@@ -6,7 +6,7 @@ before, q up to 0.9. All that follow would be q / (1 - q) of it (Aitken 1926), s
     s = min(1 / (1 - q), 2),   q = 1 - (1 - <step, before> / <before, before>) / s_before
 
 in the metric of the curvature's diagonal, after each step that was taken. In as many steps the filter's median error in
-the church was 4 to 8 % less with that, and the 99th percentile a fifth.
+the church was 4 to 8 % less with that, and the 95th percentile 13 to 18 %.
 """
 
 import torch
