@@ -1,16 +1,20 @@
-"""Which triangles a box touches, exactly.
+"""Which triangles a box touches, exactly."""
 
-Separating axes: Akenine-Moller, "Fast 3D triangle-box overlap testing", 2001.
-"""
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
+from nerfnav.world.kernels.contact import touch_any, touch_each
+
 Vector = Float[np.ndarray, " 3"]
 Triangles = Float[np.ndarray, "f 3 3"]
 
-_BOXES_AT_ONCE = 256
+_APART = 2.0
+"""Boxes that are so many half diagonals from each other are asked about together: on its way, a robot has the same near
+it for some poses."""
+_AT_ONCE = 256
 
 
 class TriangleIndex:
@@ -36,34 +40,26 @@ class TriangleIndex:
         self, rotations: Float[np.ndarray, "n 3 3"], centers: Float[np.ndarray, "n 3"], half: Vector
     ) -> Bool[np.ndarray, " n"]:
         """Whether each box of half edges `half` [m], placed by x_world = rotation x + center, touches any triangle."""
-        touched = np.zeros(len(centers), bool)
-        radius = float(np.linalg.norm(half))
-        for members, reach, tree in self._levels:
-            nearest = tree.query(centers, distance_upper_bound=np.nextafter(radius + reach, np.inf))[0]
-            touched |= nearest <= half.min()  # a centre of a triangle inside the box's inner ball settles it at once
-            left = np.flatnonzero(~touched & (nearest < np.inf))
-            for open_ in np.array_split(left, 1 + len(left) // _BOXES_AT_ONCE) if len(left) else ():
-                near = tree.query_ball_point(centers[open_], radius + reach)
-                box = np.repeat(open_, [len(found) for found in near])
-                face = members[np.concatenate([np.zeros(0, int), *near]).astype(int)]
-                offset = self._triangles[face] - centers[box, None]
-                corners = np.einsum("mij,mki->mkj", rotations[box], offset)
-                touched[box[boxes_touch_triangles(corners, half)]] = True
+        touched, reach = np.zeros(len(centers), bool), float(np.linalg.norm(half))
+        for some in _side_by_side(centers, _APART * reach):
+            middle = centers[some].mean(0)
+            radius = np.linalg.norm(centers[some] - middle, axis=1).max() + reach
+            touch_any(self.near(middle, radius), rotations[some], centers[some], half, touched[some])
         return touched
+
+
+def _side_by_side(centers: Float[np.ndarray, "n 3"], within: float) -> Iterator[slice]:
+    """Those after each other of which none is farther from the first than this [m]: what is near one is near all."""
+    start = 0
+    while start < len(centers):
+        off = np.linalg.norm(centers[start : start + _AT_ONCE] - centers[start], axis=1) > within
+        count = int(off.argmax()) if off.any() else len(off)
+        yield slice(start, start + count)
+        start += count
 
 
 def boxes_touch_triangles(corners: Float[np.ndarray, "m 3 3"], half: Vector) -> Bool[np.ndarray, " m"]:
     """Whether triangles (corners in the box's frame [m]) touch the box of half edges `half` around the origin."""
-    touch = ((corners.min(1) <= half) & (corners.max(1) >= -half)).all(-1)
-    left = corners[touch]
-    if not len(left):
-        return touch
-    edges = np.roll(left, -1, axis=1) - left
-    normal = np.cross(edges[:, 0], edges[:, 1])
-    within = np.abs((normal * left[:, 0]).sum(-1)) <= np.abs(normal) @ half
-    axes = np.cross(np.eye(3)[None, :, None], edges[:, None]).reshape(-1, 9, 3)
-    along = np.einsum("mad,mkd->mak", axes, left)
-    extent = np.abs(axes) @ half
-    within &= ((along.min(-1) <= extent) & (along.max(-1) >= -extent)).all(-1)
-    touch[touch] = within
-    return touch
+    touched = np.empty(len(corners), bool)
+    touch_each(corners, half, touched)
+    return touched

@@ -74,6 +74,17 @@ def test_touching_agrees_with_the_exact_overlap_in_any_attitude():
     assert torch.equal(touched, overlap > 0)
 
 
+def test_poses_along_a_way_touch_what_each_alone_touches():
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.12)
+    ground = Ground(_scene(ball, _cube(0.1, (0.3, 0.1, 0.0)), _cube(2.0, (0.0, 0.0, -1.1))))
+    ends = _states((-0.5, -0.1, 0.13), (0.5, 0.1, 0.05), (0.5, 0.3, -0.05), (-0.4, 0.0, 0.1))
+    poses = interpolate_poses(ends)
+    together = ground.touches(_BODY, poses)
+    alone = torch.cat([ground.touches(_BODY, poses[k : k + 1]) for k in range(len(together))])
+    assert 100 < together.sum() < len(together) - 100
+    assert torch.equal(together, alone)
+
+
 def test_a_triangle_that_only_passes_by_a_corner_does_not_touch():
     half = np.array([1.0, 1.0, 1.0])
     near = np.array([[2.9, 0, 0], [0, 2.9, 0], [0, 0, 2.9]])
