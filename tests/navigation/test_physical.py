@@ -22,7 +22,7 @@ from nerfnav.navigation.physical.powertrain import Powertrain
 from nerfnav.navigation.physical.reference import Flown
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
 from nerfnav.navigation.physical.simulator import PhysicalSimulator, airframe
-from nerfnav.navigation.physical.tracking import TrackingGains
+from nerfnav.navigation.physical.tracking import TrackingGains, corrected
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.recovery import RecoveryConfig, come_to_rest
 from nerfnav.navigation.simulator import Simulator
@@ -166,6 +166,42 @@ def test_a_plan_is_tracked_in_gusts_with_a_wrong_mass() -> None:
     for step in range(20):
         world.follow(Motion(plan.states[step:], plan.actions[step:], 0.1), believed=world.state)
         assert (world.state.position - plan.states.position[step + 1]).norm() < 0.03, step
+
+
+def falling(start: RigidState) -> Motion:
+    """Two steps of a plan with 0.4 of the thrust that holds the robot, four with 1.3."""
+    actions = HOVER * torch.tensor([0.4, 0.4, 1.3, 1.3, 1.3, 1.3])[:, None]
+    states = [start]
+    for action in actions:
+        states.append(ROBOT.step(states[-1], action, 0.1))
+    return Motion(RigidState.stack(states), actions, 0.1)
+
+
+@pytest.mark.slow
+def test_a_robot_that_falls_too_slowly_is_not_turned_over_to_be_pushed_after_its_plan() -> None:
+    """It had been, by 75 degrees: the plan asks for little thrust, and corrections for as much the other way."""
+    world, plan = world_of(PhysicalConfig()), falling(START)
+    above = START.retract(torch.tensor([0.03, 0.0, 0.06, 0.0, 0.3, 0.8, *[0.0] * 6]))
+    world.carry(above.pose)
+    upright = []
+    for step in range(4):
+        world.follow(plan.left_after(step), believed=above if step == 0 else world.state)
+        upright.append(world.state.rotation[2, 2].item())
+    assert min(upright) > 0.85, "30 degrees"
+    assert (world.state.position - plan.states.position[4]).norm() < 0.1
+
+
+def test_corrections_are_added_but_for_what_would_turn_the_thrust_over() -> None:
+    gains, pull = TrackingGains(), np.array([1.0, -0.5, 4.0])
+    small = np.array([0.3, 0.2, -0.4])
+    assert corrected(pull, small, gains) == pytest.approx(pull + small)
+    for large in (np.array([9.0, 0.0, -9.0]), np.array([0.0, -30.0, 0.0]), -3 * pull, 20 * pull):
+        found = corrected(pull, large, gains)
+        along = found @ pull / np.linalg.norm(pull)
+        assert along >= gains.least_thrust * np.linalg.norm(pull) - 1e-9
+        assert np.linalg.norm(np.cross(found, pull)) / np.linalg.norm(pull) <= gains.lean * along + 1e-9
+    assert corrected(pull, 20 * pull, gains) == pytest.approx(21 * pull), "more thrust turns nothing"
+    assert corrected(np.zeros(3), small, gains) == pytest.approx(small)
 
 
 def test_gyroscopes_tell_the_body_rate_of_now_while_rotors_change_it() -> None:

@@ -35,6 +35,10 @@ class TrackingGains:
     """How many times a rotor's missing speed is asked of its motor, which follows with a lag."""
     observer: float = 20.0
     """Rate at which the disturbance follows what the accelerometers feel [1/s]."""
+    least_thrust: float = 0.5
+    """Share of the thrust of the plan that corrections leave of it at least."""
+    lean: float = 0.4
+    """How far corrections may take the thrust to the side, for what it is along the plan's: by 22 degrees."""
 
 
 def wrench_for(
@@ -44,8 +48,9 @@ def wrench_for(
 
     `disturbance` is d, in the world [m/s^2].
     """
-    pull = wanted.acceleration - disturbance + gains.position * (wanted.position - believed.position)
-    pull = pull + gains.velocity * (wanted.velocity - believed.velocity)
+    correction = gains.position * (wanted.position - believed.position) - disturbance
+    correction = correction + gains.velocity * (wanted.velocity - believed.velocity)
+    pull = corrected(wanted.acceleration, correction, gains)
     rotation = tilted(wanted.rotation, pull)
     between = rotation.T @ believed.rotation
     off = 0.5 * (between - between.T)
@@ -54,6 +59,20 @@ def wrench_for(
     turning = between.T @ wanted.turning - gains.attitude * attitude - gains.body_rate * rate
     torque = inertia * turning + cross(believed.body_rate, inertia * believed.body_rate)
     return np.array([max(0.0, float(pull @ believed.rotation[:, 2])), *torque])
+
+
+def corrected(pull: np.ndarray, correction: np.ndarray, gains: TrackingGains) -> np.ndarray:
+    """The sum, but for what of a correction would turn the thrust over: where a plan lets a robot fall it asks for
+    little thrust, and one that falls too slowly would be turned upside down to be pushed after it."""
+    length = float(np.sqrt(pull @ pull))
+    if length < _UPRIGHT:
+        return pull + correction
+    axis = pull / length
+    along = float(axis @ correction)
+    across = correction - along * axis
+    kept = max(length + along, gains.least_thrust * length)
+    sideways = float(np.sqrt(across @ across))
+    return kept * axis + across * min(1.0, gains.lean * kept / max(sideways, _UPRIGHT))
 
 
 def tilted(rotation: np.ndarray, pull: np.ndarray) -> np.ndarray:
