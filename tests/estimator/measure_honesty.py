@@ -30,14 +30,19 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.robots import CAMERA
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
+from nerfnav.world import MeshRenderer
 
 WORLDS = ("stonehenge", "playground", "church")
 FIRST = StateNoise.isotropic(0.01**2)
 """Spread of the first belief."""
 Change = Callable[[Tensor, int, torch.Generator], Tensor]
 """What becomes of a picture (uint8), which is that of this step."""
-Flight = tuple[int, Tensor, RigidState, list[Tensor]]
-"""Seed, actions, states, pictures."""
+Flight = tuple[int, Tensor, RigidState, list[Tensor], list[Tensor]]
+"""Seed, actions, states, pictures, and the same with motion blur."""
+HOVERING = torch.tensor([0.2] * 3 + [0.0] * 3 + [0.5] * 3 + [0.0] * 3)
+"""Standard deviations of how a drone moves that hovers, along its tangent: 0.2 m/s and 0.5 rad/s."""
+EXPOSURE_S = 0.02
+"""How long a picture is exposed, which is blurred meanwhile [s]."""
 
 
 def as_taken(image: Tensor, step: int, generator: torch.Generator) -> Tensor:
@@ -66,11 +71,20 @@ def covered(image: Tensor, step: int, generator: torch.Generator) -> Tensor:
     return changed
 
 
-CONDITIONS: dict[str, tuple[Change, float]] = {
+def blurred(renderer: MeshRenderer, state: RigidState, generator: torch.Generator) -> Tensor:
+    """What a camera sees on average while a hovering drone moves around a state."""
+    motion = HOVERING * torch.randn(len(HOVERING), generator=generator)
+    times = EXPOSURE_S * torch.linspace(-0.5, 0.5, 7)
+    seen = [take_picture(renderer, state.retract(time * motion).pose).float() for time in times]
+    return torch.stack(seen).mean(0).round().to(torch.uint8)
+
+
+CONDITIONS: dict[str, tuple[Change | None, float]] = {
     "clean": (as_taken, 1.0), "noise taken for half": (as_taken, 0.5), "noise taken for twice": (as_taken, 2.0),
     "exposure 20 %": (exposed, 1.0), "5 % of pixels": (replaced, 1.0), "10 % covered": (covered, 1.0),
+    "motion blur": (None, 1.0),
 }  # fmt: skip
-"""What is changed in pictures, and by what factor the filter's process noise is wrong."""
+"""What is changed in pictures (None: they are blurred), and by what factor the filter's process noise is wrong."""
 
 
 def flights(arena: Arena, count: int) -> Iterator[Flight]:
@@ -86,17 +100,21 @@ def flights(arena: Arena, count: int) -> Iterator[Flight]:
             sys.stderr.write(f"{error}\n")
             continue
         found += 1
-        yield seed, actions, states, [take_picture(renderer, states[k].pose) for k in range(1, len(actions) + 1)]
+        after, chance = [states[k] for k in range(1, len(actions) + 1)], torch.Generator().manual_seed(seed)
+        sharp = [take_picture(renderer, state.pose) for state in after]
+        yield seed, actions, states, sharp, [blurred(renderer, state, chance) for state in after]
 
 
-def followed(filter_: FastFilter, flight: Flight, change: Change) -> list[Row]:
-    """The errors of each step of a flight."""
-    seed, actions, states, images = flight
+def followed(filter_: FastFilter, flight: Flight, change: Change | None) -> list[Row]:
+    """The errors of each step of a flight; no change: with motion blur."""
+    seed, actions, states, sharp, blurry = flight
+    images = blurry if change is None else sharp
     generator, chance = (torch.Generator().manual_seed(seed + more) for more in (0, 1))
     start = states[0].retract(FIRST.sample(torch.Generator().manual_seed(seed)))
     belief, rows = Belief(start, FIRST.covariance()), []
     for step, (action, image) in enumerate(zip(actions, images, strict=True)):
-        *_, last = filter_.update(belief, change(image, step, chance), action, DT, generator)
+        seen = image if change is None else change(image, step, chance)
+        *_, last = filter_.update(belief, seen, action, DT, generator)
         assert last.posterior is not None
         belief = last.posterior
         rows.append(errors_of(belief, states[step + 1]))
