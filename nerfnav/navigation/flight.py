@@ -56,7 +56,7 @@ class Flight:
         watch = self.watch
         if watch is None:
             return replace(course, end=course.goal), rest
-        way = rest.states.position if leads else torch.stack([here.position, course.goal.position])
+        way = rest.states if leads else RigidState.stack([here, course.goal])
         sights, goal = watch.sights(way), course.leads_to
         end = turned_to_see(watch, sights, (here, goal))
         turned = watching(watch, sights, rest, (here, goal, end), self.simulator.robot) if leads else None

@@ -49,11 +49,10 @@ class Watch:
     may_be: Callable[[RigidState], bool] | None = None
     """Whether it fits somewhere; None: anywhere."""
 
-    def sights(self, way: Float[Tensor, "n 3"]) -> Sights:
-        """From places of a way, even in time [m]."""
-        at = np.linspace(0, len(way) - 1, _PLACES)
-        points = np.stack([np.interp(at, np.arange(len(way)), axis) for axis in way.double().numpy().T], -1)
-        return Sights.along(self.matter, torch.from_numpy(points).to(way), self.enough, self.mount)
+    def sights(self, way: RigidState) -> Sights:
+        """From places of a way, even in time, batch shape (n,), as a robot is tilted there that goes it."""
+        position, up = (_evenly(part, _PLACES) for part in (way.position, way.rotation[..., 2]))
+        return Sights.along(self.matter, (position, up), self.enough, self.mount)
 
     def fits(self, end: RigidState) -> bool:
         """Whether the robot may be there."""
@@ -87,10 +86,11 @@ def turned_to_see(watch: Watch, sights: Sights, ends: tuple[RigidState, RigidSta
 def watching(
     watch: Watch, sights: Sights, way: Motion, ends: tuple[RigidState, RigidState, RigidState], robot: Robot
 ) -> Motion | None:
-    """A motion with other headings, where these show the robot more than turning evenly does; else None.
+    """A motion with other headings, where these show the robot more than its own do; else None.
 
-    `ends` are where it starts, its goal, and that with the heading to which it turns evenly. Of headings that turn by
-    4 rad/s at most, or half of what the robot can, those with the fewest pictures that show nothing, by dynamic
+    `ends` are where it starts, its goal, and that with the heading to which it turns: evenly, beside what the plan
+    turns anyway, for where it tilts far it takes less torque to turn about the vertical as well. Of headings that turn
+    by 4 rad/s at most, or half of what the robot can, those with the fewest pictures that show nothing, by dynamic
     programming (Bellman 1957). The way stays: it is a plan to begin with, whose cost has the turning in it.
     """
     count = len(way.states.position)
@@ -98,11 +98,13 @@ def watching(
         return None
     fine = max(_FINE, math.ceil(math.tau * _MOVES[-1] / (turning_rate(robot, _QUICK) * way.dt)))
     soon = replace(ends[0], rotation=so3.retract(ends[0].rotation, ends[0].body_rate * way.dt))
-    start, first, goal, evenly = (so3.yaw_of(end.rotation).item() for end in (ends[0], soon, *ends[1:]))
+    first, goal, evenly = (so3.yaw_of(end.rotation).item() for end in (soon, *ends[1:]))
     share, grid = np.linspace(0, 1, count)[1:], first + math.tau / fine * np.arange(fine)
     blind = 1 - sights.at(np.repeat(share[:, None], fine, 1), np.repeat(grid[None], count - 1, 0))
     dear = _DEAR * count / math.pi
-    least = (1 - sights.at(share, start + share * wrapped(evenly - start))).sum() + dear * abs(wrapped(evenly - goal))
+    planned = np.unwrap(so3.yaw_of(way.states.rotation).double().numpy())[1:]
+    usual = planned + share * wrapped(evenly - planned[-1])
+    least = (1 - sights.at(share, usual)).sum() + dear * abs(wrapped(evenly - goal))
     last = dear * np.abs(wrapped(grid - goal))
     while True:
         moves, cost = _cheapest(blind, last)
@@ -144,6 +146,14 @@ def _cheapest(blind: Float[np.ndarray, "n h"], last: Float[np.ndarray, " h"]) ->
 def _smooth(yaws: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Each the mean of it and the one before: rotors do not turn a robot at once."""
     return np.concatenate([yaws[:1], 0.5 * (yaws[1:] + yaws[:-1])])
+
+
+def _evenly(way: Float[Tensor, "n 3"], count: int) -> Float[Tensor, "k 3"]:
+    """So many of what lies along a way, linear between."""
+    at = np.linspace(0, len(way) - 1, count)
+    return torch.from_numpy(
+        np.stack([np.interp(at, np.arange(len(way)), axis) for axis in way.double().numpy().T], -1)
+    ).to(way)
 
 
 def with_heading(state: RigidState, yaw: float) -> RigidState:

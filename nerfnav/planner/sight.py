@@ -17,7 +17,7 @@ from torch import Tensor
 
 from nerfnav.field import FastRenderer, Field, render_rays
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, so3
-from nerfnav.robots import RigidState
+from nerfnav.robots import RigidState, thrust_and_attitude
 
 _EYE = Camera.from_fov(6, 4, 90)
 """What looks around."""
@@ -30,15 +30,22 @@ HEADINGS = 16
 
 
 def seen_from(
-    matter: Field, points: Float[torch.Tensor, "n 3"], yaws: Float[torch.Tensor, " h"], mount: Pose = FORWARD_MOUNT
+    matter: Field,
+    points: Float[Tensor, "n 3"],
+    yaws: Float[Tensor, " h"],
+    mount: Pose = FORWARD_MOUNT,
+    up: Float[Tensor, "n 3"] | None = None,
 ) -> Float[np.ndarray, "n h"]:
-    """How much of what a camera on a level body at each point sees is something and has edges, by the body's heading, 0
-    to 1: whichever of both is less."""
+    """How much of what a camera on a body at each point sees is something and has edges, by the body's heading, 0 to 1:
+    whichever of both is less. The body's z axis is `up`, of any length; None: it is level."""
     in_body = _EYE.directions(_EYE.pixels()) @ mount.rotation.T
-    directions = torch.einsum("hij,rj->hri", so3.from_yaw(yaws), in_body)
-    count, rays = len(points), directions.shape[0] * directions.shape[1]
+    turns = so3.from_yaw(yaws)[None]
+    if up is not None:
+        turns = thrust_and_attitude(up, torch.zeros_like(up[:, 0]))[1][:, None] @ turns
+    directions = torch.einsum("nhij,rj->nhri", turns, in_body)
+    count, rays = len(points), directions.shape[1] * directions.shape[2]
     origins = points[:, None].expand(count, rays, 3).reshape(-1, 3)
-    along = directions.reshape(1, rays, 3).expand(count, rays, 3).reshape(-1, 3)
+    along = directions.reshape(-1, rays, 3).expand(count, rays, 3).reshape(-1, 3)
     with torch.no_grad():
         if isinstance(matter, FastRenderer):
             parts = [matter.render_rays(origins, along)]
@@ -68,9 +75,10 @@ class Sights:
     """Shares of what is enough, 0 to 1; headings evenly from 0 to a whole turn."""
 
     @classmethod
-    def along(cls, matter: Field, places: Float[Tensor, "n 3"], enough: float, mount: Pose = FORWARD_MOUNT) -> "Sights":
-        """From places of a way [m]; `enough` is the share with edges from which on a picture is as good as any."""
-        seen = seen_from(matter, places, torch.arange(HEADINGS) * (math.tau / HEADINGS), mount)
+    def along(cls, matter: Field, way: tuple[Tensor, Tensor], enough: float, mount: Pose = FORWARD_MOUNT) -> "Sights":
+        """From places of a way (n, 3) [m] with the body's z axis there (n, 3); `enough` is the share with edges from
+        which on a picture is as good as any."""
+        seen = seen_from(matter, way[0], torch.arange(HEADINGS) * (math.tau / HEADINGS), mount, up=way[1])
         return cls(seen.clip(max=enough) / enough)
 
     def at(self, places: Float[np.ndarray, " *n"], yaws: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:

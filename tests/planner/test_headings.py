@@ -37,10 +37,11 @@ _BEHIND: VoxelField = field_of(_PLACE, ((-1.0, -1.0, -1.0), (-0.6, 1.0, 1.0)), s
 
 
 def turned(
-    way: Tensor, ends: tuple[RigidState, RigidState], may_be: Callable[[RigidState], bool] | None = None,
+    places: Tensor, ends: tuple[RigidState, RigidState], may_be: Callable[[RigidState], bool] | None = None,
     enough: float = 0.4, field: VoxelField = _BEHIND,
 ) -> RigidState:  # fmt: skip
     watch = Watch(field, enough, may_be=may_be)
+    way = RigidState.stack([replace(ends[0], position=place) for place in places])
     return turned_to_see(watch, watch.sights(way), ends)
 
 
@@ -123,7 +124,7 @@ def straight(start: RigidState, goal: RigidState, steps: int) -> Trajectory:
 def test_a_robot_that_would_see_nothing_for_long_turns_at_once_and_one_that_sees_enough_does_not() -> None:
     motion, (start, goal) = planned(0.0)
     watch = Watch(_BEHIND, 0.4)
-    sights = watch.sights(motion.states.position)
+    sights = watch.sights(motion.states)
     end = turned_to_see(watch, sights, (start, goal))
     better = watching(watch, sights, motion, (start, goal, end), _ROBOT)
     assert better is not None
@@ -135,13 +136,24 @@ def test_a_robot_that_would_see_nothing_for_long_turns_at_once_and_one_that_sees
     torch.testing.assert_close(better.states.position[4:], motion.states.position[4:])
     assert (better.states.position - motion.states.position).norm(dim=-1).max() < 0.05
     looking, (start, goal) = planned(math.pi)
-    sights = watch.sights(looking.states.position)
+    sights = watch.sights(looking.states)
     assert watching(watch, sights, looking, (start, goal, goal), _ROBOT) is None
+
+
+def test_a_robot_that_tilts_sees_what_its_camera_sees_then() -> None:
+    """Pitched up by 60 degrees before a wall of 2 m, a camera of 90 degrees sees above it what it is not."""
+    level = RigidState.at_rest((0.0, 0.0, 0.6), yaw=math.pi)
+    back = so3.from_yaw(torch.tensor(math.pi)) @ so3.exp(torch.tensor([0.0, -math.pi / 3, 0.0]))
+    tilted = replace(level, rotation=back)
+    watch, west = Watch(_BEHIND, 0.4), np.array([math.pi])
+    ways = (RigidState.stack([state] * 5) for state in (level, tilted))
+    seen, seen_then = (watch.sights(way).at(np.array([0.5]), west) for way in ways)
+    assert seen > 0.9 and seen_then < 0.5 * seen
 
 
 def test_of_headings_that_show_more_it_ends_with_one_with_which_it_may_be_there() -> None:
     motion, (start, goal) = planned(0.0)
-    sights = Watch(_BEHIND, 0.4).sights(motion.states.position)
+    sights = Watch(_BEHIND, 0.4).sights(motion.states)
     free = watching(Watch(_BEHIND, 0.4), sights, motion, (start, goal, goal), _ROBOT)
     assert free is not None
     side = so3.yaw_of(free.states.rotation[-1]).item()
@@ -178,7 +190,7 @@ def test_a_robot_turns_no_faster_where_steps_are_short(dt: float, count: int) ->
     still = torch.tensor([_ROBOT.weight, 0.0, 0.0, 0.0]).expand(count, 4)
     way = Motion(RigidState.stack([start] * (count + 1)), still, dt)
     watch = Watch(_BEHIND, 0.4)
-    found = watching(watch, watch.sights(way.states.position), way, (start, start, start), _ROBOT)
+    found = watching(watch, watch.sights(way.states), way, (start, start, start), _ROBOT)
     assert found is not None
     turned_by = np.diff(np.unwrap(so3.yaw_of(found.states.rotation).double().numpy()))
     assert np.abs(turned_by).max() <= 4.0 * dt + 1e-3
