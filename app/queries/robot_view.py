@@ -27,7 +27,7 @@ class RobotViewQuery(Query[RobotView]):
     states: tuple[RigidState | End, ...] = field(compare=False)
     """From where it looks; ends as they are, for states take long to make, and the session is often asked."""
     rough: bool = False
-    """Whether a quarter of the pixels will do: in flight each step would wait for the others."""
+    """Whether a ninth of the pixels will do: in flight each step would wait for the others."""
 
     @classmethod
     def pending(cls, session: Session) -> Iterator["RobotViewQuery"]:
