@@ -38,8 +38,8 @@ def sampled_columns(field: Field, body: Body, scales: Scales, parts: int) -> UIn
     fx, fy, fz = ((count - 1) * parts + 1 for count in shape_for(box, scales.voxel))
     dense = dense_at(field, node_positions(box, (fx, fy, fz)), scales.threshold)
     step = spacing_of(box, (fx, fy, fz))[2].item()
-    pooled = _pool(dense, math.ceil(0.5 * body.extents[2] / step - 1e-6))
-    return np.ascontiguousarray(pooled[..., ::parts].numpy())
+    above = pooled(dense, math.ceil(0.5 * body.extents[2] / step - 1e-6))
+    return np.ascontiguousarray(above[..., ::parts].numpy())
 
 
 def layer_columns(field: Field, body: Body, scales: Scales, parts: int, height: float) -> UInt8[np.ndarray, "fx fy 1"]:
@@ -76,10 +76,10 @@ def dense_at(
     return dense.reshape(points.shape[:-1]).to(torch.uint8)
 
 
-def _pool(dense: UInt8[Tensor, "nx ny nz"], reach: int) -> UInt8[Tensor, "nx ny nz"]:
+def pooled(dense: UInt8[Tensor, "nx ny nz"], reach: int) -> UInt8[Tensor, "nx ny nz"]:
     """Whether anything within `reach` nodes along z is dense."""
     if reach == 0:
         return dense
     rows = dense.reshape(1, -1, dense.shape[-1]).float()
-    pooled = torch.nn.functional.max_pool1d(rows, 2 * reach + 1, stride=1, padding=reach)
-    return pooled.reshape(dense.shape).to(torch.uint8)
+    above = torch.nn.functional.max_pool1d(rows, 2 * reach + 1, stride=1, padding=reach)
+    return above.reshape(dense.shape).to(torch.uint8)

@@ -2,13 +2,14 @@
 
     c(p) = P(the body does not fit at p + d),  d ~ N(0, P)   =   (1_occupied * N(0, P))(p)
 
-with P of spread.py: where the body does not fit (occupancy.py: the Minkowski sum of the body and what is solid),
-blurred. It is the expectation of hitting the body as a whole; the same sum over body points as in Eq. 1 would count one
-hit as often as there are points. P is the same everywhere, so that one map serves all plans in a place. The body is
-taken level, and of one that is longer than wide its best heading. Plans keep all of the body inside of the field's box
+with P of spread.py: where the body does not fit (c_space.py: the Minkowski sum of the body and what is solid), blurred.
+It is the expectation of hitting the body as a whole; the same sum over body points as in Eq. 1 would count one hit as
+often as there are points. P is the same everywhere, so that one map serves all plans in a place. The body is taken
+level, and of one that is longer than wide its best heading. Plans keep all of the body inside of the field's box
 (border.py); where noise may push it a little beyond, things are taken to be as they are at the border.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -17,14 +18,13 @@ import scipy
 from jaxtyping import Float
 
 from nerfnav.field import Field
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.scales import grain_of, scales_of
+from nerfnav.planner.c_space import CSpace
+from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.spread import Outlook, position_spread
 from nerfnav.robots import Robot
 
-_ACROSS = 4
-"""Nodes of the map to the width of a body: the spread is not much less than half of it."""
-_MOST_NODES = 6_000_000
+_FINE = 2
+"""Nodes of the map to a standard deviation, where the obstacles are known as finely."""
 _TAIL = 3.0
 """Standard deviations beyond which noise is not looked at."""
 _BEYOND = 10
@@ -77,20 +77,35 @@ def dearer_by(danger: DangerMap, occupancy: OccupancyMap, weight: float) -> Floa
 
 @lru_cache(maxsize=8)
 def _blurred(field: Field, robot: Robot, height: float | None, spread: tuple[float, float]) -> DangerMap:
-    occupancy = _occupied(field, robot, height)
-    spacing, lower = occupancy.spacing.double().numpy(), occupancy.box.lower.double().cpu().numpy()
-    occupied = occupancy.dense.all(0).numpy().astype(np.float32)
-    flat = height is not None
-    level, rise = spread[0] / spacing, 0.0 if flat else spread[1] / spacing[2]
-    chances = scipy.ndimage.gaussian_filter(occupied, (level[0], level[1], rise), mode="nearest", truncate=_TAIL)
-    beyond = np.array([_BEYOND, _BEYOND, 1 if flat else _BEYOND])  # of the only layer: the same at whatever height
-    chances = np.pad(chances, np.stack([beyond, beyond], -1), mode="edge")
-    return DangerMap(chances, lower - beyond * spacing, 1 / spacing)
+    space = _c_space(field, robot, height)
+    deviations = np.array([spread[0], spread[0], spread[1]])
+    spacing = np.maximum(space.spacing, deviations / _FINE)
+    chances, lower = space.blocked.astype(np.float32), space.lower.copy()
+    for axis in range(3 if height is None else 2):
+        count, step = space.blocked.shape[axis], space.spacing[axis]
+        beyond = _BEYOND * spacing[axis]
+        places = np.arange(math.ceil(((count - 1) * step + 2 * beyond) / spacing[axis]) + 1) * spacing[axis] - beyond
+        weights = _weights(np.clip(places, 0.0, (count - 1) * step) / step, count, deviations[axis] / step)
+        chances = np.moveaxis(np.tensordot(weights, chances, (1, axis)), 0, axis)
+        lower[axis] -= beyond
+    if height is not None:  # the same at whatever height
+        chances, lower[2] = np.repeat(chances, 3, 2), lower[2] - spacing[2]
+    return DangerMap(np.ascontiguousarray(chances), lower, 1 / spacing)
+
+
+def _weights(
+    places: Float[np.ndarray, " m"], count: int, deviation: float
+) -> Float[np.ndarray, "m n"]:
+    """What each of `count` nodes has of a normal distribution around each place, in nodes: that of the cell around it,
+    to the tail."""
+    edges = np.arange(count + 1) - 0.5
+    below = scipy.special.ndtr(np.clip((edges - places[:, None]) / deviation, -_TAIL, _TAIL))
+    below = (below - scipy.special.ndtr(-_TAIL)) / (1 - 2 * scipy.special.ndtr(-_TAIL))
+    below[:, 0], below[:, -1] = 0.0, 1.0  # beyond the border it is as at the border
+    return np.diff(below).astype(np.float32)
 
 
 @lru_cache(maxsize=2)
-def _occupied(field: Field, robot: Robot, height: float | None) -> OccupancyMap:
-    """Where the body does not fit, fine enough to be blurred."""
-    width, volume = scales_of(field, robot.body).width, field.box.size.double().prod().item()
-    voxel = max(width / _ACROSS, grain_of(field) or 0.0, (volume / _MOST_NODES) ** (1 / 3))
-    return OccupancyMap.of(field, robot.body, OccupancyConfig(voxel=voxel, samples_per_voxel=1), height)
+def _c_space(field: Field, robot: Robot, height: float | None) -> CSpace:
+    """Where the body does not fit; kept, for robots that are pushed by different noise."""
+    return CSpace.of(field, robot.body, height)

@@ -94,7 +94,7 @@ class OccupancyMap:
         scales, box = config.scales(field, body), field.box.to("cpu")
         shape = shape_for(box, scales.voxel)
         exact = _is_exact(field, config)
-        headings = _headings(config, scales)
+        headings = headings_of(config, scales)
         _require_room(box, shape if height is None else (*shape[:2], 1), scales, len(headings))
         parts = config.samples_per_voxel
         if height is None:
@@ -194,7 +194,7 @@ def _is_exact(field: Field, config: OccupancyConfig) -> TypeGuard[GridField]:
     return float(field.spacing.max()) > PAPERS_GRAIN if config.exact is None else config.exact
 
 
-def _headings(config: OccupancyConfig, scales: Scales) -> list[float]:
+def headings_of(config: OccupancyConfig, scales: Scales) -> list[float]:
     """The headings that maps are made for [rad]; a single one where a body is about as long as wide."""
     if scales.length <= config.slender * scales.width:
         return [0.0]

@@ -20,10 +20,10 @@ _ROOM, _CARE = 0.04, 3.0
 """Room around the body [m], and how many times as much collision weighs, when a plan is redone in flight."""
 
 
-RISK = 30.0
-"""What a collision that noise brings about costs by default in flight [J]: as much as 30 s of hovering. Chosen on the
-plans of the bundled tasks: from 0 to 30 to 100, the median of the collisions to be expected fell from 1.3 to
-0.024 to 0.017."""
+RISK = 100.0
+"""What a collision that noise brings about costs by default in flight [J]: as much as 100 s of hovering. Of flights
+between the ends of the church's tasks with the state known, 5.0 % touched something with 30, 4.7 % with 60, 1,000
+flights each, and 3.8 % of 2,000 with 100, which takes 4 % longer."""
 
 
 @runtime_checkable

@@ -1,0 +1,98 @@
+"""Obstacles of the configuration space: as large as the thing and the body, whatever their sizes."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from nerfnav.field.evidence import raw_of
+from nerfnav.field.voxel import VoxelField
+from nerfnav.geometry import node_positions
+from nerfnav.geometry.box import Box
+from nerfnav.planner.c_space import CSpace
+from nerfnav.planner.danger import DangerMap
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.spread import Disturbance, Outlook
+from nerfnav.robots import Body, load
+from tests.planner.places import ROBOT
+
+GRAIN = 0.015
+"""Distance of the field's nodes [m]."""
+PUSHED = Outlook(disturbance=Disturbance((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)))
+
+
+def block(half: tuple[float, float, float], scale: float = 1.0, solid: float = 5.0) -> VoxelField:
+    """A block amid an empty box of 1.2 x 1.2 x 0.9 m, all of it `scale` times as large, `solid` [1/m] on its sides."""
+    box = Box.of((-0.6 * scale, -0.6 * scale, -0.45 * scale), (0.6 * scale, 0.6 * scale, 0.45 * scale))
+    shape = (round(1.2 / GRAIN) + 1, round(1.2 / GRAIN) + 1, round(0.9 / GRAIN) + 1)
+    outside = (node_positions(box, shape).abs() - scale * torch.tensor(half)).amax(-1)  # in metres, 0 on its sides
+    raw = raw_of(solid) - (200 * outside / scale).clamp(-20, 20)
+    return VoxelField(box, torch.cat([raw[..., None], torch.full((*shape, 3), 0.5)], -1), torch.ones(3))
+
+
+def widths(space: CSpace) -> np.ndarray:
+    """Size of the obstacle along each axis [m], through its middle."""
+    middle = np.round(-space.lower / space.spacing).astype(int)
+    rows = [space.blocked.take(middle[a], axis=a) for a in range(3)]
+    along = (rows[1][:, middle[2]], rows[0][:, middle[2]], rows[0][middle[1]])
+    return space.spacing * [row.sum() for row in along]
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("half", [(0.2, 0.1, 0.15), (0.213, 0.107, 0.158)])
+def test_an_obstacle_is_as_large_as_the_thing_and_the_body(half: tuple[float, float, float], scale: float):
+    extents = tuple(scale * edge for edge in ROBOT.body.extents)
+    body = Body.box(extents, (5, 5, 3))
+    space = CSpace.of(block(half, scale, OccupancyConfig().scales(block(half, scale), body).threshold), body)
+    wanted = 2 * scale * np.array(half) + extents
+    np.testing.assert_array_less(np.abs(widths(space) - wanted), 1.01 * space.spacing)
+    assert space.spacing.max() < 0.13 * extents[0] + 1e-9
+
+
+def test_maps_to_search_on_add_to_it_what_this_does_not():
+    field = block((0.2, 0.1, 0.15))
+    to_search = OccupancyMap.of(field, ROBOT.body)
+    searched = to_search.dense.sum() * to_search.spacing.prod()
+    space = CSpace.of(field, ROBOT.body)
+    exactly = np.prod(2 * np.array([0.2, 0.1, 0.15]) + ROBOT.body.extents)
+    assert space.blocked.sum() * space.spacing.prod() == pytest.approx(exactly, rel=0.08)
+    assert searched > 1.2 * exactly
+
+
+def test_where_points_would_be_further_apart_than_nodes_nothing_is_missed():
+    box = Box.of((-300, -300, -10), (300, 300, 10))
+    nodes = node_positions(box, (401, 401, 15))
+    sheet = nodes[..., 0].abs() < 0.1  # a wall of a single node
+    raw = torch.where(sheet, 10.0, -20.0)[..., None]
+    field = VoxelField(box, torch.cat([raw, torch.full((*raw.shape[:3], 3), 0.5)], -1), torch.ones(3))
+    space = CSpace.of(field, ROBOT.body)
+    assert space.blocked.any(0).all() and space.spacing.min() > 1.0
+
+
+def test_a_robot_that_never_leaves_its_height_has_obstacles_there_alone():
+    field, body = block((0.2, 0.1, 0.15)), load("diffdrive").body
+    space = CSpace.of(field, body, 0.0)
+    assert space.blocked.shape[2] == 1 and space.lower[2] == 0.0
+    assert not CSpace.of(field, body, 0.3).blocked.any()
+    side = 0.2 + 0.5 * body.extents[0]  # whatever its heading
+    x = np.abs(space.lower[0] + np.arange(len(space.blocked)) * space.spacing[0])
+    row = space.blocked[:, round(-space.lower[1] / space.spacing[1]), 0]
+    assert row[x < side - 0.015].all() and not row[x > side + 0.015].any()
+
+
+def test_a_long_body_is_blocked_where_it_fits_with_no_heading():
+    space = CSpace.of(block((0.2, 0.1, 0.15)), Body.box((0.3, 0.1, 0.1), (9, 3, 3)))
+    np.testing.assert_allclose(widths(space)[:2], [0.4 + 0.1, 0.2 + 0.1], atol=0.03)
+
+
+@pytest.mark.parametrize("name", ["quadrotor", "quadrotor25"])
+def test_the_chance_beside_a_block_is_the_tail_of_the_noise(name: str):
+    robot = load(name)
+    danger = DangerMap.of(block((0.2, 0.2, 0.3)), robot, PUSHED)
+    middle = np.round(-danger.lower * danger.per_meter).astype(int)
+    row = danger.chances[:, middle[1], middle[2]]
+    x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
+    edge = 0.2 + 0.5 * robot.body.extents[0]
+    tail = [0.5 * math.erfc((at - edge) / 0.04 / math.sqrt(2)) for at in x[(x > 0) & (x < 0.6)]]
+    np.testing.assert_allclose(row[(x > 0) & (x < 0.6)], tail, atol=0.08)
