@@ -14,10 +14,9 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
-from nerfnav.compiled import default_threads, threads
 from nerfnav.field import Field, GridField
-from nerfnav.planner.columns import dense_at, pooled
-from nerfnav.planner.kernels import maps
+from nerfnav.memory import require_memory
+from nerfnav.planner.columns import covered, dense_at, levels_of, pooled
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, headings_of
 from nerfnav.planner.scales import Scales, grain_of
 from nerfnav.robots import Body
@@ -25,7 +24,10 @@ from nerfnav.robots import Body
 _ACROSS, _FEWEST = 8, 4
 """Points to the width of a body, and where so many are too many, or fields take long to ask."""
 _MOST = 6_000_000
-"""Points in all."""
+"""Points in all, as long as half of the body is no whole number of their distances: to make it one, up to four times as
+many are taken."""
+_BYTES = 24
+"""What a point takes, at most, until chances are made of it (danger.py), and one for each heading."""
 _SLAB = 8
 """Layers of points that are asked for at once."""
 
@@ -43,15 +45,18 @@ class CSpace:
 
     @classmethod
     def of(cls, field: Field, body: Body, height: float | None = None) -> "CSpace":
-        """Of a body in a field; with a `height` [m] of a body that never leaves it, in a single layer."""
-        scales = OccupancyConfig().scales(field, body)
-        volume, grain = field.box.size.double().prod().item(), grain_of(field) or math.inf
-        affordable = (volume / _MOST) ** (1 / 3)
-        wanted = max(min(scales.width / _ACROSS, grain), affordable)
-        if isinstance(field, GridField) and wanted <= min(grain, scales.width / _FEWEST):
-            return cls._sampled(field, body, scales, wanted, height)
+        """Of a body in a field; with a `height` [m] of a body that never leaves it, in a single layer.
+
+        Raises InvalidInputError where the memory cannot hold it, before it is made.
+        """
+        scales, grain = OccupancyConfig().scales(field, body), grain_of(field) or 0.0
+        affordable = (field.box.size.double().prod().item() / _MOST) ** (1 / 3)
+        if isinstance(field, GridField):
+            wanted = max(min(scales.width / _ACROSS, grain), affordable)
+            if wanted <= min(grain, scales.width / _FEWEST):
+                return cls._sampled(field, body, scales, wanted, height)
         # points further apart than what the field tells apart would miss things, and networks take long to answer
-        voxel = max(scales.width / _FEWEST, grain if grain < math.inf else 0.0, affordable)
+        voxel = max(scales.width / _FEWEST, grain, affordable)
         coarse = OccupancyMap.of(field, body, OccupancyConfig(voxel=voxel, samples_per_voxel=1), height)
         lower, spacing = coarse.box.lower.double().cpu().numpy(), coarse.spacing.double().numpy()
         return cls(coarse.dense.all(0).numpy(), lower, spacing)
@@ -66,12 +71,17 @@ class CSpace:
             first + step * torch.arange(math.ceil(edge / step - 1e-6) + 1, dtype=torch.float64)
             for first, edge, step in zip(lower.tolist(), size.tolist(), spacing.tolist(), strict=True)
         ]
+        if height is not None:
+            lower[2], axes[2] = height, levels_of(body, height).double()
+        headings = headings_of(OccupancyConfig(), scales)
+        _require_room(axes, side, len(headings))
+        columns = _dense(field, axes, scales)
         if height is None:
-            columns = pooled(_dense(field, axes, scales), round(0.5 * body.extents[2] / tall))
+            columns = pooled(columns, round(0.5 * body.extents[2] / tall))
         else:
-            lower[2], axes[2] = height, height + body.points_body[:, 2].double().unique()
-            columns = _dense(field, axes, scales).amax(-1, keepdim=True)
-        return cls(_covering(columns.numpy(), body, scales, spacing), lower, spacing)
+            columns = columns.amax(-1, keepdim=True)
+        marked = covered(columns.numpy(), 1, _outlines(body, headings, spacing), spacing[:2])
+        return cls(np.logical_and.reduce(marked), lower, spacing)
 
 
 def _dividing(length: float, most: float) -> float:
@@ -85,16 +95,19 @@ def _dense(field: Field, axes: list[Tensor], scales: Scales) -> UInt8[Tensor, "n
     return torch.cat([dense_at(field, torch.stack(slab, -1), scales.threshold) for slab in slabs])
 
 
-def _covering(
-    columns: UInt8[np.ndarray, "nx ny nz"], body: Body, scales: Scales, spacing: Float[np.ndarray, "3"]
-) -> Bool[np.ndarray, "nx ny nz"]:
-    """Where a body covers a dense column, whatever its heading."""
-    headings, half = headings_of(OccupancyConfig(), scales), 0.5 * np.array(body.extents[:2])
-    if len(headings) == 1:
+def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
+    """Half length and half width of the body [m], to the nearest column, and each heading [rad]."""
+    half = 0.5 * np.array(body.extents[:2])
+    if len(headings) == 1:  # any heading
         half[:] = half.max()
-    half = spacing[:2] * np.round(half / spacing[:2])
-    marked = np.zeros((len(headings), *columns.shape), np.uint8)
-    outlines = np.array([[*half, heading] for heading in headings])
-    with threads(default_threads()):
-        maps.mark_bodies(np.ascontiguousarray(columns), 1, outlines, spacing[:2], marked)
-    return np.asarray(marked.all(0))
+    return np.array([[*(spacing[:2] * np.round(half / spacing[:2])), heading] for heading in headings])
+
+
+def _require_room(axes: list[Tensor], step: float, headings: int) -> None:
+    """Refuse obstacles that the memory cannot hold."""
+    count = math.prod(len(axis) for axis in axes)
+    require_memory(
+        count * (_BYTES + headings),
+        f"the chance that noise pushes a robot into something, at {count:,} points {step:.3g} m apart,",
+        "plan without risk (--risk 0)",
+    )

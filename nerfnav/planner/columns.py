@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from nerfnav.compiled import default_threads, threads
@@ -46,10 +46,30 @@ def layer_columns(field: Field, body: Body, scales: Scales, parts: int, height: 
     """Whether a column is dense at one height [m], exactly over the height of the body's points."""
     box = field.box.to("cpu")
     nx, ny, _ = ((count - 1) * parts + 1 for count in shape_for(box, scales.voxel))
-    levels = height + body.points_body[:, 2].unique()
+    levels = levels_of(body, height)
     flat = node_positions(flat_box(box, 0.0), (nx, ny, 1)).expand(nx, ny, len(levels), 3).clone()
     flat[..., 2] = levels
     return dense_at(field, flat, scales.threshold).amax(-1, keepdim=True).numpy()
+
+
+def levels_of(body: Body, height: float) -> Float[Tensor, " levels"]:
+    """The heights of a body's points [m], of one whose middle is at `height` [m]."""
+    return height + body.points_body[:, 2].unique()
+
+
+def covered(
+    columns: UInt8[np.ndarray, "fx fy nz"],
+    parts: int,
+    outlines: Float[np.ndarray, "m 3"],
+    spacing: Float[np.ndarray, "2"],
+) -> Bool[np.ndarray, "m nx ny nz"]:
+    """Where a body at every `parts`-th column covers one that is dense, with each of its outlines; see the kernel
+    `mark_bodies`."""
+    nx, ny = ((count - 1) // parts + 1 for count in columns.shape[:2])
+    marked = np.zeros((len(outlines), nx, ny, columns.shape[2]), np.uint8)
+    with threads(default_threads()):
+        maps.mark_bodies(columns, parts, outlines, spacing, marked)
+    return marked.view(bool)
 
 
 def flat_box(box: Box, height: float) -> Box:

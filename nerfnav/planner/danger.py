@@ -27,6 +27,8 @@ _FINE = 2
 """Nodes of the map to a standard deviation, where the obstacles are known as finely."""
 _TAIL = 3.0
 """Standard deviations beyond which noise is not looked at."""
+_STILL = 1e-6
+"""Standard deviation that stands for none, in nodes."""
 _BEYOND = 10
 """Nodes of the map beyond each border of the field's box, as dangerous as the border: nobody knows what is there."""
 
@@ -85,7 +87,7 @@ def _blurred(field: Field, robot: Robot, height: float | None, spread: tuple[flo
         count, step = space.blocked.shape[axis], space.spacing[axis]
         beyond = _BEYOND * spacing[axis]
         places = np.arange(math.ceil(((count - 1) * step + 2 * beyond) / spacing[axis]) + 1) * spacing[axis] - beyond
-        weights = _weights(np.clip(places, 0.0, (count - 1) * step) / step, count, deviations[axis] / step)
+        weights = _weights(np.clip(places / step, 0, count - 1), count, max(deviations[axis] / step, _STILL))
         chances = np.moveaxis(np.tensordot(weights, chances, (1, axis)), 0, axis)
         lower[axis] -= beyond
     if height is not None:  # the same at whatever height
@@ -93,14 +95,12 @@ def _blurred(field: Field, robot: Robot, height: float | None, spread: tuple[flo
     return DangerMap(np.ascontiguousarray(chances), lower, 1 / spacing)
 
 
-def _weights(
-    places: Float[np.ndarray, " m"], count: int, deviation: float
-) -> Float[np.ndarray, "m n"]:
+def _weights(places: Float[np.ndarray, " m"], count: int, deviation: float) -> Float[np.ndarray, "m n"]:
     """What each of `count` nodes has of a normal distribution around each place, in nodes: that of the cell around it,
     to the tail."""
-    edges = np.arange(count + 1) - 0.5
+    edges, tail = np.arange(count + 1) - 0.5, scipy.special.ndtr(-_TAIL)
     below = scipy.special.ndtr(np.clip((edges - places[:, None]) / deviation, -_TAIL, _TAIL))
-    below = (below - scipy.special.ndtr(-_TAIL)) / (1 - 2 * scipy.special.ndtr(-_TAIL))
+    below = (below - tail) / (1 - 2 * tail)
     below[:, 0], below[:, -1] = 0.0, 1.0  # beyond the border it is as at the border
     return np.diff(below).astype(np.float32)
 

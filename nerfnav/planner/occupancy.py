@@ -21,12 +21,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.compiled import default_threads, threads
 from nerfnav.field import Field, GridField
 from nerfnav.geometry import Box, shape_for, spacing_of
 from nerfnav.memory import require_memory
 from nerfnav.planner.border import known_density, mark_beyond
-from nerfnav.planner.columns import flat_box, layer_columns, marked_columns, sampled_columns
+from nerfnav.planner.columns import covered, flat_box, layer_columns, marked_columns, sampled_columns
 from nerfnav.planner.kernels import maps
 from nerfnav.planner.scales import PAPERS_GRAIN, Scales, scales_of
 from nerfnav.robots import Body, RigidState
@@ -105,15 +104,11 @@ class OccupancyMap:
         else:
             parts = max(parts, math.ceil(4 * scales.voxel / float(field.spacing.max()) - 1e-6)) if exact else parts
             columns, box = layer_columns(field, body, scales, parts, height), flat_box(box, height)
-        marked = np.zeros((len(headings), *shape[:2], columns.shape[2]), np.uint8)
         spacing = spacing_of(box, (*columns.shape[:2], 2))[:2].double().numpy()
-        outlines = _outlines(body, headings, spacing, exact)
-        with threads(default_threads()):
-            maps.mark_bodies(columns, parts, outlines, spacing, marked)
-        dense = torch.from_numpy(marked.view(bool))
-        marked = marked.copy()
+        dense = covered(columns, parts, _outlines(body, headings, spacing, exact), spacing)
+        marked = dense.copy()
         mark_beyond(marked, headings, body, field.box.to("cpu"), height)
-        return cls(box, torch.from_numpy(marked.view(bool)), dense, config, scales)
+        return cls(box, torch.from_numpy(marked), torch.from_numpy(dense), config, scales)
 
     def remembering(self) -> "OccupancyMap":
         """The same map, on which one way is not searched twice in a row: for plans that differ in duration alone."""

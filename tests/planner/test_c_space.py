@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from nerfnav.errors import InvalidInputError
 from nerfnav.field.evidence import raw_of
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import node_positions
@@ -96,3 +97,17 @@ def test_the_chance_beside_a_block_is_the_tail_of_the_noise(name: str):
     edge = 0.2 + 0.5 * robot.body.extents[0]
     tail = [0.5 * math.erfc((at - edge) / 0.04 / math.sqrt(2)) for at in x[(x > 0) & (x < 0.6)]]
     np.testing.assert_allclose(row[(x > 0) & (x < 0.6)], tail, atol=0.08)
+
+
+def test_where_nothing_pushes_there_is_danger_where_the_body_does_not_fit_and_nowhere_else():
+    still = (0.0, 0.0, 0.0, 0.0)
+    danger = DangerMap.of(block((0.2, 0.1, 0.15)), ROBOT, Outlook(disturbance=Disturbance(still, still)))
+    assert set(np.unique(danger.chances)) <= {0.0, 0.5, 1.0}
+    volume = danger.chances.sum() / danger.per_meter.prod()
+    assert volume == pytest.approx(np.prod(2 * np.array([0.2, 0.1, 0.15]) + ROBOT.body.extents), rel=0.08)
+
+
+def test_obstacles_that_the_memory_cannot_hold_are_refused(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("nerfnav.memory.free_memory", lambda: 10**6)
+    with pytest.raises(InvalidInputError, match=r"^the chance that noise .* may take .* GB, .*: plan without risk"):
+        CSpace.of(block((0.2, 0.1, 0.15)), ROBOT.body)
