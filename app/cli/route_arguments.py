@@ -57,7 +57,7 @@ class Route:
     """What planners take space for that no camera ever saw into, such as the insides of walls."""
     risk: float | None = None
     """What a collision that noise brings about costs [J]: the planner keeps wider of what is solid; 0 plans as if
-    nothing disturbed the robot. By default 0 for plans, and 30 in flights of the fast planner."""
+    nothing disturbed the robot. By default 0 for plans, and 100 in flights of the fast planner."""
     json: bool = False
     """Print one JSON object and nothing else."""
 

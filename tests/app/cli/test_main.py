@@ -21,6 +21,7 @@ from nerfnav import robots
 from nerfnav.errors import InvalidInputError, NerfnavError
 from nerfnav.navigation.episode import Episode
 from nerfnav.planner import planners
+from nerfnav.planner.planner import RISK
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.planners.paper import PaperPlanner
 from tests.app.doubles import balls_place
@@ -77,6 +78,13 @@ def test_every_command_explains_its_options(name: str, capsys: Capture) -> None:
         main([name, "--help"])
     assert stop.value.code == 0
     assert "--json" in capsys.readouterr().out
+
+
+def test_what_a_collision_by_noise_costs_in_flight_is_what_its_option_says(capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(["fly", "--help"])
+    words = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"0 for plans, and {RISK:g} in flights of the fast planner" in words
 
 
 def test_without_a_command_the_app_opens_stonehenge() -> None:
