@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from app.places.kept_surface import keep_surface, kept_surface
 from app.places.place import Place
-from app.places.surface_glb import colored_glb, unlit_glb, without_specks
+from app.places.surface_glb import colored_glb, simplified, unlit_glb, without_specks
 from nerfnav.field import GridField, field_mesh, open_rooms
 from nerfnav.field.texture import texturing
 from nerfnav.steps import returned
@@ -62,7 +62,7 @@ def _mesh(place: Place) -> "trimesh.Trimesh":
     mesh = field_mesh(field, spacing, min(_LEVEL, _DEPTH / _voxel(place)))
     if isinstance(field, GridField) and field.info.proven_from == "depth":
         mesh = open_rooms(field, mesh, spacing)
-    return without_specks(mesh, _SPECK)
+    return simplified(without_specks(mesh, _SPECK))
 
 
 def _box(place: Place) -> tuple[list[float], list[float]]:

@@ -157,3 +157,38 @@ def test_where_a_page_is_drawn_in_software_edges_are_rough_and_a_drag_is_drawn_w
     page.mouse.up()
     page.wait_for_function(f"{width} >= 375")
     context.close()
+
+
+def test_where_a_page_is_drawn_in_software_frames_are_spaced_unless_a_hand_moves_something(
+    serve: Serve, browser: Browser
+) -> None:
+    app = serve(small_work())
+    context = browser.new_context(viewport={"width": 500, "height": 400})
+    context.set_default_timeout(1000 * PATIENCE_S)
+    context.add_init_script(KNOWS_HELP)
+    context.add_init_script(WITHOUT_COMPLAINT)
+    gaps = """count => new Promise(done => {
+      const at = [], frame = () => {
+        at.push(performance.now());
+        if (at.length > count) done(at.slice(1).map((time, index) => time - at[index]));
+        else requestAnimationFrame(frame);
+      };
+      requestAnimationFrame(frame);
+    })"""
+    page = context.new_page()
+    for query, spaced in (("?fixedDpr=1", False), ("?fixedDpr=0.5", True), ("", True)):
+        page.goto(f"{app.url}{query}")
+        page.wait_for_function("document.elementFromPoint(60, 120) === window.__viserMutable?.canvas")
+        assert (min(page.evaluate(gaps, 30)) > 40) is spaced
+    page.mouse.move(60, 120)
+    page.mouse.down()
+    assert min(page.evaluate(gaps, 30)) < 40
+    page.mouse.up()
+    page.wait_for_timeout(1000)
+    assert min(page.evaluate(gaps, 30)) > 40
+    assert page.evaluate("""() => new Promise(done => {
+      const taken = requestAnimationFrame(() => done(false));
+      cancelAnimationFrame(taken);
+      requestAnimationFrame(() => done(true));
+    })"""), "a request that was taken back is not answered"
+    context.close()

@@ -19,7 +19,7 @@ from app.page.panels import plan_charts, plan_words
 from app.page.panels.status_words import activity
 from app.page.theme import branded, linear
 from app.places.ends import End, Ends
-from app.places.surface_glb import BRIGHTEST, colored_glb, dressed, unlit_glb, without_specks
+from app.places.surface_glb import BRIGHTEST, colored_glb, dressed, simplified, unlit_glb, without_specks
 from app.state.job import Job, JobKind
 from app.state.records import CostHistory, FlightRecord, PlanRecord
 from app.state.session import Session
@@ -169,6 +169,19 @@ def test_specks_are_left_out_of_the_surface_and_large_parts_stay_as_they_are() -
     np.testing.assert_allclose(kept.vertices, large.vertices)
     np.testing.assert_array_equal(kept.visual.vertex_colors, both.visual.vertex_colors[len(speck.vertices) :])
     assert len(without_specks(trimesh.Trimesh(), 50).faces) == 0
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
+def test_a_surface_of_fewer_faces_lies_where_it_lay_and_keeps_its_colours(size: float) -> None:
+    fine = trimesh.creation.icosphere(subdivisions=5, radius=size)
+    fine.visual.vertex_colors = np.where(fine.vertices[:, 2:] > 0, [250, 10, 10], [10, 10, 250]).astype(np.uint8)
+    coarse = simplified(fine)
+    assert len(coarse.faces) < 0.2 * len(fine.faces)
+    np.testing.assert_allclose(np.linalg.norm(coarse.triangles_center, axis=1), size, rtol=0.01)
+    away = np.abs(coarse.vertices[:, 2]) > 0.1 * size
+    red = coarse.visual.vertex_colors[:, 0] > 128
+    np.testing.assert_array_equal(red[away], coarse.vertices[away, 2] > 0)
+    assert len(simplified(trimesh.Trimesh()).faces) == 0
 
 
 def test_linear_colours_follow_the_srgb_curve() -> None:
