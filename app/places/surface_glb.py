@@ -54,8 +54,8 @@ def simplified(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
         return mesh
     coarse = mesh.simplify_quadric_decimation(percent=1 - _SHARE)
     _, nearest = scipy.spatial.KDTree(mesh.vertices).query(coarse.vertices)
-    coarse.visual.vertex_colors = _vertex_colors(mesh)[nearest]
-    return coarse
+    colors = _vertex_colors(mesh)[nearest]
+    return type(mesh)(coarse.vertices, coarse.faces, vertex_colors=colors, process=False)
 
 
 def unlit_glb(mesh: "TexturedMesh", box: Box = None) -> bytes:

@@ -95,9 +95,9 @@ class MeshRenderer:
         """The picture that a camera at `pose` = T_world_camera takes."""
         finer, k = camera.scaled(self._supersample), self._supersample
         hits = self._hits(finer, pose)
-        seen, colors = hits.face >= 0, np.empty((len(hits.face), 3), np.float32)
-        some = np.flatnonzero(seen)
-        colors[some] = self._color(hits.face.take(some), hits.weights.take(some, axis=0))
+        seen = hits.face >= 0
+        # the sky's rays as well, as if they saw the last face (-1): gathering the others would take as long again
+        colors = self._color(hits.face, hits.weights) if seen.any() else np.empty((len(seen), 3), np.float32)
         image = np.empty((camera.height, camera.width, 3), np.uint8)
         pixels = (camera.height, k, camera.width, k)
         average(colors.reshape(*pixels, 3), seen.reshape(pixels), self._sky, image)
