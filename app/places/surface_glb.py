@@ -23,7 +23,7 @@ _JPEG_QUALITY = 95
 BRIGHTEST = 2.0
 """Light of the brightest texel: after viser's tone mapping, nearly white."""
 _CUTS = 100  # heights at which a surface can be cut
-_SHARE = 0.15  # of the faces of marching cubes: the rest moves no surface by as much as the field is off
+_SHARE = 0.1  # of the faces of marching cubes: the rest moves no surface by as much as the field is off
 
 Corner = list[float]
 Box = tuple[Corner, Corner] | None

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import torch
 
-from app.places.ends import Ends, Which
+from app.places.ends import Which
 from app.places.place import Place
 from app.state.job import Job
 from app.state.session import Session
@@ -17,7 +17,8 @@ class FlightOrders:
     """Follows the session on behalf of one flight. Used by the worker's thread alone."""
 
     def __init__(self, job: Job, place: Place) -> None:
-        self._job, self._place, self._ends = job.id, place, job.ends
+        self._job, self._place = job.id, place
+        self._goal, self._goal_state = job.ends.goal, job.ends.goal.state()
         self._asked = self._felt = job
         self._truth = job.ends.start.state()
         self._generator = torch.Generator().manual_seed(job.id)
@@ -30,8 +31,9 @@ class FlightOrders:
         self._asked = job
         if session.flight is not None and session.flight.steps:
             self._truth = session.flight.steps[-1].truth
-        if session.problems.get(Which.GOAL, "not known yet") is None:
-            self._ends = Ends(self._ends.start, session.ends.goal)
+        goal = session.ends.goal
+        if goal != self._goal and session.problems.get(Which.GOAL, "not known yet") is None:
+            self._goal, self._goal_state = goal, goal.state()
 
     def orders(self) -> Orders:
         """What is asked of the next time step; a gust blows once for each time it was asked for."""
@@ -39,7 +41,7 @@ class FlightOrders:
         blows = felt.gusts < asked.gusts
         self._felt = replace(asked, gusts=felt.gusts + blows)
         return Orders(
-            goal=self._ends.goal.state(),
+            goal=self._goal_state,
             gust=GUST if blows else None,
             carried=elsewhere(self._place, self._truth, self._generator) if asked.kidnaps > felt.kidnaps else None,
             search=asked.searches > felt.searches,

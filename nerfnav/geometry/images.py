@@ -74,9 +74,9 @@ def outlines(photographs: PosedImages, points: Float[Tensor, "m 3"]) -> tuple[Fl
 
 def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:
     """The colours in [0, 1] that a camera with fewer pixels sees, each the mean over its area, row by row."""
-    planes = image.permute(2, 0, 1)[None].float() / 255
-    small = torch.nn.functional.interpolate(planes, (camera.height, camera.width), mode="area")
-    return small[0].permute(1, 2, 0).reshape(-1, 3)
+    size = camera.width, camera.height
+    small = cv2.resize(image.cpu().numpy().astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return torch.from_numpy(small.reshape(-1, 3)).to(image.device) / 255
 
 
 def picture_file(image: UInt8[np.ndarray, "height width 3"], jpeg_quality: int | None = None) -> bytes:
