@@ -1,7 +1,7 @@
-// Where WebGL is drawn in software, a frame takes the processor from the flight that it shows: a third less of it without
-// antialiasing. What moves by itself is drawn 20 times a second, and nothing in the panel glides, for each step of that
-// is a frame. A hand has all frames, and fewer pixels in them while it drags. Pages that ask for a pixel ratio of 1 or
-// more get what they ask for.
+// Where WebGL is drawn in software, a frame takes the processor from the flight that it shows: a third less of it
+// without antialiasing. What moves by itself is drawn 20 times a second, and nothing in the panel glides, for each step
+// of that is a frame. A hand has all frames, and fewer pixels in them while it drags. Pages that ask for a pixel ratio
+// of 1 or more get what they ask for.
 "use strict";
 (() => {
   const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
@@ -25,7 +25,7 @@
   };
 
   const still = document.createElement("style");
-  // not without them: parts of the panel wait for the end of theirs
+  // short, but there: parts of the panel wait for the end of theirs
   still.textContent = `*, *::before, *::after {
     transition-duration: 1ms !important; animation-duration: 1ms !important; animation-iteration-count: 1 !important;
   }`;
@@ -42,8 +42,8 @@
   window.requestAnimationFrame = callback => {
     const id = ++count, now = performance.now(), left = now < handUntil ? 0 : framedAt + FRAME_MS - now;
     const ask = () => {
-      const asked = request(time => { waiting.delete(id); framedAt = performance.now(); callback(time); });
-      waiting.set(id, () => cancel(asked));
+      const requested = request(time => { waiting.delete(id); framedAt = performance.now(); callback(time); });
+      waiting.set(id, () => cancel(requested));
     };
     if (left <= 0) ask();
     else {

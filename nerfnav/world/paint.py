@@ -28,9 +28,10 @@ class Paint:
     """sRGB colour at each face's corners."""
 
     def color(self, faces: Faces, weights: Barycentric) -> Colors:
-        """sRGB, 0 to 255, at points given by their face and their weights of its three corners."""
+        """sRGB, 0 to 255, at points given by their face and their weights of its three corners; of face -1, which is
+        none, any colour."""
         colors = interpolate(self.tint, faces, weights)
-        image = self.image_of_face[faces]
+        image = np.where(faces >= 0, self.image_of_face[faces], -1)
         for index in np.unique(image[image >= 0]):
             here = image == index
             uv = interpolate(self.uv, faces[here], weights[here])

@@ -96,14 +96,21 @@ class MeshRenderer:
         finer, k = camera.scaled(self._supersample), self._supersample
         hits = self._hits(finer, pose)
         seen = hits.face >= 0
-        # the sky's rays as well, as if they saw the last face (-1): gathering the others would take as long again
-        colors = self._color(hits.face, hits.weights) if seen.any() else np.empty((len(seen), 3), np.float32)
+        colors = self._colors(hits, seen)
         image = np.empty((camera.height, camera.width, 3), np.uint8)
         pixels = (camera.height, k, camera.width, k)
         average(colors.reshape(*pixels, 3), seen.reshape(pixels), self._sky, image)
         fine = hits.distance.reshape(finer.height, finer.width)
         depth = np.ascontiguousarray(fine[k // 2 :: k, k // 2 :: k])
         return Picture(*(torch.from_numpy(part) for part in (image, depth, fine)))
+
+    def _colors(self, hits: Hits, seen: Bool[np.ndarray, " n"]) -> Float32[np.ndarray, "n 3"]:
+        """The colours that rays see; any colour for those that see the sky."""
+        if 2 * np.count_nonzero(seen) > len(seen):  # gathering these would take longer than what the others cost
+            return self._color(hits.face, hits.weights)
+        colors, some = np.empty((len(seen), 3), np.float32), np.flatnonzero(seen)
+        colors[some] = self._color(hits.face.take(some), hits.weights.take(some, axis=0))
+        return colors
 
     def _hits(self, camera: Camera, pose: Pose) -> Hits:
         """What all rays hit first."""

@@ -15,7 +15,8 @@ Faces = Int32[np.ndarray, " n"]
 Barycentric = Float32[np.ndarray, "n 3"]
 
 SurfaceColor = Callable[[Faces, Barycentric], Colors]
-"""Colours (sRGB, 0 to 255) at points given by their face and their weights of its three corners."""
+"""Colours (sRGB, 0 to 255) at points given by their face and their weights of its three corners; of face -1, which is
+none, any colour."""
 
 
 def surface_color(mesh: trimesh.Trimesh) -> SurfaceColor:
@@ -46,7 +47,12 @@ def _textured(
     tint: Float32[np.ndarray, " 3"],
     uv_corners: Float32[np.ndarray, "f 3 2"],
 ) -> SurfaceColor:
-    return lambda faces, weights: bilinear(image, interpolate(uv_corners, faces, weights)) * (tint / 255)
+    def color(faces: Faces, weights: Barycentric) -> Colors:
+        colors, seen = np.zeros((len(faces), 3), np.float32), faces >= 0
+        colors[seen] = bilinear(image, interpolate(uv_corners, faces[seen], weights[seen])) * (tint / 255)
+        return colors
+
+    return color
 
 
 def bilinear(image: Shaped[np.ndarray, "h w 3"], uv: Float32[np.ndarray, "n 2"]) -> Colors:
