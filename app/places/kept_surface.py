@@ -10,7 +10,8 @@ import nerfnav
 from nerfnav import cached
 
 _KIND = "surfaces"  # in the cache
-_CODE = Path(__file__).parent, Path(nerfnav.__file__).parent / "field"  # which surfaces depend on
+_APP, _LIBRARY = Path(__file__).parent.parent, Path(nerfnav.__file__).parent
+_CODE = _APP / "places", _APP / "jobs", _LIBRARY / "field"  # which surfaces depend on
 
 
 def kept_surface(field: Path) -> bytes | None:
