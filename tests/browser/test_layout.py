@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, BrowserContext
 
 from app.places.ends import Which
 from app.server import App
@@ -130,14 +130,19 @@ def test_help_opens_at_first_sight_and_by_its_key(serve: Serve, browser: Browser
     context.close()
 
 
-def test_where_a_page_is_drawn_in_software_edges_are_rough_and_a_drag_is_drawn_with_fewer_pixels(
-    serve: Serve, browser: Browser
-) -> None:
-    app = serve(small_work())
+def _plain_context(browser: Browser) -> BrowserContext:
+    """A small page whose pixels, frames and complaints are its test's own matter."""
     context = browser.new_context(viewport={"width": 500, "height": 400})
     context.set_default_timeout(1000 * PATIENCE_S)
     context.add_init_script(KNOWS_HELP)
     context.add_init_script(WITHOUT_COMPLAINT)
+    return context
+
+
+def test_where_a_page_is_drawn_in_software_edges_are_rough_and_a_drag_is_drawn_with_fewer_pixels(
+    serve: Serve, browser: Browser
+) -> None:
+    app, context = serve(small_work()), _plain_context(browser)
     store = "window.__viserMutable.scene?.__r3f?.root"
     smooth = "window.__viserMutable.canvas.getContext('webgl2').getContextAttributes().antialias"
     width = "window.__viserMutable.canvas.width"
@@ -162,11 +167,7 @@ def test_where_a_page_is_drawn_in_software_edges_are_rough_and_a_drag_is_drawn_w
 def test_where_a_page_is_drawn_in_software_frames_are_spaced_unless_a_hand_moves_something(
     serve: Serve, browser: Browser
 ) -> None:
-    app = serve(small_work())
-    context = browser.new_context(viewport={"width": 500, "height": 400})
-    context.set_default_timeout(1000 * PATIENCE_S)
-    context.add_init_script(KNOWS_HELP)
-    context.add_init_script(WITHOUT_COMPLAINT)
+    app, context = serve(small_work()), _plain_context(browser)
     gaps = """count => new Promise(done => {
       const at = [], frame = () => {
         at.push(performance.now());
