@@ -37,7 +37,7 @@ def shaping(place: Place) -> Generator[None, None, bytes]:
     file = _file(place)
     if file is not None and (kept := kept_surface(file)) is not None:
         return kept
-    mesh, shaped = _mesh(place), b""
+    mesh, shaped = simplified(_mesh(place)), b""
     if len(mesh.faces):
         yield
         painted = yield from texturing(place.field, mesh, _voxel(place))
@@ -62,7 +62,7 @@ def _mesh(place: Place) -> "trimesh.Trimesh":
     mesh = field_mesh(field, spacing, min(_LEVEL, _DEPTH / _voxel(place)))
     if isinstance(field, GridField) and field.info.proven_from == "depth":
         mesh = open_rooms(field, mesh, spacing)
-    return simplified(without_specks(mesh, _SPECK))
+    return without_specks(mesh, _SPECK)
 
 
 def _box(place: Place) -> tuple[list[float], list[float]]:

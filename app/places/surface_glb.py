@@ -25,7 +25,7 @@ BRIGHTEST = 2.0
 _CUTS = 100  # heights at which a surface can be cut
 _FACES, _SHARE = 12_000, 0.08
 """Of larger surfaces so many faces are left, or this share: 99 of 100 places of the bundled worlds stay within a cell
-of marching cubes, half of them within a sixth of one."""
+of marching cubes, half of them within a fifth of one."""
 
 Corner = list[float]
 Box = tuple[Corner, Corner] | None
@@ -49,16 +49,11 @@ def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimes
 def simplified(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
     """The mesh with fewer faces, large ones where it is flat (quadric decimation, Garland and Heckbert, 1997).
 
-    Vertices have the colour of what was nearest to them. A frame that a browser draws in software takes as long as
-    there are faces.
+    A frame that a browser draws in software takes as long as there are faces. Vertices lose their colours, which would
+    be smeared over large faces: for meshes that get a texture.
     """
     count = max(_FACES, round(_SHARE * len(mesh.faces)))
-    if len(mesh.faces) <= count:
-        return mesh
-    coarse = mesh.simplify_quadric_decimation(face_count=count)
-    _, nearest = scipy.spatial.KDTree(mesh.vertices).query(coarse.vertices)
-    colors = _vertex_colors(mesh)[nearest]
-    return type(mesh)(coarse.vertices, coarse.faces, vertex_colors=colors, process=False)
+    return mesh if len(mesh.faces) <= count else mesh.simplify_quadric_decimation(face_count=count)
 
 
 def unlit_glb(mesh: "TexturedMesh", box: Box = None) -> bytes:

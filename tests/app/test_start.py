@@ -15,13 +15,14 @@ from viser import _icons
 
 from app.cli.served_place import shown_before
 from app.jobs.events import JobResult
-from app.jobs.surface import surface_of
+from app.jobs.surface import first_surface_of, surface_of
 from app.page.icon_archive import icons_at_hand
 from app.places.place import open_place
 from app.places.surface_glb import box_of
 from app.state.job import JobKind
 from app.system import give_back, importing
 from app.worker import worker
+from nerfnav.glb import parts
 from tests.app.doubles import ScriptedWork
 from tests.app.worker.test_worker import Loop
 
@@ -117,3 +118,21 @@ def test_a_surface_that_was_shaped_is_found_by_the_name_or_the_file_of_its_place
     surface = surface_of(open_place("stonehenge"))
     assert shown_before("stonehenge") == surface
     assert shown_before("nowhere") is None
+
+
+@pytest.mark.slow
+def test_what_is_shown_before_there_is_a_texture_has_the_colours_of_all_its_vertices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    place = open_place("stonehenge")
+    first, rough = first_surface_of(place)
+    textured = surface_of(place)
+    assert rough and first_surface_of(place) == (textured, False)
+    assert _faces(first) > 5 * _faces(textured), "colours of few vertices would be smeared over large faces"
+    assert "COLOR_0" in parts(first)[0]["meshes"][0]["primitives"][0]["attributes"]
+
+
+def _faces(glb: bytes) -> int:
+    document = parts(glb)[0]
+    return document["accessors"][document["meshes"][0]["primitives"][0]["indices"]]["count"] // 3

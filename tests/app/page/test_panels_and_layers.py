@@ -172,15 +172,11 @@ def test_specks_are_left_out_of_the_surface_and_large_parts_stay_as_they_are() -
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
-def test_a_surface_of_fewer_faces_lies_where_it_lay_and_keeps_its_colours(size: float) -> None:
+def test_a_surface_of_fewer_faces_lies_where_it_lay(size: float) -> None:
     fine = trimesh.creation.icosphere(subdivisions=6, radius=size)
-    fine.visual.vertex_colors = np.where(fine.vertices[:, 2:] > 0, [250, 10, 10], [10, 10, 250]).astype(np.uint8)
     coarse = simplified(fine)
     assert len(coarse.faces) < 0.2 * len(fine.faces)
     np.testing.assert_allclose(np.linalg.norm(coarse.triangles_center, axis=1), size, rtol=0.01)
-    away = np.abs(coarse.vertices[:, 2]) > 0.1 * size
-    red = coarse.visual.vertex_colors[:, 0] > 128
-    np.testing.assert_array_equal(red[away], coarse.vertices[away, 2] > 0)
     small = trimesh.creation.icosphere(subdivisions=4)
     assert simplified(small) is small, "what is drawn quickly stays as it is"
     assert len(simplified(trimesh.Trimesh()).faces) == 0
