@@ -9,7 +9,9 @@ from trimesh.visual.texture import TextureVisuals
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.world.kernels.pictures import average, blend
+from nerfnav.world.paint import Paint
 from nerfnav.world.raycast import MeshRenderer, RayCaster
+from nerfnav.world.surface import surface_color
 
 _DOWN = look_at(torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.0, 0.0, 0.0]))
 _CAMERA = Camera.from_fov(40, 40, 90.0)
@@ -59,6 +61,16 @@ def test_textures_are_looked_up_bilinearly_with_v_pointing_up():
     expected = torch.stack([red, green, torch.full_like(red, 7)], -1)
     assert inner.sum() > 1000
     assert (image - expected)[inner].abs().max() <= 1
+
+
+def test_rays_that_see_the_sky_change_no_colour_of_the_others():
+    material = trimesh.visual.material.SimpleMaterial(image=Image.new("RGB", (2, 2), (200, 100, 50)))
+    textured, plain, pixels = _floor(), _floor(), np.array([[[200, 100, 50]]], np.uint8)
+    textured.visual = TextureVisuals(uv=np.zeros((4, 2)), material=material)
+    paint = Paint((pixels,), np.zeros(2, np.int32), np.zeros((2, 3, 2), np.float32), np.full((2, 3, 3), 255, np.uint8))
+    faces, weights = np.array([-1, 0, 1, -1], np.int32), np.full((4, 3), 1 / 3, np.float32)
+    for color in (surface_color(textured), surface_color(plain), paint.color):
+        assert np.array_equal(color(faces, weights)[1:3], color(faces[1:3], weights[1:3]))
 
 
 def test_a_textured_mesh_is_tinted_by_its_material():
