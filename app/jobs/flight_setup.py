@@ -41,7 +41,7 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     lasting = LastingError(() if place.scene is None else place.field.info.pose_floor, robot.mount)
     pilot = Pilot(
         planner,
-        estimator.make(place.field, world.estimated(robot), seen_with, mount=robot.mount, config=config.filter),
+        estimator.make(place.field, robot, seen_with, mount=robot.mount, config=config.filter),
         searcher_of(place, seen_with, config.filter.color_noise),
         guard,
         place.field,
@@ -52,7 +52,7 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
         robot, route.ends.start.state(), camera, world_generator(request.seed), robot.mount,
         noise=config.noise, contact=contact,
     ))  # fmt: skip
-    pilot = with_late_pictures(pilot, simulator, config.filter)
+    pilot = with_late_pictures(pilot, simulator)
     goal = route.ends.goal.state()
     if request.realtime:  # the first update of a process takes seconds, which no robot waits for on the ground
         for _ in first_update(place, simulator.state):

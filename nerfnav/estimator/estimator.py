@@ -8,6 +8,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.noise import ProcessNoise
 from nerfnav.estimator.steps import FilterStep
 
 
@@ -24,4 +25,19 @@ class Estimator(Protocol):
         generator: torch.Generator,
     ) -> Iterator[FilterStep]:
         """The belief after an action of `dt` [s] and the picture taken then; the last step carries it."""
+        ...
+
+
+@runtime_checkable
+class Corrector(Protocol):
+    """An estimator that takes a picture, whatever has moved the belief until then."""
+
+    def correct(
+        self,
+        prediction: Belief,
+        image: UInt8[Tensor, "height width 3"] | None,
+        generator: torch.Generator,
+        noise: ProcessNoise | None = None,
+    ) -> Iterator[FilterStep]:
+        """The belief after a picture; `noise` is what the prediction holds of process noise, where that is told."""
         ...

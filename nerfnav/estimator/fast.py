@@ -61,8 +61,6 @@ class FastFilter:
         Yields a step for each coarse stage and for every iteration of the last; the very last step carries the
         posterior and the outcome. Raises InvalidInputError where the picture is not one of this camera.
         """
-        if image is not None:
-            check_image(image, self.camera)
         noise = self.config.process_noise
         return self.correct(predict(belief, action, self.robot, dt, noise), image, generator, noise)
 
@@ -71,8 +69,10 @@ class FastFilter:
     ) -> Iterator[FilterStep]:
         """The same for a belief that the dynamics have moved already, and have added this `noise` to.
 
-        Where that is told, its size is adapted to what the picture shows.
+        Where that is told, its size is adapted to what the picture shows. Raises as `update` does.
         """
+        if image is not None:
+            check_image(image, self.camera)
         if image is None or contrast(image) < self.config.least_contrast:
             return iter([predicted_only(prediction)])
         return Update(self.view, self.config, self.trust_dynamics, prediction, image, generator, noise).run()

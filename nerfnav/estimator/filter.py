@@ -19,7 +19,7 @@ from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.cost import CostTerms, PoseCost
 from nerfnav.estimator.covariance import posterior_covariance
 from nerfnav.estimator.descent import DescentConfig, descend
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.noise import ProcessNoise, StateNoise
 from nerfnav.estimator.photometric import ColorNoise, Observation, difference
 from nerfnav.estimator.pixels import PixelConfig, PixelSource, choose_pixels
 from nerfnav.estimator.predict import predict
@@ -115,7 +115,13 @@ class PoseFilter:
         Yields a step for every iteration; the last one carries the posterior and the outcome. Raises
         InvalidInputError where the picture is not one of this camera.
         """
-        prediction = predict(belief, action, self.robot, dt, self.config.process_noise)
+        noise = self.config.process_noise
+        return self.correct(predict(belief, action, self.robot, dt, noise), image, generator, noise)
+
+    def correct(
+        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
+    ) -> Iterator[FilterStep]:
+        """The same for a belief that the dynamics have moved already; how much `noise` they added does not matter."""
         if image is None:
             return iter([predicted_only(prediction)])
         check_image(image, self.camera)

@@ -83,3 +83,15 @@ class RandomAcceleration:
         dt, eye = self.dt, torch.eye(3)
         parts = torch.tensor([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
         return torch.block_diag(*(torch.kron(size**2 * parts, eye) for size in (self.linear, self.angular)))
+
+
+@dataclass(frozen=True)
+class MeasuredNoise:
+    """Process noise of a covariance that is known."""
+
+    told: Float[Tensor, "12 12"]
+    """The covariance."""
+
+    def covariance(self) -> Float[Tensor, "12 12"]:
+        """In the tangent of the state."""
+        return self.told

@@ -113,10 +113,10 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     else:
         make, camera = estimators.load("fast").make, robot.camera
         lasting = LastingError(arena.field.info.pose_floor, robot.mount)
-        estimator = make(arena.field, world.estimated(robot), camera, mount=robot.mount, config=config.filter)
+        estimator = make(arena.field, robot, camera, mount=robot.mount, config=config.filter)
         searcher = _searcher(arena, camera, config.filter.color_noise)
         pilot = Pilot(planner, estimator, searcher, guard, arena.field, lasting)
-        pilot = with_late_pictures(pilot, simulator, config.filter)
+        pilot = with_late_pictures(pilot, simulator)
     mission = Mission(problem.goal, problem.steps, problem.dt)
     return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))
 

@@ -5,10 +5,10 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
-from nerfnav.estimator import FilterConfig, StateNoise
+from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import Corrector
 from nerfnav.navigation.mission import NavigateConfig, Pilot
-from nerfnav.navigation.physical.config import INERTIAL, LEASH_M, UNSEEN_M, PhysicalConfig
-from nerfnav.navigation.physical.inertial import Strapdown
+from nerfnav.navigation.physical.config import LEASH_M, UNSEEN_M, PhysicalConfig
 from nerfnav.navigation.physical.late_pictures import LatePictures
 from nerfnav.navigation.physical.simulator import PhysicalSimulator
 from nerfnav.navigation.simulator import Simulator
@@ -34,13 +34,10 @@ def in_physical_world(simulator: Simulator, world: PhysicalConfig | None = None)
 
 
 def expecting_physics(config: NavigateConfig) -> NavigateConfig:
-    """A flight whose plans are tracked, and whose filter expects inertial measurements, unless it was told what."""
+    """A flight whose plans are tracked, by a robot that soon holds where it sees nothing."""
     most = min(config.recovery.widest, UNSEEN_M)
     recovery = replace(config.recovery, widest=most, sure=min(config.recovery.sure, most))
-    config = replace(config, leash_m=config.leash_m or LEASH_M, recovery=recovery)
-    if config.filter.process_noise != StateNoise():
-        return config
-    return replace(config, filter=replace(config.filter, process_noise=INERTIAL))
+    return replace(config, leash_m=config.leash_m or LEASH_M, recovery=recovery)
 
 
 def with_reserve(robot: Robot) -> Robot:
@@ -63,19 +60,18 @@ def with_reserve(robot: Robot) -> Robot:
     return careful
 
 
-def with_inertial_unit(robot: Robot) -> Robot:
-    """The robot as an estimator takes it that has inertial measurements in place of actions."""
-    return Strapdown(robot.config) if isinstance(robot, Quadrotor) else robot
-
-
-def with_late_pictures(pilot: Pilot, simulator: Simulator, config: FilterConfig) -> Pilot:
-    """A pilot who knows that pictures are late in the physical world; the same one in the paper's."""
+def with_late_pictures(pilot: Pilot, simulator: Simulator) -> Pilot:
+    """A pilot with an inertial unit, who knows that pictures are late in the physical world; the same one in the
+    paper's. Raises InvalidInputError for an estimator whose beliefs nothing else can move.
+    """
     if not isinstance(simulator, PhysicalSimulator):
         return pilot
-    late = LatePictures(
-        pilot.estimator, with_inertial_unit(simulator.robot), lambda: simulator.felt, simulator.world.delay_s,
-        config.process_noise,
-    )  # fmt: skip
+    if not isinstance(pilot.estimator, Corrector):
+        raise InvalidInputError(
+            f"{type(pilot.estimator).__name__} has no `correct`, and in the physical world inertial measurements move "
+            "beliefs: fly it in the paper's world"
+        )
+    late = LatePictures(pilot.estimator, lambda: simulator.felt, simulator.world.delay_s, simulator.unit)
     return replace(pilot, estimator=late)
 
 
@@ -87,14 +83,12 @@ class World:
     """How it is flown."""
     planned: Callable[[Robot], Robot] = _unchanged
     """The robot as planners take it."""
-    estimated: Callable[[Robot], Robot] = _unchanged
-    """The robot as estimators take it."""
     simulated: Callable[[Simulator], Simulator] = _unchanged
     """Where it happens."""
 
 
 WORLDS: dict[WorldName, World] = {
     "paper": World(),
-    "physical": World(expecting_physics, with_reserve, with_inertial_unit, in_physical_world),
+    "physical": World(expecting_physics, with_reserve, in_physical_world),
 }
 """Name to world."""

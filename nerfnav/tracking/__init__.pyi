@@ -2,7 +2,6 @@ from .frame import Frame as Frame
 from .frame import FrameSource as FrameSource
 from .frame import Inertial as Inertial
 from .motions import InertialMotion as InertialMotion
-from .preintegration import ImuConfig as ImuConfig
 from .sources.open_source import SourceOptions as SourceOptions
 from .sources.open_source import open_source as open_source
 from .status import TrackStatus as TrackStatus

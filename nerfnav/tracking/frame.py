@@ -1,7 +1,7 @@
 """What is tracked: pictures and inertial measurements, each with the time at which it was taken."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -10,6 +10,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import ImuNoise
 from nerfnav.geometry import Camera, Pose
 
 
@@ -34,20 +35,6 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class ImuNoise:
-    """How noisy an inertial measurement unit is; None of what is not known."""
-
-    gyro: float | None = None
-    """Noise of body rates [rad/s per sqrt(Hz)]."""
-    accel: float | None = None
-    """Noise of accelerations [m/s^2 per sqrt(Hz)]."""
-    gyro_walk: float | None = None
-    """How fast the gyroscope's bias strays [rad/s^2 per sqrt(Hz)]."""
-    accel_walk: float | None = None
-    """The same of the accelerometer's [m/s^3 per sqrt(Hz)]."""
-
-
-@dataclass(frozen=True)
 class Inertial:
     """Measurements of an inertial measurement unit, oldest first."""
 
@@ -59,7 +46,7 @@ class Inertial:
     """What the accelerometer said: acceleration less gravity [m/s^2], in its own axes."""
     mount: Pose | None = None
     """T_imu_camera, the camera OpenGL, where the source says so."""
-    noise: ImuNoise = ImuNoise()
+    noise: ImuNoise = field(default_factory=ImuNoise)
     """Of the unit, as far as the source says."""
 
     def finite(self, source: str) -> "Inertial":

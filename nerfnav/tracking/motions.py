@@ -3,16 +3,14 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, ProcessNoise, RandomAcceleration
+from nerfnav.estimator import Belief, ImuConfig, MeasuredNoise, ProcessNoise, RandomAcceleration, inertial_motion
 from nerfnav.estimator.predict import predict
 from nerfnav.robots import Robot
-from nerfnav.tracking import inertial_motion
 from nerfnav.tracking.frame import Inertial
-from nerfnav.tracking.preintegration import ImuConfig, preintegrated
+from nerfnav.tracking.preintegration import preintegrated
 from nerfnav.tracking.tracker_config import TrackerConfig
 
 
@@ -57,18 +55,6 @@ class ModelMotion:
 
     def forget(self) -> None:
         """There is nothing to forget."""
-
-
-@dataclass(frozen=True)
-class MeasuredNoise:
-    """Process noise of a covariance that is known."""
-
-    told: Float[Tensor, "12 12"]
-    """The covariance."""
-
-    def covariance(self) -> Float[Tensor, "12 12"]:
-        """In the tangent of the state."""
-        return self.told
 
 
 class InertialMotion:

@@ -9,66 +9,17 @@ R = 1, v = p = 0:
 w_i and a_i being means of neighbouring measurements (midpoint rule).
 """
 
-from dataclasses import asdict, dataclass, replace
-
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import ImuConfig
+from nerfnav.estimator.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
 from nerfnav.geometry import so3
 from nerfnav.robots import Increments, advanced
-from nerfnav.tracking.frame import ImuNoise, Inertial
-
-TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
-"""Where the parts stand in what is preintegrated."""
-GYRO, ACCEL = slice(0, 3), slice(3, 6)
-"""Where the biases stand."""
-
-
-@dataclass(frozen=True)
-class ImuConfig:
-    """How well a unit measures; the defaults are those of the cheap ones that fly."""
-
-    gyro: float = 2e-3
-    """Noise of body rates [rad/s per sqrt(Hz)]."""
-    accel: float = 2e-2
-    """Noise of accelerations [m/s^2 per sqrt(Hz)]."""
-    gyro_walk: float = 2e-5
-    """How fast the gyroscope's bias strays [rad/s^2 per sqrt(Hz)]."""
-    accel_walk: float = 3e-3
-    """The same of the accelerometer's [m/s^3 per sqrt(Hz)]."""
-    gyro_bias: float = 0.05
-    """Standard deviation of the gyroscope's bias at first [rad/s]."""
-    accel_bias: float = 0.3
-    """The same of the accelerometer's [m/s^2]."""
-    gravity: float = 9.81
-    """[m/s^2]"""
-    gravity_std: float = 0.5
-    """Standard deviation of each coordinate of gravity at first [m/s^2]: a field's z axis is only about vertical."""
-    longest_gap: float = 0.1
-    """Longest time without a measurement [s]."""
-
-    def told(self, noise: ImuNoise) -> "ImuConfig":
-        """The same with what is known of a unit."""
-        return replace(self, **{name: value for name, value in asdict(noise).items() if value is not None})
-
-
-@dataclass(frozen=True)
-class Preintegrated:
-    """What a unit has measured between two times, in its own axes at the first."""
-
-    increments: Increments
-    """Turn, speed and way, and the last body rate, without biases."""
-    rate_variance: float
-    """Of the last body rate [rad^2/s^2]."""
-    duration: float
-    """Time between the two [s]."""
-    by_biases: Float[Tensor, "9 6"]
-    """Derivative of turn, velocity and position by the biases."""
-    covariance: Float[Tensor, "9 9"]
-    """Of turn, velocity and position."""
+from nerfnav.tracking.frame import Inertial
 
 
 def preintegrated(

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import ImuConfig, ImuNoise
 from nerfnav.geometry import Camera
-from nerfnav.tracking import ImuConfig, InertialMotion
-from nerfnav.tracking.frame import ImuNoise
+from nerfnav.tracking import InertialMotion
 from nerfnav.tracking.sources.euroc import EurocSource, is_euroc, open_euroc
 from tests.tracking.recordings import picture
 

@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief
+from nerfnav.estimator import Belief, ImuConfig
+from nerfnav.estimator.inertial_motion import InertialBelief
+from nerfnav.estimator.inertial_motion import predict as predict_with_noise
+from nerfnav.estimator.preintegrated import Preintegrated
 from nerfnav.geometry import so3
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
 from nerfnav.tracking.frame import Inertial
-from nerfnav.tracking.inertial_motion import InertialBelief, Preintegrated
-from nerfnav.tracking.inertial_motion import predict as predict_with_noise
-from nerfnav.tracking.preintegration import ImuConfig, preintegrated
+from nerfnav.tracking.preintegration import preintegrated
 
 CONFIG = ImuConfig()
 BIASES = torch.tensor([0.02, -0.03, 0.01, 0.2, -0.1, 0.15], dtype=torch.float64)

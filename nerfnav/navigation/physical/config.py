@@ -3,12 +3,6 @@
 from dataclasses import dataclass
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import StateNoise
-
-INERTIAL = StateNoise(position_m=0.001, velocity_mps=0.01, attitude_rad=0.0014, body_rate_radps=0.021)
-"""Process noise that a filter should expect of a time step here: what inertial measurements are wrong by after 0.1 s,
-with some room for biases, which last. Of the body rate it is what gyroscopes are wrong by at that moment, 0.012 rad/s
-(bias and white noise at `control_hz`), by the third of the step that passes after the picture (late_pictures.py)."""
 
 LEASH_M = 0.1
 """How far off a robot may believe to be that still tracks its plan [m]: its own width."""

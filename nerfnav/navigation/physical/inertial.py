@@ -7,10 +7,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.estimator import ImuConfig
+from nerfnav.estimator.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
 from nerfnav.geometry import so3
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.rigid_body import BodyState, rotation_of
-from nerfnav.robots import Increments, Quadrotor, RigidState, advanced, moved_on
+from nerfnav.robots import Increments, advanced
 
 
 @dataclass
@@ -29,6 +31,15 @@ class InertialUnit:
         self._bias = std * torch.randn(6, generator=self.generator, dtype=torch.float64).numpy()
         density = np.repeat([self.config.gyroscope_noise, self.config.accelerometer_noise], 3)
         self._white = density * self.config.control_hz**0.5
+
+    def told(self, gravity: float) -> ImuConfig:
+        """What is known of it beforehand: all but its biases; and gravity [m/s^2]."""
+        config = self.config
+        return ImuConfig(
+            config.gyroscope_noise, config.accelerometer_noise, gyro_walk=0.0, accel_walk=0.0,
+            gyro_bias=config.gyroscope_bias_radps, accel_bias=config.accelerometer_bias_mps2,
+            gravity=gravity, gravity_std=0.0,
+        )  # fmt: skip
 
     def measure(self, body_rate: np.ndarray, specific_force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Angular velocity [rad/s] and specific force [m/s^2] as measured."""
@@ -55,26 +66,60 @@ def mechanised(
     return BodyState(position, velocity, rotation, body_rate + 0.5 * dt * turning)
 
 
-def increments(before: BodyState, after: BodyState, gravity: float, time: float) -> Float[Tensor, "12"]:
-    """The action of Strapdown that leads from one state to another in a time [s]."""
-    fall = np.array([0.0, 0.0, -gravity]) * time
-    speed = before.rotation.T @ (after.velocity - before.velocity - fall)
-    way = before.rotation.T @ (after.position - before.position - (before.velocity + 0.5 * fall) * time)
-    turn = so3.log(torch.from_numpy(before.rotation.T @ after.rotation))
-    return torch.cat([turn, *(torch.from_numpy(part) for part in (speed, way, after.body_rate))]).float()
+@dataclass(frozen=True)
+class Felt:
+    """What the unit has measured over an interval, biases and all."""
+
+    increments: Increments
+    """Turn, speed and way, and the last angular velocity."""
+    duration: float
+    """Of the interval [s]."""
+    tick: float
+    """Time between two measurements [s]."""
+
+    @classmethod
+    def between(cls, before: BodyState, after: BodyState, gravity: float, times: tuple[float, float]) -> "Felt":
+        """What has moved one state to the other; `times` are the duration and the tick [s]."""
+        duration, tick = times
+        fall = np.array([0.0, 0.0, -gravity]) * duration
+        turn = so3.project(torch.from_numpy(before.rotation.T @ after.rotation))  # what beliefs are turned by stays one
+        speed = before.rotation.T @ (after.velocity - before.velocity - fall)
+        way = before.rotation.T @ (after.position - before.position - (before.velocity + 0.5 * fall) * duration)
+        speed, way, rate = (torch.from_numpy(part) for part in (speed, way, after.body_rate))
+        return cls(Increments(turn, speed, way, rate), duration, tick)
+
+    def without(self, biases: Float[Tensor, "6"], unit: ImuConfig) -> Preintegrated:
+        """The same without biases of gyroscopes [rad/s] and accelerometers [m/s^2], and how far that is to be trusted.
+
+        Derivatives and covariance are those of a specific force f that stays as it is in the body, in the attitude M of
+        the middle of the interval T: with C = -M hat(f), noise densities q of the gyroscopes and r of the
+        accelerometers,
+
+            d turn = -J T dbg,   d speed = -C T^2 / 2 dbg - M T dba,   d way = -C T^3 / 6 dbg - M T^2 / 2 dba
+
+        J being the right Jacobian of the turn; and white noise n, m: turn' = n, speed' = C turn + M m, way' = speed.
+        """
+        time, turned = self.duration, so3.log(self.increments.turn)
+        middle = so3.exp(0.5 * turned)
+        tipped = -middle @ so3.hat(middle.T @ self.increments.speed / time)
+        slopes = torch.zeros(9, 6).double()
+        slopes[TURN, GYRO] = -time * so3.right_jacobian(turned)
+        slopes[SPEED, GYRO], slopes[PLACE, GYRO] = -(time**2) / 2 * tipped, -(time**3) / 6 * tipped
+        slopes[SPEED, ACCEL], slopes[PLACE, ACCEL] = -time * middle, -(time**2) / 2 * middle
+        turn, speed, way = (slopes @ biases).unflatten(0, (3, 3))
+        last = self.increments
+        measured = Increments(
+            last.turn @ so3.exp(turn), last.speed + speed, last.way + way, last.rate - biases[GYRO]
+        )  # fmt: skip
+        return Preintegrated(measured, unit.gyro**2 / self.tick, time, slopes, _white(tipped, time, unit))
 
 
-class Strapdown(Quadrotor):
-    """A quadrotor whose next state is known by what was measured on the way.
-
-    Its action has 12 numbers: Log D [rad], dv [m/s] and dp [m] in the body as it was, and the last angular velocity
-    [rad/s].
-    """
-
-    action_names = tuple(f"{part}_{axis}" for part in ("turn_rad", "dv_mps", "dp_m", "rate_radps") for axis in "xyz")
-
-    def step(self, state: RigidState, action: Float[Tensor, "*batch 12"], dt: float) -> RigidState:
-        """See above; `dt` [s] is the time that was measured."""
-        turn, speed, way, rate = action.unflatten(-1, (4, 3)).unbind(-2)
-        measured = Increments(so3.exp(turn), speed, way, rate + torch.zeros_like(state.body_rate))
-        return moved_on(state, measured, action.new_tensor([0.0, 0.0, -self.config.gravity]), dt)
+def _white(tipped: Float[Tensor, "3 3"], time: float, unit: ImuConfig) -> Float[Tensor, "9 9"]:
+    """Covariance of turn, speed and way that white noise brings about in a time [s]; `tipped` is C."""
+    q, r, eye, tips = unit.gyro**2, unit.accel**2, torch.eye(3).double(), tipped @ tipped.T
+    turned, pushed, moved = q * time * eye, q * time**2 / 2 * tipped, q * time**3 / 6 * tipped
+    speed = q * time**3 / 3 * tips + r * time * eye
+    both = q * time**4 / 8 * tips + r * time**2 / 2 * eye
+    way = q * time**5 / 20 * tips + r * time**3 / 3 * eye
+    rows = ((turned, pushed.T, moved.T), (pushed, speed, both), (moved, both, way))
+    return torch.cat([torch.cat(row, 1) for row in rows])

@@ -1,45 +1,61 @@
 """Latency compensation: pictures that come late correct the belief of when they were taken, which is then moved on.
 
-Both times by what the inertial unit has measured meanwhile: the estimator's robot is a Strapdown.
+Both times by what the inertial unit has measured meanwhile, whose biases are learned on the way (inertial_motion.py):
+they last, and taken for white noise they would push a belief to the same side again and again.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, Estimator, FilterStep, StateNoise
-from nerfnav.estimator.predict import predict
-from nerfnav.robots import Robot
+from nerfnav.estimator import Belief, Corrector, FilterStep, ImuConfig, MeasuredNoise, inertial_motion
+from nerfnav.estimator.inertial_motion import InertialBelief
+from nerfnav.navigation.physical.inertial import Felt
 
 
-@dataclass(frozen=True)
+@dataclass
 class LatePictures:
     """An estimator by another one, for pictures that are late by less than a time step."""
 
-    estimator: Estimator
+    estimator: Corrector
     """Knows nothing of it."""
-    robot: Robot
-    """What it takes for the robot: a Strapdown."""
-    felt: Callable[[], tuple[Tensor, Tensor]]
-    """Inertial increments of the last time step until its picture was taken, and after that."""
+    felt: Callable[[], tuple[Felt, Felt]]
+    """What was measured in the last time step until its picture was taken, and after that."""
     delay_s: float
     """By how much pictures are late [s]."""
-    noise: StateNoise
-    """What disturbs the robot in a whole time step."""
+    unit: ImuConfig
+    """How well it is measured."""
+    _last: InertialBelief | None = field(default=None, init=False)
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
     ) -> Iterator[FilterStep]:
         """See Estimator. Raises InvalidInputError where pictures come later than a time step."""
-        late, spread = self.delay_s, self.noise.std() * (self.delay_s / dt) ** 0.5
-        if late >= dt:
-            raise InvalidInputError(f"pictures that are {late:.3g} s late need time steps longer than {dt:g} s")
-        noise, (before, after) = StateNoise(*spread[::3].tolist()), self.felt()
-        for step in self.estimator.update(belief, image, before, dt - late, generator):
-            posterior = step.posterior
-            moved = None if posterior is None else predict(posterior, after, self.robot, late, noise)
-            yield replace(step, posterior=moved)
+        if self.delay_s >= dt:
+            raise InvalidInputError(
+                f"pictures that are {self.delay_s:.3g} s late need time steps longer than {dt:g} s"
+            )
+        before, after = self.felt()
+        then, noise = self._moved(self._known(belief), before)
+        held = MeasuredNoise(noise.to(belief.covariance))
+        for step in self.estimator.correct(then.belief, image, generator, held):
+            if step.posterior is not None:
+                self._last, _ = self._moved(then.corrected(step.posterior), after)
+                step = replace(step, posterior=self._last.belief)
+            yield step
+
+    def _known(self, belief: Belief) -> InertialBelief:
+        """A belief with what is known of the biases."""
+        if self._last is None:
+            return InertialBelief.begin(belief, self.unit)
+        return self._last if self._last.belief is belief else self._last.begun_again(belief)  # doubted, or found anew
+
+    def _moved(self, last: InertialBelief, felt: Felt) -> tuple[InertialBelief, Tensor]:
+        """The belief after what was felt, and the noise in it."""
+        if felt.duration == 0:
+            return last, torch.zeros_like(last.belief.covariance)
+        return inertial_motion.predict(last, felt.without(last.biases, self.unit), self.unit)

@@ -13,10 +13,10 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import StateNoise
+from nerfnav.estimator import ImuConfig, StateNoise
 from nerfnav.geometry import Pose
 from nerfnav.navigation.physical.config import PhysicalConfig
-from nerfnav.navigation.physical.inertial import InertialUnit, increments, mechanised
+from nerfnav.navigation.physical.inertial import Felt, InertialUnit, mechanised
 from nerfnav.navigation.physical.powertrain import Powertrain
 from nerfnav.navigation.physical.reference import Flown, Wanted
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate, turning
@@ -37,8 +37,8 @@ class PhysicalSimulator(Simulator):
     """Its parameters."""
     gains: TrackingGains = field(default_factory=TrackingGains)
     """Of the loop that tracks the plan."""
-    felt: tuple[Tensor, Tensor] = field(init=False)
-    """Inertial increments (inertial.py) of the last time step until its picture was taken, and after that."""
+    felt: tuple[Felt, Felt] = field(init=False)
+    """What the inertial unit measured in the last time step until its picture was taken, and after that."""
     _flown: Flown = field(default_factory=Flown, init=False)
     _disturbance: np.ndarray = field(default_factory=lambda: np.zeros(3), init=False)
 
@@ -74,8 +74,8 @@ class PhysicalSimulator(Simulator):
             self._push(gust.sample(self.generator))
         pictured = pictured if late else self._estimate
         self.felt = (
-            increments(began, pictured, gravity, (count - late) * tick),
-            increments(pictured, self._estimate, gravity, late * tick),
+            Felt.between(began, pictured, gravity, ((count - late) * tick, tick)),
+            Felt.between(pictured, self._estimate, gravity, (late * tick, tick)),
         )
         return touched
 
@@ -89,6 +89,11 @@ class PhysicalSimulator(Simulator):
         if float(torch.rand(1, generator=self.generator)) < self.world.dropped_share:
             return None
         return self.camera(_rounded(self._seen[0]).pose.compose(self.mount))
+
+    @property
+    def unit(self) -> ImuConfig:
+        """What is known of the inertial unit."""
+        return self._inertial.told(self._frame.gravity)
 
     def _put(self, state: RigidState) -> None:
         """Begin anew from a state."""

@@ -1,7 +1,7 @@
 """Inertial motion: between two pictures an inertial measurement unit predicts, an extension of the paper's filter.
 
 The paper predicts by the robot's dynamics and the action that it took (Eqs. 3-4). Here gyroscope and accelerometer take
-their place (preintegration.py), and what nobody knows of them is part of the state: the biases bg and ba, and gravity
+their place (preintegrated.py), and what nobody knows of them is part of the state: the biases bg and ba, and gravity
 g, for the z axis of a field of photographs is only about vertical, b = (bg, ba, g). With R, v and p preintegrated over
 the time T between the pictures,
 
@@ -21,10 +21,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.estimator import Belief
+from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.imu import ImuConfig
+from nerfnav.estimator.preintegrated import GYRO, PLACE, SPEED, TURN, Preintegrated
 from nerfnav.geometry import so3
 from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, TANGENT, VELOCITY, moved_on
-from nerfnav.tracking.preintegration import GYRO, PLACE, SPEED, TURN, ImuConfig, Preintegrated
 
 CONSTANTS = 9
 _BIASES, _GRAVITY = slice(0, 6), slice(6, 9)
