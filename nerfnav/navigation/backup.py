@@ -118,7 +118,7 @@ class Guard:
     def _slope(self, start: RigidState, dt: float) -> Float[Tensor, "3"]:
         """Along which the chance of being pushed into something rises most."""
         height = start.position[2].item() if self.robot.planar else None
-        danger = DangerMap.of(self.field, self.robot, Outlook(dt, self.disturbance, height=height)).parts
+        danger = DangerMap.of(self.field, self.robot, Outlook(dt, self.disturbance, height=height)).later
         here, slope = np.repeat(start.position.double().numpy()[None], 2, 0), np.zeros((2, 3))
         endangered(here, np.array([0.5]), danger, 0.0, 1.0, slope)
         return torch.from_numpy(slope.sum(0)).to(start.velocity)

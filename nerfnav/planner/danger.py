@@ -1,12 +1,12 @@
 """The chance that noise makes a body touch something, by where its plan has its centre.
 
-    c(p) = P(the body does not fit at p + d),  d ~ N(0, P)   =   (1_occupied * N(0, P))(p)
+    c_t(p) = P(the body does not fit at p + d),  d ~ N(0, P_t)   =   (1_occupied * N(0, P_t))(p)
 
-with P of spread.py: where the body does not fit (c_space.py: the Minkowski sum of the body and what is solid), blurred.
-It is the expectation of hitting the body as a whole; the same sum over body points as in Eq. 1 would count one hit as
-often as there are points. P is the same everywhere, so that one map serves all plans in a place. The body is taken
-level, and of one that is longer than wide its best heading. Plans keep all of the body inside of the field's box
-(border.py); where noise may push it a little beyond, things are taken to be as they are at the border.
+with P_t of spread.py after step t: where the body does not fit (c_space.py: the Minkowski sum of the body and what is
+solid), blurred. It is the expectation of hitting the body as a whole; the same sum over body points as in Eq. 1 would
+count one hit as often as there are points. P_t is the same everywhere, so that one map serves all plans in a place. The
+body is taken level, and of one that is longer than wide its best heading. Plans keep all of the body inside of the
+field's box (border.py); where noise may push it a little beyond, things are taken to be as they are at the border.
 """
 
 import math
@@ -20,7 +20,7 @@ from jaxtyping import Float
 from nerfnav.field import Field
 from nerfnav.planner.c_space import CSpace
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.spread import Outlook, position_spread
+from nerfnav.planner.spread import Outlook, position_spreads
 from nerfnav.robots import Robot
 
 _FINE = 2
@@ -33,8 +33,8 @@ _BEYOND = 10
 """Nodes of the map beyond each border of the field's box, as dangerous as the border: nobody knows what is there."""
 
 Danger = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Chances (nx, ny, nz), lower corner (3) [m] and nodes per metre (3), as kernels take them."""
-NONE: Danger = (np.zeros((2, 2, 2), np.float32), np.zeros(3), np.ones(3))
+"""Chances (k, nx, ny, nz), lower corner (3) [m] and nodes per metre (3), as kernels take them."""
+NONE: Danger = (np.zeros((1, 2, 2, 2), np.float32), np.zeros(3), np.ones(3))
 """Nowhere a chance."""
 
 
@@ -42,8 +42,8 @@ NONE: Danger = (np.zeros((2, 2, 2), np.float32), np.zeros(3), np.ones(3))
 class DangerMap:
     """Chances at the nodes of a grid, trilinear between them and 0 outside. Each map is made once."""
 
-    chances: Float[np.ndarray, "nx ny nz"]
-    """From 0 to 1."""
+    chances: Float[np.ndarray, "k nx ny nz"]
+    """From 0 to 1: in the first steps of a plan, one by one, the last also in all later ones."""
     lower: Float[np.ndarray, "3"]
     """Lower corner [m]."""
     per_meter: Float[np.ndarray, "3"]
@@ -52,22 +52,27 @@ class DangerMap:
     @classmethod
     def of(cls, field: Field, robot: Robot, outlook: Outlook) -> "DangerMap":
         """The map of a robot in a field; made once for each spread and kept."""
-        return _blurred(field, robot, outlook.height, position_spread(robot, outlook.dt, outlook.disturbance))
+        return _blurred(field, robot, outlook.height, position_spreads(robot, outlook.dt, outlook.disturbance))
 
     @property
     def parts(self) -> Danger:
         """What kernels ask for."""
         return self.chances, self.lower, self.per_meter
 
+    @property
+    def later(self) -> Danger:
+        """The same, with chances as they are once noise has grown, from the first step on."""
+        return self.chances[-1:], self.lower, self.per_meter
+
     def at_voxels_of(self, occupancy: OccupancyMap) -> Float[np.ndarray, "nx ny nz"]:
-        """The chances at the centres of a map's voxels."""
+        """The chances at the centres of a map's voxels once noise has grown."""
         first, spacing = occupancy.box.lower.double().cpu().numpy(), occupancy.spacing.double().numpy()
         shape = occupancy.by_heading.shape[1:]
         axes = [
             (first[axis] + np.arange(shape[axis]) * spacing[axis] - self.lower[axis]) * self.per_meter[axis]
             for axis in range(3)
         ]
-        return scipy.ndimage.map_coordinates(self.chances, np.meshgrid(*axes, indexing="ij"), order=1)
+        return scipy.ndimage.map_coordinates(self.chances[-1], np.meshgrid(*axes, indexing="ij"), order=1)
 
 
 @lru_cache(maxsize=8)
@@ -78,21 +83,34 @@ def dearer_by(danger: DangerMap, occupancy: OccupancyMap, weight: float) -> Floa
 
 
 @lru_cache(maxsize=8)
-def _blurred(field: Field, robot: Robot, height: float | None, spread: tuple[float, float]) -> DangerMap:
+def _blurred(
+    field: Field, robot: Robot, height: float | None, spreads: tuple[tuple[float, float], ...]
+) -> DangerMap:
     space = _c_space(field, robot, height)
-    deviations = np.array([spread[0], spread[0], spread[1]])
-    spacing = np.maximum(space.spacing, deviations / _FINE)
-    chances, lower = space.blocked.astype(np.float32), space.lower.copy()
-    for axis in range(3 if height is None else 2):
-        count, step = space.blocked.shape[axis], space.spacing[axis]
-        beyond = _BEYOND * spacing[axis]
-        places = np.arange(math.ceil(((count - 1) * step + 2 * beyond) / spacing[axis]) + 1) * spacing[axis] - beyond
-        weights = _weights(np.clip(places / step, 0, count - 1), count, max(deviations[axis] / step, _STILL))
-        chances = np.moveaxis(np.tensordot(weights, chances, (1, axis)), 0, axis)
-        lower[axis] -= beyond
+    deviations = np.array([(level, level, tall) for level, tall in spreads])
+    spacing = np.maximum(space.spacing, deviations[-1] / _FINE)
+    lower, blurred = space.lower.copy(), 3 if height is None else 2
+    places = []
+    for count, step, node in zip(space.blocked.shape, space.spacing, spacing, strict=True):
+        beyond = _BEYOND * node
+        places.append(np.arange(math.ceil(((count - 1) * step + 2 * beyond) / node) + 1) * node - beyond)
+    lower[:blurred] -= _BEYOND * spacing[:blurred]
+    chances = np.stack([_layer(space, places[:blurred], spread) for spread in deviations])
     if height is not None:  # the same at whatever height
-        chances, lower[2] = np.repeat(chances, 3, 2), lower[2] - spacing[2]
-    return DangerMap(np.ascontiguousarray(chances), lower, 1 / spacing)
+        chances, lower[2] = np.repeat(chances, 3, 3), lower[2] - spacing[2]
+    return DangerMap(chances, lower, 1 / spacing)
+
+
+def _layer(
+    space: CSpace, places: list[Float[np.ndarray, " _m"]], deviations: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "mx my mz"]:
+    """The obstacles blurred with standard deviations [m], at places along each axis [m from the first node]."""
+    chances = space.blocked.astype(np.float32)
+    for axis, (at, deviation) in enumerate(zip(places, deviations, strict=False)):
+        count, step = space.blocked.shape[axis], space.spacing[axis]
+        weights = _weights(np.clip(at / step, 0, count - 1), count, max(deviation / step, _STILL))
+        chances = np.moveaxis(np.tensordot(weights, chances, (1, axis)), 0, axis)
+    return np.ascontiguousarray(chances)
 
 
 def _weights(places: Float[np.ndarray, " m"], count: int, deviation: float) -> Float[np.ndarray, "m n"]:

@@ -22,7 +22,7 @@ from nerfnav.navigation.recovery import Lookout, Recovery, RecoveryConfig, come_
 from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.planner.spread import PAPERS_NOISE, position_spread
+from nerfnav.planner.spread import PAPERS_NOISE, position_spreads
 from nerfnav.robots.state import POSITION
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, grey, simulator
 
@@ -347,7 +347,7 @@ def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_
         spread, pictures = 1e-6 * torch.eye(12), 0
         while pictures < 50 and not Lookout(None).is_blind(Belief(world.state, spread), little, doubts=False):
             spread, pictures = spread + StateNoise().covariance(), pictures + 1
-        level, _ = position_spread(ROBOT, MISSION.dt, PAPERS_NOISE)
+        level, _ = position_spreads(ROBOT, MISSION.dt, PAPERS_NOISE)[-1]
         assert 1 < pictures <= 5 and RecoveryConfig().widest <= level
         assert not Lookout(None).is_blind(Belief(world.state, spread), FilterOutcome.UPDATED, doubts=False)
 

@@ -92,7 +92,7 @@ def test_the_chance_beside_a_block_is_the_tail_of_the_noise(name: str):
     robot = load(name)
     danger = DangerMap.of(block((0.2, 0.2, 0.3)), robot, PUSHED)
     middle = np.round(-danger.lower * danger.per_meter).astype(int)
-    row = danger.chances[:, middle[1], middle[2]]
+    row = danger.chances[-1][:, middle[1], middle[2]]
     x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
     edge = 0.2 + 0.5 * robot.body.extents[0]
     tail = [0.5 * math.erfc((at - edge) / 0.04 / math.sqrt(2)) for at in x[(x > 0) & (x < 0.6)]]
@@ -103,7 +103,7 @@ def test_where_nothing_pushes_there_is_danger_where_the_body_does_not_fit_and_no
     still = (0.0, 0.0, 0.0, 0.0)
     danger = DangerMap.of(block((0.2, 0.1, 0.15)), ROBOT, Outlook(disturbance=Disturbance(still, still)))
     assert set(np.unique(danger.chances)) <= {0.0, 0.5, 1.0}
-    volume = danger.chances.sum() / danger.per_meter.prod()
+    volume = danger.chances[-1].sum() / danger.per_meter.prod()
     assert volume == pytest.approx(np.prod(2 * np.array([0.2, 0.1, 0.15]) + ROBOT.body.extents), rel=0.08)
 
 

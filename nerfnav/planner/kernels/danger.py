@@ -1,6 +1,7 @@
 """The risk term with its derivative: twin of planner/terms/risk.py.
 
-The chance of a collision is trilinear between the nodes of a grid, and 0 outside of it.
+The chance of a collision is trilinear between the nodes of a grid, one for each of the first steps and for all later
+ones, and 0 outside of it.
 """
 
 import math
@@ -10,9 +11,10 @@ from nerfnav.planner.kernels.collision import STANDSTILL
 
 
 @kernel(inline=True)
-def chance_at(danger, x, y, z):
-    """The chance at a point of the world and its gradient [1/m]."""
-    chances, lower, per_meter = danger
+def chance_at(danger, step, x, y, z):
+    """The chance at a point of the world in a step, and its gradient [1/m]."""
+    layers, lower, per_meter = danger
+    chances = layers[min(step, layers.shape[0] - 1)]
     nx, ny, nz = chances.shape
     x, y, z = (x - lower[0]) * per_meter[0], (y - lower[1]) * per_meter[1], (z - lower[2]) * per_meter[2]
     if not (0.0 <= x <= nx - 1 and 0.0 <= y <= ny - 1 and 0.0 <= z <= nz - 1):
@@ -44,7 +46,7 @@ def endangered(position, fractions, danger, by_way, weight, by_position):
         met = sx = sy = sz = tx = ty = tz = 0.0
         for k in range(parts):
             f = fractions[k]
-            chance, gx, gy, gz = chance_at(danger, x + f * dx, y + f * dy, z + f * dz)
+            chance, gx, gy, gz = chance_at(danger, t, x + f * dx, y + f * dy, z + f * dz)
             met += chance / parts
             sx, sy, sz = sx + gx / parts, sy + gy / parts, sz + gz / parts
             tx, ty, tz = tx + f * gx / parts, ty + f * gy / parts, tz + f * gz / parts

@@ -1,12 +1,12 @@
 """The risk term: the collisions to be expected of the noise that will come, which Eq. 2 knows nothing of.
 
-    sum_t c(p_t)        c of danger.py; the mean over the way of each step
+    sum_t c_t(p_t)        c_t of danger.py; the mean over the way of each step
 
 counts the steps in which the robot will be pushed into something: plans keep wider of what is solid, pass a strait in
 few steps, and leave the ground early. It is soft: where there is no wider way the least dangerous is taken.
 
 When the arrival is put off at each step (a receding horizon that has reached its shortest), a sum over steps would be
-least for whoever waits outside of a strait for ever. There the same counts by way, sum_t c(p_t) s_t / pace, with s_t
+least for whoever waits outside of a strait for ever. There the same counts by way, sum_t c_t(p_t) s_t / pace, with s_t
 the way of the step: waiting neither costs nor helps.
 """
 
@@ -29,15 +29,20 @@ def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
     fractions = ((torch.arange(parts) + 0.5) / parts).to(position)
     way = position.diff(dim=-2)
     along = position[..., :-1, None, :] + fractions[:, None] * way[..., None, :]
-    chance = _chance(DangerMap.of(context.field, context.robot, context.outlook), along).mean(-1)
+    danger = DangerMap.of(context.field, context.robot, context.outlook)
+    first = len(danger.chances) - 1  # steps of their own chances
+    steps = [*along[..., :first, :, :].unbind(-3), along[..., first:, :, :]]
+    found = [_chance(danger, step, points) for step, points in enumerate(steps)]
+    chance = torch.cat([part.reshape(*along.shape[:-3], -1, parts) for part in found], -2).mean(-1)
     if pace is not None:
         chance = chance * (way.square().sum(-1) + kernels.STANDSTILL).sqrt() / pace
     return chance.sum(-1)
 
 
-def _chance(danger: DangerMap, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-    """c at points of the world [m]."""
-    chances, lower, per_meter = (torch.from_numpy(part).to(points) for part in danger.parts)
+def _chance(danger: DangerMap, step: int, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+    """c_t at points of the world [m]."""
+    layers, lower, per_meter = (torch.from_numpy(part).to(points) for part in danger.parts)
+    chances = layers[min(step, len(layers) - 1)]
     last = torch.tensor(chances.shape).to(points) - 1
     at = (points - lower) * per_meter
     flat = (2 * at / last - 1).reshape(1, -1, 1, 1, 3).flip(-1)  # grid_sample counts axes from the last
