@@ -63,11 +63,10 @@ class NavigationStep:
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
     hits_expected: float | None = None
-    """Collisions to be expected of noise along the first plan, at index 0, by planner/spread.py: mostly far more than
-    there will be, for what is near counts anew in each step, and in the first ones as if noise had already grown. No
-    bound: plans made on the way may dare more, and a quick step counts by the mean over its way. Of 2,000 flights
-    between the church's tasks with the state known, 76 touched something where 264 had been expected. None where nobody
-    guards the flight."""
+    """Collisions to be expected of noise along the first plan, at index 0, by planner/spread.py: mostly more than there
+    will be, for what is near counts anew in each step. No bound: plans made on the way may dare more, and a quick step
+    counts by the mean over its way. Of 2,000 flights between the church's tasks with the state known, 61 touched
+    something where 148 had been expected. None where nobody guards the flight."""
     backup: Backup | None = None
     """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
     apparent: Belief | None = None
