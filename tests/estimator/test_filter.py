@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.estimator import Corrector, estimators
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.covariance import Curvature
 from nerfnav.estimator.descent import DescentConfig
@@ -188,3 +189,19 @@ def test_the_noise_of_a_field_is_taken_over_where_it_is_known():
 def test_the_learning_rates_stand_where_their_numbers_stand():
     rates = DescentConfig(position_rate=1.0, velocity_rate=2.0, attitude_rate=3.0, body_rate_rate=4.0).rates()
     assert rates.tolist() == [1.0] * 3 + [2.0] * 3 + [3.0] * 3 + [4.0] * 3
+
+
+@pytest.mark.parametrize("name", estimators.names())
+def test_whatever_moves_a_belief_a_picture_corrects_it_the_same_way(name: str) -> None:
+    quick = replace(CONFIG, descent=replace(DESCENT, iterations=5))
+    estimator = estimators.load(name).make(balls(), ROBOT, CAMERA, config=quick)
+    assert isinstance(estimator, Corrector)
+    begun, seen = Belief(HERE, SMALL.covariance()), picture(balls(), HERE)
+    *_, updated_ = estimator.update(begun, seen, HOVER, DT, draws(0))
+    moved = predict(begun, HOVER, ROBOT, DT, SMALL)
+    *_, corrected = estimator.correct(moved, seen, draws(0), SMALL)
+    assert updated_.posterior is not None and corrected.posterior is not None
+    assert torch.equal(updated_.posterior.mean.position, corrected.posterior.mean.position)
+    assert torch.equal(updated_.posterior.covariance, corrected.posterior.covariance)
+    with pytest.raises(InvalidInputError, match="camera"):
+        list(estimator.correct(moved, seen[:-1], draws(0)))

@@ -405,6 +405,20 @@ def test_a_belief_that_comes_from_elsewhere_keeps_what_is_known_of_the_biases() 
     assert torch.equal(told.covariance, known) and not told.cross.any() and late._known(belief) is late._last
 
 
+def test_a_unit_without_errors_leaves_no_belief_without_a_spread() -> None:
+    perfect = replace(CALM, gyroscope_noise=0.0, gyroscope_bias_radps=0.0, accelerometer_noise=0.0,
+                      accelerometer_bias_mps2=0.0)  # fmt: skip
+    world = world_of(perfect)
+    late = LatePictures(Seeing(lambda: _seen(world), 0.002), lambda: world.felt, world.world.delay_s, world.unit)
+    belief, generator = Belief(START, 1e-4 * torch.eye(12)), draws(0)
+    for _ in range(20):
+        world.follow(still(START), believed=belief.mean)
+        *_, step = late.update(belief, grey(None), HOVER[0], 0.1, generator)
+        belief = step.posterior
+    torch.linalg.cholesky(belief.covariance.double())
+    assert belief.mean.local(world.state)[:3].norm() < 0.003
+
+
 def test_estimators_that_only_move_beliefs_themselves_are_refused_in_one_sentence() -> None:
     world = world_of(PhysicalConfig())
     with pytest.raises(InvalidInputError, match=r"Oracle has no `correct`.*fly it in the paper's world"):

@@ -14,6 +14,9 @@ from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.rigid_body import BodyState, rotation_of
 from nerfnav.robots import Increments, advanced
 
+_PERFECT = 1e-6
+"""What noise of a unit without any is taken for: covariances are inverted."""
+
 
 @dataclass
 class InertialUnit:
@@ -35,8 +38,9 @@ class InertialUnit:
     def told(self, gravity: float) -> ImuConfig:
         """What is known of it beforehand: all but its biases; and gravity [m/s^2]."""
         config = self.config
+        noise = (max(_PERFECT, density) for density in (config.gyroscope_noise, config.accelerometer_noise))
         return ImuConfig(
-            config.gyroscope_noise, config.accelerometer_noise, gyro_walk=0.0, accel_walk=0.0,
+            *noise, gyro_walk=0.0, accel_walk=0.0,
             gyro_bias=config.gyroscope_bias_radps, accel_bias=config.accelerometer_bias_mps2,
             gravity=gravity, gravity_std=0.0,
         )  # fmt: skip
