@@ -434,6 +434,32 @@ def test_a_robot_that_sees_nothing_holds_before_it_may_be_five_centimetres_off()
     assert expecting_physics(NavigateConfig(recovery=careful)).recovery == careful
 
 
+@pytest.mark.parametrize("name", ["quadrotor", "quadrotor25", "crazyflie", "x500"])
+def test_each_quadrotor_can_do_in_the_physical_world_what_plans_ask_of_it(name: str) -> None:
+    robot = robots.load(name)
+    world = PhysicalConfig()
+    frame = airframe(robot, world)
+    most = len(frame.rotors) * frame.thrust_coefficient * world.fastest_radps**2
+    least = len(frame.rotors) * frame.thrust_coefficient * world.slowest_radps**2
+    assert robot.config.max_thrust < most < 1.5 * robot.config.max_thrust
+    assert least < 0.1 * robot.weight
+    half = 0.5 * np.array(robot.config.extents[:2])
+    assert (np.abs(frame.rotors[:, :2]) < half).all() and np.abs(frame.rotors[:, :2]).min() > 0.5 * half.min()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["quadrotor25", "crazyflie", "x500"])
+def test_quadrotors_of_other_sizes_hold_their_place_in_the_wind(name: str) -> None:
+    robot = robots.load(name)
+    world = in_physical_world(Simulator(robot, START, grey, draws(0), noise=None))
+    start = world.state
+    for _ in range(15):
+        plan = come_to_rest(robot, start, 6, 0.1)
+        world.follow(plan, believed=world.state)
+        start = plan.states[1]
+    assert (world.state.position - START.position).norm() < 0.15 and world.state.velocity.norm() < 0.3
+
+
 def test_other_robots_than_quadrotors_are_refused_in_one_sentence() -> None:
     couch = Simulator(robots.load("couch"), START, grey, draws(0))
     with pytest.raises(InvalidInputError, match="made for quadrotors, and a couch is none"):

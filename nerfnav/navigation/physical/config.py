@@ -15,7 +15,7 @@ half a second, and go on to be wrong in the same direction."""
 
 @dataclass(frozen=True)
 class PhysicalConfig:
-    """A quadrotor of 250 g and 10 cm in moderate wind.
+    """A quadrotor of 250 g and 10 cm in moderate wind; rotors of others are scaled to them (simulator.py, `airframe`).
 
     Wind is scaled by what it does: the ratio of drag acceleration to gravity. Drag is linear in the airspeed, d v for
     each kg, and d hardly depends on a quadrotor's size: about 0.3 /s at 30 g (Foerster, "System identification of the

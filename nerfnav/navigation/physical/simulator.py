@@ -23,7 +23,7 @@ from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrat
 from nerfnav.navigation.physical.tracking import TrackingGains, wrench_for
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.robots import Motion, Quadrotor, RigidState
+from nerfnav.robots import Motion, Quadrotor, QuadrotorConfig, RigidState
 
 _LOOK_APART = 0.02
 """How often the body is checked for contact [s]."""
@@ -129,15 +129,21 @@ class PhysicalSimulator(Simulator):
 
 
 def airframe(robot: Quadrotor, world: PhysicalConfig) -> Airframe:
-    """What planner, filter and tracking loop take the robot for."""
-    config, arm = robot.config, world.rotor_arm_m
+    """What planner, filter and tracking loop take the robot for.
+
+    The world's rotors are those of the paper's robot. Another one's have as much more thrust, at the same speeds, as it
+    is said to have at most, and they are as much larger, and farther apart, as it is.
+    """
+    config, paper = robot.config, QuadrotorConfig()
+    stronger, larger = config.max_thrust / paper.max_thrust, max(config.extents[:2]) / max(paper.extents[:2])
+    arm = larger * world.rotor_arm_m
     return Airframe(
         config.mass,
         np.array(config.inertia),
         arm * np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]]),
         np.array([1.0, -1.0, 1.0, -1.0]),
-        world.thrust_coefficient,
-        world.torque_coefficient,
+        stronger * world.thrust_coefficient,
+        stronger * larger * world.torque_coefficient,
         config.gravity,
     )
 
