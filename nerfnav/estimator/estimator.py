@@ -32,6 +32,11 @@ class Estimator(Protocol):
 class Corrector(Protocol):
     """An estimator that takes a picture, whatever has moved the belief until then."""
 
+    @property
+    def trust_dynamics(self) -> bool:
+        """Whether the prediction counts in the posterior; False: it is the start only."""
+        ...
+
     def correct(
         self,
         prediction: Belief,

@@ -118,6 +118,11 @@ class PoseFilter:
         noise = self.config.process_noise
         return self.correct(predict(belief, action, self.robot, dt, noise), image, generator, noise)
 
+    @property
+    def trust_dynamics(self) -> bool:
+        """The prediction counts."""
+        return True
+
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
     ) -> Iterator[FilterStep]:

@@ -298,6 +298,7 @@ class Seeing:
 
     where: Callable[[], RigidState]
     noise: float = 1e-4
+    trust_dynamics: bool = True
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
@@ -403,6 +404,19 @@ def test_a_belief_that_comes_from_elsewhere_keeps_what_is_known_of_the_biases() 
     assert late._last is not None
     known, told = late._last.covariance, late._known(replace(belief, covariance=4 * belief.covariance))
     assert torch.equal(told.covariance, known) and not told.cross.any() and late._known(belief) is late._last
+
+
+def test_nothing_is_learned_of_biases_from_an_estimator_that_only_starts_at_the_prediction() -> None:
+    world = world_of(PhysicalConfig())
+    late = LatePictures(
+        Seeing(lambda: _seen(world), trust_dynamics=False), lambda: world.felt, world.world.delay_s, world.unit
+    )
+    belief = Belief(START, 1e-4 * torch.eye(12))
+    for _ in range(5):
+        world.follow(still(START), believed=belief.mean)
+        *_, step = late.update(belief, grey(None), HOVER[0], 0.1, draws(0))
+        belief = step.posterior
+    assert late._last is not None and not late._last.biases.any()
 
 
 def test_a_unit_without_errors_leaves_no_belief_without_a_spread() -> None:

@@ -44,7 +44,7 @@ class LatePictures:
         held = MeasuredNoise(noise.to(belief.covariance))
         for step in self.estimator.correct(then.belief, image, generator, held):
             if step.posterior is not None:
-                self._last, _ = self._moved(then.corrected(step.posterior), after)
+                self._last, _ = self._moved(self._corrected(then, step.posterior), after)
                 step = replace(step, posterior=self._last.belief)
             yield step
 
@@ -53,6 +53,10 @@ class LatePictures:
         if self._last is None:
             return InertialBelief.begin(belief, self.unit)
         return self._last if self._last.belief is belief else self._last.begun_again(belief)  # doubted, or found anew
+
+    def _corrected(self, then: InertialBelief, posterior: Belief) -> InertialBelief:
+        """With what a picture has told; of biases it tells nothing where the prediction was the start alone."""
+        return then.corrected(posterior) if self.estimator.trust_dynamics else then.begun_again(posterior)
 
     def _moved(self, last: InertialBelief, felt: Felt) -> tuple[InertialBelief, Tensor]:
         """The belief after what was felt, and the noise in it."""
