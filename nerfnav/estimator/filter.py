@@ -126,7 +126,10 @@ class PoseFilter:
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
     ) -> Iterator[FilterStep]:
-        """The same for a belief that the dynamics have moved already; how much `noise` they added does not matter."""
+        """The same for a belief that the dynamics have moved already; how much `noise` they added does not matter.
+
+        Raises as `update` does.
+        """
         if image is None:
             return iter([predicted_only(prediction)])
         check_image(image, self.camera)

@@ -26,8 +26,9 @@ _ACROSS, _FEWEST = 8, 4
 _MOST = 6_000_000
 """Points in all, as long as half of the body is no whole number of their distances: to make it one, up to four times as
 many are taken."""
-_BYTES = 36
-"""What a point takes, at most, until chances are made of it (danger.py), and one for each heading."""
+_BYTES = 48
+"""What a point takes, at most, until chances are made of it (danger.py): 36 to 43 were measured. And one for each
+heading."""
 _SLAB = 8
 """Layers of points that are asked for at once."""
 

@@ -95,7 +95,10 @@ def _blurred(
         beyond = _BEYOND * node
         places.append(np.arange(math.ceil(((count - 1) * step + 2 * beyond) / node) + 1) * node - beyond)
     lower[:blurred] -= _BEYOND * spacing[:blurred]
-    chances = np.stack([_layer(space, places[:blurred], spread) for spread in deviations])
+    shape = [len(at) for at in places[:blurred]] + list(space.blocked.shape[blurred:])
+    chances = np.empty((len(spreads), *shape), np.float32)  # filled one by one: it may take most of the memory
+    for layer, spread in zip(chances, deviations, strict=True):
+        layer[:] = _layer(space, places[:blurred], spread)
     if height is not None:  # the same at whatever height
         chances, lower[2] = np.repeat(chances, 3, 3), lower[2] - spacing[2]
     return DangerMap(chances, lower, 1 / spacing)
@@ -110,7 +113,7 @@ def _layer(
         count, step = space.blocked.shape[axis], space.spacing[axis]
         weights = _weights(np.clip(at / step, 0, count - 1), count, max(deviation / step, _STILL))
         chances = np.moveaxis(np.tensordot(weights, chances, (1, axis)), 0, axis)
-    return np.ascontiguousarray(chances)
+    return chances
 
 
 def _weights(places: Float[np.ndarray, " m"], count: int, deviation: float) -> Float[np.ndarray, "m n"]:
