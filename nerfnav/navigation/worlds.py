@@ -68,8 +68,8 @@ def with_late_pictures(pilot: Pilot, simulator: Simulator) -> Pilot:
         return pilot
     if not isinstance(pilot.estimator, Corrector):
         raise InvalidInputError(
-            f"{type(pilot.estimator).__name__} has no `correct` and `trust_dynamics` (nerfnav.estimator.Corrector), and "
-            "in the physical world inertial measurements move beliefs: fly it in the paper's world"
+            f"{type(pilot.estimator).__name__} has no `correct` and `trust_dynamics` (nerfnav.estimator.Corrector), "
+            "and in the physical world inertial measurements move beliefs: fly it in the paper's world"
         )
     late = LatePictures(pilot.estimator, lambda: simulator.felt, simulator.world.delay_s, simulator.unit)
     return replace(pilot, estimator=late)
