@@ -89,7 +89,11 @@ class Crowd:
         tab.page.wait_for_function(_READY)
 
     def use_all_once(self) -> None:
-        """What is made when it is first needed, such as views from everywhere to find a robot by, is made then."""
+        """What is made when it is first needed is made then.
+
+        Such are views from everywhere to find a robot by, and all that only comparisons of planners use: on a machine
+        that has not compiled it yet, the compiler keeps hundreds of megabytes.
+        """
         tab = self._tabs[0]
         tab.page.bring_to_front()
         tab.page.get_by_role("tab", name="Estimate").click()
@@ -102,6 +106,13 @@ class Crowd:
                 tab.page.keyboard.press("f")
             tab.page.wait_for_timeout(100)
         tab.page.wait_for_timeout(10_000)
+        assert self._becomes_idle(tab, PATIENCE_S), "the flight goes on"
+        tab.page.get_by_role("tab", name="Plan").click()
+        tab.page.get_by_role("button", name="Compare planners").click()
+        # the others have ended by then; the paper's may take minutes
+        tab.page.get_by_text("with paper").first.wait_for(timeout=2000 * PATIENCE_S)
+        tab.page.wait_for_timeout(5_000)
+        assert self._becomes_idle(tab, PATIENCE_S), "the comparison goes on"
 
     def _pressed_at_once(self, button: Locator) -> bool:
         """Press a button in the moment in which it is found, if it is there: it may be gone in the next."""
@@ -150,8 +161,12 @@ class Crowd:
 
     def leave_quiet(self, patience_s: float) -> bool:
         """Stop what is running; whether it then ends."""
-        tab, end = self._tabs[0], time.monotonic() + patience_s
-        self._load(tab)
+        self._load(self._tabs[0])
+        return self._becomes_idle(self._tabs[0], patience_s)
+
+    def _becomes_idle(self, tab: Tab, patience_s: float) -> bool:
+        """Whether what is running ends when it is stopped."""
+        end = time.monotonic() + patience_s
         while time.monotonic() < end:
             if self._is_idle(tab):
                 return True
@@ -165,8 +180,9 @@ def soak(server: Served, context: BrowserContext, actions: int, most_s: float, s
     """Do that many things, but stop after `most_s`, if it was enough by then to mean anything."""
     account = Account()
     page_complaints = complaints_of(context)
-    crowd, began, noted = Crowd(server, context, seed), time.monotonic(), -np.inf
+    crowd = Crowd(server, context, seed)
     crowd.use_all_once()
+    began, noted = time.monotonic(), -np.inf
     for _ in range(actions):
         now = time.monotonic() - began
         if now > most_s and sum(account.actions.values()) >= LEAST_ACTIONS:
