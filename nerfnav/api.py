@@ -80,7 +80,7 @@ def fly(
     seen, robot, lasting = _careful(problem), problem.robot, LastingError()
     if isinstance(problem.field, GridField):
         info = problem.field.info
-        config = replace(config, filter=config.filter.for_field(info.noise_std))
+        config = replace(config, filter=config.filter.for_field(info))
         lasting = lasting if scene is None else LastingError(info.pose_floor, robot.mount)
     camera, settings = camera or robot.camera, FastPlanConfig()
     where = (seen.field, map_for(seen, settings.occupancy), robot)

@@ -66,7 +66,7 @@ def test_from_photographs_to_a_flight(tmp_path: Path) -> None:
     )
 
     # The filter turns each picture into a belief; the plan is made anew from it: three steps of the paper's loop.
-    filtering = FilterConfig(descent=DescentConfig(iterations=150)).for_field(field.info.noise_std)
+    filtering = FilterConfig(descent=DescentConfig(iterations=150)).for_field(field.info)
     settings = NavigateConfig(filter=filtering)
     pilot = Pilot(
         PaperPlanner(field, robot, again=PlanConfig(iterations=20)),

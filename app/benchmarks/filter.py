@@ -79,7 +79,7 @@ def measure(arena: Arena, views: int = 8, rounds: int = 1, fast_per_round: int =
 def bench_filter(arena: Arena) -> FastFilter:
     """The fast filter as it is timed."""
     config = FilterConfig(pixels=PixelConfig(count=_PIXELS), pyramid=PyramidConfig(pixels=_PIXELS))
-    config = config.for_field(arena.field.info.noise_std)
+    config = config.for_field(arena.field.info)
     return FastFilter(arena.field, Quadrotor(), CAMERA, config=config)
 
 

@@ -36,7 +36,7 @@ def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:
     config = world.expecting(config)
     where = seen_as.field, occupancy, world.planned(robot)
     planner, guard = guarded(planners.load(route.planner), where, route.settings, route.again, config.noise)
-    config = replace(config, filter=_with_noise_of(config.filter, place))
+    config = replace(config, filter=_suiting(config.filter, place))
     generator = torch.Generator().manual_seed(request.seed)
     lasting = LastingError(() if place.scene is None else place.field.info.pose_floor, robot.mount)
     pilot = Pilot(
@@ -77,7 +77,8 @@ def timed(request: FlyRequest, place: Place) -> FlyRequest:
     return replace(request, route=replace(route, steps=timing.steps, dt=timing.dt))
 
 
-def _with_noise_of(config: FilterConfig, place: Place) -> FilterConfig:
-    """The colour noise that was measured for this field, unless another was asked for."""
+def _suiting(config: FilterConfig, place: Place) -> FilterConfig:
+    """The filter with what was measured for this field; its colour noise only where no other was asked for."""
+    measured = config.for_field(place.field.info)
     asked = config.color_noise.std != ColorNoise.std
-    return config if asked else config.for_field(place.field.info.noise_std)
+    return replace(measured, color_noise=config.color_noise) if asked else measured

@@ -78,5 +78,6 @@ def info_of(
         guesses=still_guessed(before.guesses, known),
         placed=similarity.after(Similarity.of_numbers(before.placed)).numbers if before.placed else (),
         views=views_moved(before.views, similarity),
+        position_floor_m=None if before.position_floor_m is None else similarity.scale * before.position_floor_m,
         pose_floor=rescaled(before.pose_floor, similarity.scale),
     )

@@ -26,6 +26,7 @@ from .pose_error import comparable as comparable
 from .pose_error import pose_floor as pose_floor
 from .pose_error import rescaled as rescaled
 from .pose_error import resized as resized
+from .position_floor import likeliest_floor as likeliest_floor
 from .pyramid import PyramidConfig as PyramidConfig
 from .relocalise import RelocaliseConfig as RelocaliseConfig
 from .relocalise import RelocaliseOutcome as RelocaliseOutcome

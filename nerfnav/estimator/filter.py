@@ -27,7 +27,7 @@ from nerfnav.estimator.pyramid import PyramidConfig
 from nerfnav.estimator.retraction import Retraction, choose_retraction, princeton_lietorch
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.estimator.verdict import contrast, predicted_only
-from nerfnav.field import Field
+from nerfnav.field import Field, FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import TANGENT, RigidState, Robot
 
@@ -45,8 +45,9 @@ class FilterConfig:
     floor: StateNoise = dataclasses.field(default_factory=lambda: StateNoise(0.0005, 0.0, 0.0005, 0.0))
     """What no picture improves upon, for field and camera are never quite what they are taken for (fast filter)."""
     grain: float = 0.055
-    """The same for the position as a share of the distance of the field's nodes, where that is more: a field learned
-    from photographs puts its surfaces no more exactly, and errs alike in picture after picture (fast filter)."""
+    """The same for the position as a share of the distance of the field's nodes, where that is more and nobody measured
+    it (see `for_field`): a field learned from photographs puts its surfaces no more exactly, and errs alike in picture
+    after picture (fast filter)."""
     exact_covariance: bool = False
     """Whether the fast filter takes the exact Hessian (paper) where Gauss-Newton's is at hand."""
     gain_std: float = 0.1
@@ -78,9 +79,16 @@ class FilterConfig:
         """The paper's numbers: 300 steps without early stop, 256 pixels, Q = 0.1 I."""
         return cls(process_noise=StateNoise.isotropic(0.1), adaptive=False, retries=0)
 
-    def for_field(self, noise_std: float | None) -> "FilterConfig":
-        """The same with the noise that was measured for a field (`field.info.noise_std`); None changes nothing."""
-        return replace(self, color_noise=self.color_noise.measured(noise_std))
+    def floor_at(self, grain: float) -> StateNoise:
+        """What no picture improves upon in a field whose nodes are `grain` [m] apart."""
+        return replace(self.floor, position_m=max(self.floor.position_m, self.grain * grain))
+
+    def for_field(self, info: FieldInfo) -> "FilterConfig":
+        """The same with what was measured of a field; what was not stays as it is."""
+        known = replace(self, color_noise=self.color_noise.measured(info.noise_std))
+        if info.position_floor_m is None:
+            return known
+        return replace(known, floor=replace(self.floor, position_m=info.position_floor_m), grain=0.0)
 
 
 @dataclass(frozen=True)

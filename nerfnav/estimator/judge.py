@@ -119,8 +119,7 @@ class Judge:
         else:
             curved = 2 * information_of(change[3:], precision(prediction.covariance), known)
         covariance, curvature = posterior_covariance(curved, prediction.covariance)
-        floor = replace(config.floor, position_m=max(config.floor.position_m, config.grain * self.view.grain))
-        covariance = covariance + floor.covariance()
+        covariance = covariance + config.floor_at(self.view.grain).covariance()
         root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
         gained = torch.linalg.eigvalsh(root.T @ known @ root) > 1
         outcome = FilterOutcome.UPDATED if int(gained.sum()) >= _TOLD else FilterOutcome.WEAK

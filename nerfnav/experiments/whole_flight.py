@@ -67,12 +67,21 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
         "planned_steps": problem.steps,
         "start": _words(*task.start, task.start_yaw), "goal": _words(*task.goal, task.goal_yaw),
     }  # fmt: skip
+    done = _steps(arena, problem, trial)
+    steps = steps_of(done)
+    return {"row": told | row_of(done, task.goal_state, steps), "steps": steps}
+
+
+def flown(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
+    """The time steps of one; none where it cannot begin."""
+    return _steps(arena, _problem(arena, _task(arena, trial), trial), trial)
+
+
+def _steps(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> list[NavigationStep]:
     try:
-        flown = [event for event in _flight(arena, problem, trial) if isinstance(event, NavigationStep)]
+        return [event for event in _flight(arena, problem, trial) if isinstance(event, NavigationStep)]
     except (OccupiedError, OutsideBoxError):
-        flown = []
-    steps = steps_of(flown)
-    return {"row": told | row_of(flown, task.goal_state, steps), "steps": steps}
+        return []
 
 
 def _task(arena: Arena, trial: FlightTrial) -> Task:
@@ -98,7 +107,7 @@ def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
 def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[LoopEvent]:
     world = WORLDS[trial.world]
     config = world.expecting(NavigateConfig())
-    config = replace(config, filter=config.filter.for_field(arena.field.info.noise_std))
+    config = replace(config, filter=config.filter.for_field(arena.field.info))
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
     where, again = (problem.field, _map(arena, problem), problem.robot), entry.in_flight(settings, trial.risk)

@@ -63,7 +63,7 @@ class TrackerConfig:
         """The same with what was measured of a field."""
         return replace(
             self,
-            filter=self.filter.for_field(info.noise_std),
+            filter=self.filter.for_field(info),
             search=self.search.for_field(info),
             floor=info.pose_floor,
         )

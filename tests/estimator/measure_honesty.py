@@ -144,7 +144,7 @@ def main(count: int = 10, worlds: tuple[str, ...] = WORLDS) -> None:
         for name, (change, size) in CONDITIONS.items():
             noise = StateNoise(0.02 * size, 0.01 * size, 0.02 * size, 0.01 * size)
             for adaptive in (False, True):
-                config = replace(FilterConfig().for_field(field.info.noise_std), process_noise=noise, adaptive=adaptive)
+                config = replace(FilterConfig().for_field(field.info), process_noise=noise, adaptive=adaptive)
                 filter_ = FastFilter(field, Quadrotor(), CAMERA, config=config)
                 line = summary([followed(filter_, flight, change) for flight in flown])
                 sys.stdout.write(f"{world:10} {name:21} {'adapted' if adaptive else 'as told':7}  {line}\n")

@@ -17,6 +17,7 @@ from nerfnav.estimator.photometric import ColorNoise
 from nerfnav.estimator.pixels import PixelConfig, PixelSource
 from nerfnav.estimator.predict import predict
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
+from nerfnav.field import FieldInfo
 from nerfnav.field.analytic import BallsField
 from nerfnav.field.field import Points
 from nerfnav.robots.state import RigidState
@@ -179,11 +180,13 @@ def test_the_paper_preset_has_the_papers_numbers():
     torch.testing.assert_close(paper.process_noise.covariance(), 0.1 * torch.eye(12))
 
 
-def test_the_noise_of_a_field_is_taken_over_where_it_is_known():
-    assert FilterConfig().for_field(0.03).color_noise.std == 0.03
-    assert FilterConfig().for_field(None) == FilterConfig()
-    mine = FilterConfig(color_noise=ColorNoise(alike=7.0))
-    assert mine.for_field(0.03).color_noise == ColorNoise(std=0.03, alike=7.0)
+def test_what_was_measured_of_a_field_is_taken_over_where_it_is_known():
+    assert FilterConfig().for_field(FieldInfo(noise_std=0.03)).color_noise.std == 0.03
+    assert FilterConfig().for_field(FieldInfo()) == FilterConfig()
+    mine = FilterConfig(color_noise=ColorNoise(alike=7.0), floor=StateNoise(0.1, 0.2, 0.3, 0.4))
+    known = mine.for_field(FieldInfo(noise_std=0.03, position_floor_m=0.004))
+    assert known.color_noise == ColorNoise(std=0.03, alike=7.0)
+    assert known.floor == StateNoise(0.004, 0.2, 0.3, 0.4) and known.grain == 0
 
 
 def test_the_learning_rates_stand_where_their_numbers_stand():

@@ -6,13 +6,14 @@ import pytest
 import torch
 
 from nerfnav.errors import InvalidInputError
+from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, so3
 from nerfnav.tracking import InertialMotion, Tracked, Tracker, TrackerConfig, TrackStatus
 from tests.tracking.shaken import BIASES, MOUNT, Shaken
 from tests.tracking.walks import CAMERA, every, field
 
 CONFIG = TrackerConfig()
-CONFIG = replace(CONFIG, filter=CONFIG.filter.for_field(0.01))
+CONFIG = replace(CONFIG, filter=CONFIG.filter.for_field(FieldInfo(noise_std=0.01)))
 QUICK = Shaken(turning=0.4, turns=1.8)
 """Up to 4.5 rad/s."""
 

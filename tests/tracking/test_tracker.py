@@ -10,6 +10,7 @@ from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator import Belief
+from nerfnav.field import FieldInfo
 from nerfnav.field.evidence import DENSITY_SCALE
 from nerfnav.field.levels import raw_of
 from nerfnav.geometry import FORWARD_MOUNT, Box, Camera, Pose, so3
@@ -18,7 +19,7 @@ from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
 from tests.tracking.walks import CAMERA, DT, every, field, picture, pose, walk
 
 CONFIG = TrackerConfig()
-CONFIG = replace(CONFIG, filter=CONFIG.filter.for_field(0.01))
+CONFIG = replace(CONFIG, filter=CONFIG.filter.for_field(FieldInfo(noise_std=0.01)))
 
 
 def tracker(camera: Camera = CAMERA, config: TrackerConfig = CONFIG) -> Tracker:

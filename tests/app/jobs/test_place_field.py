@@ -32,12 +32,14 @@ def stored(field: VoxelField, path: Path) -> Path:
 
 
 def test_a_measured_place_is_as_long_as_it_was_measured(tmp_path: Path) -> None:
-    path = stored(room(), tmp_path / "room.npz")
+    field = replace(room(), info=replace(room().info, position_floor_m=0.003))
+    path = stored(field, tmp_path / "room.npz")
     correction = Correction(measured=((0.0, 0.0, 0.0), (0.3, 0.4, 0.0), 1.0))
     summary = result_of(run(PlaceRequest(str(path), correction, tmp_path / "out.npz"))).summary
     now = load_field(tmp_path / "out.npz")
     torch.testing.assert_close(now.box.size, 2 * load_field(path).box.size)
     assert summary["changed"] == ["a metre of before is 2 m now, and the place is 2.4 m long"]
+    assert now.info.position_floor_m == pytest.approx(0.006)
 
 
 @pytest.mark.slow
