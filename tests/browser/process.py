@@ -14,6 +14,7 @@ from pathlib import Path
 from tests.waiting import free_port
 
 _ROOT = Path(__file__).parents[2]
+_NERFNAV = (sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())")
 _STOP_S = 120.0
 """How long the end of a running job and of all threads may take on a machine that is busy with other things [s]."""
 _FAULT = re.compile(r"Traceback|ERROR|Exception")
@@ -49,20 +50,32 @@ class Served:
         return [f"{self.log} says:\n{log[start : start + _TOLD]}"]
 
 
+def done(*arguments: str) -> None:
+    """Run `nerfnav` with these arguments to its end, which must be a good one; what it keeps goes with it."""
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(
+            [*_NERFNAV, *arguments], stdout=subprocess.DEVNULL, cwd=_ROOT, env=_keeping_in(folder), check=True
+        )
+
+
+def _keeping_in(folder: str) -> dict[str, str]:
+    """The environment of a process that keeps runs and places there."""
+    return os.environ | {f"NERFNAV_{kept.upper()}": str(Path(folder) / kept) for kept in ("runs", "places")}
+
+
 @contextlib.contextmanager
 def served(*arguments: str, log: Path, cores: set[int] | None = None) -> Iterator[Served]:
     """Run `nerfnav serve` with these arguments, on these cores alone; `log` keeps its stderr. It must end well."""
     with tempfile.TemporaryDirectory() as folder:
         words = ["serve", *arguments, "--port", str(free_port()), "--json"]
-        command = [sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())", *words]
         with log.open("w") as stream:
             process = subprocess.Popen(
-                command,
+                [*_NERFNAV, *words],
                 stdout=subprocess.PIPE,
                 stderr=stream,
                 text=True,
                 cwd=_ROOT,
-                env=os.environ | {f"NERFNAV_{kept.upper()}": str(Path(folder) / kept) for kept in ("runs", "places")},
+                env=_keeping_in(folder),
             )
             if cores is not None:
                 os.sched_setaffinity(process.pid, cores)

@@ -20,11 +20,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Error, Locator, sync_playwright
 
+import scenes
 from app.page.layers.ends import GIZMO
 from app.places.ends import Which
 from tests.browser.complaints import complaints_of
 from tests.browser.conftest import launch
-from tests.browser.process import Served, served
+from tests.browser.process import Served, done, served
 from tests.browser.tab import Tab
 from tests.waiting import PATIENCE_S
 
@@ -75,6 +76,13 @@ class Account:
         return min(late) - min(early) if early and late else 0.0
 
 
+def compile_kernels() -> None:
+    """Of all kinds of robots, in other processes: where it has to work, the compiler keeps hundreds of megabytes."""
+    for place, robot in (("stonehenge", "quadrotor"), ("stonehenge", "diffdrive"), ("church", "couch")):
+        first = next(index for index, task in enumerate(scenes.tasks_of(place)) if task.robot == robot)
+        done("fly", place, "--task", str(first), "--json")
+
+
 class Crowd:
     """People who do things at random."""
 
@@ -89,11 +97,8 @@ class Crowd:
         tab.page.wait_for_function(_READY)
 
     def use_all_once(self) -> None:
-        """What is made when it is first needed is made then.
-
-        Such are views from everywhere to find a robot by, and all that only comparisons of planners use: on a machine
-        that has not compiled it yet, the compiler keeps hundreds of megabytes.
-        """
+        """What is made when it is first needed, such as views from everywhere to find a robot by, or what only
+        comparisons of planners use, is made then."""
         tab = self._tabs[0]
         tab.page.bring_to_front()
         tab.page.get_by_role("tab", name="Estimate").click()
@@ -200,6 +205,7 @@ def soak(server: Served, context: BrowserContext, actions: int, most_s: float, s
 
 @pytest.mark.slow
 def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser: Browser, tmp_path: Path) -> None:
+    compile_kernels()
     with served("stonehenge", log=tmp_path / "server.log") as server:
         context = browser.new_context(viewport={"width": 800, "height": 560})
         account = soak(server, context, actions=150, most_s=75)
@@ -220,6 +226,7 @@ def main() -> None:
     parser.add_argument("--log", type=Path, default=Path(tempfile.gettempdir()) / "soak.log", help="the server's log")
     asked = parser.parse_args()
     cores = set(sorted(os.sched_getaffinity(0))[: asked.cores])
+    compile_kernels()
     with sync_playwright() as playwright, served("stonehenge", log=asked.log, cores=cores) as server:
         browser = launch(playwright)
         context = browser.new_context(viewport={"width": 800, "height": 560})
