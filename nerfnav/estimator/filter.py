@@ -84,9 +84,9 @@ class FilterConfig:
         return replace(self.floor, position_m=max(self.floor.position_m, self.grain * grain))
 
     def for_field(self, info: FieldInfo) -> "FilterConfig":
-        """The same with what was measured of a field; what was not stays as it is."""
-        known = replace(self, color_noise=self.color_noise.measured(info.noise_std))
-        if info.position_floor_m is None:
+        """The same with what was measured of a field; what was not stays as it is, and so does a floor of one's own."""
+        known, usual = replace(self, color_noise=self.color_noise.measured(info.noise_std)), FilterConfig()
+        if info.position_floor_m is None or (self.floor, self.grain) != (usual.floor, usual.grain):
             return known
         return replace(known, floor=replace(self.floor, position_m=info.position_floor_m), grain=0.0)
 

@@ -31,9 +31,7 @@ def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
     return likeliest_floor(errors, told)
 
 
-def _found(
-    arena: Arena, flights: int
-) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
+def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
     """Errors [m] of found positions, and what is said of them without the floor that the flights assume [m^2]."""
     config = FilterConfig().for_field(arena.field.info)
     assumed = config.floor_at(float(arena.field.spacing.max())).position_m

@@ -1,6 +1,7 @@
 """The paper's filter, from a picture to a posterior."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import pytest
 import torch
@@ -183,10 +184,17 @@ def test_the_paper_preset_has_the_papers_numbers():
 def test_what_was_measured_of_a_field_is_taken_over_where_it_is_known():
     assert FilterConfig().for_field(FieldInfo(noise_std=0.03)).color_noise.std == 0.03
     assert FilterConfig().for_field(FieldInfo()) == FilterConfig()
-    mine = FilterConfig(color_noise=ColorNoise(alike=7.0), floor=StateNoise(0.1, 0.2, 0.3, 0.4))
-    known = mine.for_field(FieldInfo(noise_std=0.03, position_floor_m=0.004))
+    measured, usual = FieldInfo(noise_std=0.03, position_floor_m=0.004), FilterConfig().floor
+    known = FilterConfig(color_noise=ColorNoise(alike=7.0)).for_field(measured)
     assert known.color_noise == ColorNoise(std=0.03, alike=7.0)
-    assert known.floor == StateNoise(0.004, 0.2, 0.3, 0.4) and known.grain == 0
+    assert known.floor == replace(usual, position_m=0.004) and known.grain == 0
+
+
+@pytest.mark.parametrize("asked", [{"floor": StateNoise(0.1, 0.2, 0.3, 0.4)}, {"grain": 0.2}, {"grain": 0.0}])
+def test_a_floor_that_was_asked_for_is_kept(asked: dict[str, Any]):
+    mine = FilterConfig(**asked)
+    known = mine.for_field(FieldInfo(position_floor_m=0.004))
+    assert (known.floor, known.grain) == (mine.floor, mine.grain)
 
 
 def test_the_learning_rates_stand_where_their_numbers_stand():
