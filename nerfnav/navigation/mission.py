@@ -24,6 +24,9 @@ class NavigateConfig:
     """What disturbs the true robot at each step (paper: 2 cm, 0.02 rad, half on the rates)."""
     initial: StateNoise = field(default_factory=lambda: StateNoise.isotropic(0.01**2))
     """Spread of the first belief around the truth, and its covariance: 1 cm, 0.01 rad (paper: covariance 0.1 I)."""
+    look_first: bool = True
+    """Whether the robot takes a picture before it leaves (paper: no), so that it does not set out from where it only
+    was told to be."""
     goal_tolerance_m: float = 0.08
     """REACHED when the believed position is this near to the goal [m]."""
     minimum_horizon: int = 6
@@ -49,7 +52,8 @@ class NavigateConfig:
     @classmethod
     def paper(cls) -> "NavigateConfig":
         """The paper's assumptions: covariance 0.1 I at the start and for the process noise."""
-        return cls(filter=FilterConfig.paper(), initial=StateNoise.isotropic(0.1), in_sight=0.0)
+        initial = StateNoise.isotropic(0.1)
+        return cls(filter=FilterConfig.paper(), initial=initial, look_first=False, in_sight=0.0)
 
 
 @dataclass(frozen=True)

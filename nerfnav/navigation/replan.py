@@ -1,6 +1,6 @@
 """Algorithm 1 of the paper: plan, then act, look, filter and plan again until the goal.
 
-    plan from the start (A*, Eq. 2)
+    plan from the start (A*, Eq. 2); look, before anything is done
     repeat:  first action of the plan -> picture -> filter (Eqs. 3-8) -> plan from the posterior mean, hot-started
 
 While pictures disagree with the belief, the plan is to come to rest (see navigation/recovery.py), and so it is where a
@@ -13,7 +13,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from nerfnav.estimator import Belief, FilterOutcome, FilterStep
+from nerfnav.estimator import Belief, Corrector, FilterOutcome, FilterStep
 from nerfnav.estimator.predict import predict
 from nerfnav.geometry import so3
 from nerfnav.navigation.flight import Flight
@@ -45,7 +45,7 @@ def navigate(
     """
     flight = Flight(mission, simulator, pilot, config, generator)
     step, course = yield from _begin(flight)
-    doubt = Doubt(step.plan, unsure=1)  # until a picture says where the robot is
+    doubt = Doubt(step.plan, unsure=int(_told_by(step.update) is None))  # until a picture says where the robot is
     step = looking_first(step, flight, doubt)
     yield step
     touched, held = False, 0
@@ -81,11 +81,10 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: Flight) -> 
 
 
 def _begin(flight: Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, Course]]:
-    """Plan from the true start, which the user has chosen, then from where the robot believes to be."""
+    """Plan from the true start, which the user has chosen, then from where the robot believes to be, having looked."""
     mission, start, config = flight.mission, flight.simulator.state, flight.config
     goal, course = mission.goal, Course(mission.goal, end=mission.goal)
-    mean = start.retract(config.initial.sample(flight.generator))
-    belief = Belief(mean, config.initial.covariance())
+    belief = Belief(start.retract(config.initial.sample(flight.generator)), config.initial.covariance())
     motion, spent_ms, outcome = mission.plan, 0.0, None
     if motion is None:
         planned, spent_ms = yield from timed(
@@ -94,9 +93,14 @@ def _begin(flight: Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, C
         motion = planned.motion
         if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
             outcome = EpisodeOutcome.NO_PLAN
+    apparent, image, update, filter_ms = None, None, None, 0.0
     if outcome is None and not config.open_loop:
+        apparent = flight.pilot.lasting.beside(belief)
+        image, update, filter_ms = yield from _look(apparent, flight)
+        if (seen := _told_by(update)) is not None:
+            apparent, belief = seen, flight.pilot.lasting.beside(seen)
         course, motion = flight.seeing(Course(goal), start, motion)
-        route = Route(mean, course.leads_to, motion.actions.shape[-2], motion.dt, course.keeps_headings)
+        route = Route(belief.mean, course.leads_to, motion.actions.shape[-2], motion.dt, course.keeps_headings)
         planned, again_ms = yield from timed(flight.pilot.planner.replan(motion, route, executed=0))
         course, motion, spent_ms = course.after(planned), planned.motion, spent_ms + again_ms
     guard, expected = flight.pilot.guard, None
@@ -105,10 +109,29 @@ def _begin(flight: Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, C
         if config.most_hits is not None and expected > config.most_hits:
             outcome = EpisodeOutcome.TOO_RISKY
     step = NavigationStep(
-        0, 0.0, None, start, belief, None, None, motion, False, 0.0, spent_ms, outcome, hits_expected=expected,
-        apparent=None if config.open_loop else flight.pilot.lasting.beside(belief),
+        0, 0.0, None, start, belief, image, update, motion, False, filter_ms, spent_ms, outcome,
+        hits_expected=expected, apparent=apparent,
     )  # fmt: skip
     return step, course
+
+
+def _look(
+    told: Belief, flight: Flight
+) -> Generator[LoopEvent, None, tuple[Tensor | None, FilterStep | None, float]]:
+    """A picture before anything is done, what it says, and how long that took [ms]; nothing where nobody looks, or the
+    estimator makes nothing of what it was told."""
+    estimator = flight.pilot.estimator
+    if not flight.config.look_first or not isinstance(estimator, Corrector) or not estimator.trust_dynamics:
+        return None, None, 0.0
+    image = flight.simulator.look()
+    found = estimator.correct(told, image, flight.generator)
+    update, filter_ms = yield from timed(found, flight.mission.clock)
+    return image, update, filter_ms
+
+
+def _told_by(update: FilterStep | None) -> Belief | None:
+    """What a picture says where the robot is; None where there was none, or it says little or something else."""
+    return update.posterior if update is not None and update.outcome is FilterOutcome.UPDATED else None
 
 
 def _advance(

@@ -42,7 +42,7 @@ class NavigationStep:
     belief: Belief
     """Where it believes to be."""
     image: UInt8[Tensor, "height width 3"] | None
-    """What its camera saw; None at index 0, in open loop, and where no picture came."""
+    """What its camera saw; None in open loop, where no picture came, and at index 0 where the robot did not look."""
     update: FilterStep | None
     """The last iteration of the filter, with its pixels; None where there was no picture."""
     plan: Motion

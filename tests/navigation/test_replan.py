@@ -11,7 +11,7 @@ from torch import Tensor
 from nerfnav.errors import OccupiedError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.lasting_error import LastingError
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.noise import ProcessNoise, StateNoise
 from nerfnav.estimator.steps import FilterOutcome, FilterStep
 from nerfnav.geometry import so3
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
@@ -340,3 +340,69 @@ def test_a_plan_is_moved_to_a_robot_that_is_off_its_leash_with_the_tilt_and_the_
     torch.testing.assert_close(start.rotation[2], led.rotation[2])
     yaws = so3.yaw_of(torch.stack([start.rotation, pushed.belief.mean.rotation]))
     torch.testing.assert_close(yaws[0], yaws[1])
+
+
+@dataclass
+class _Corrector:
+    """An oracle that corrects what it is told, and counts how often."""
+
+    simulator: Simulator
+    outcome: FilterOutcome = FilterOutcome.UPDATED
+    trust_dynamics: bool = True
+    corrected: int = 0
+
+    def correct(
+        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
+    ) -> Iterator[FilterStep]:
+        self.corrected += 1
+        seen = Belief(self.simulator.state, CALM.covariance())
+        nothing = torch.zeros(1, 2, dtype=torch.long), torch.zeros(1)
+        yield FilterStep(0, seen.mean, 1.0, 1.0, *nothing, seen, self.outcome)
+
+    def update(
+        self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+
+
+def begun(config: NavigateConfig, **how: object) -> tuple[NavigationStep, _Corrector, StraightPlanner]:
+    """The first step of a robot that was put down 3 cm a coordinate off what it is told; who looked and who planned."""
+    config = replace(config, initial=StateNoise(0.03, 0.0, 0.0, 0.0))
+    world, planner = simulator(), StraightPlanner()
+    looking = _Corrector(world, **how)  # type: ignore[arg-type]
+    return next(
+        event for event in navigate(MISSION, world, Pilot(planner, looking), config, draws(1))
+        if isinstance(event, NavigationStep)
+    ), looking, planner  # fmt: skip
+
+
+def test_a_robot_looks_before_it_leaves_and_plans_from_where_it_then_believes_to_be() -> None:
+    step, looking, planner = begun(CONFIG)
+    assert looking.corrected == 1 and step.image is not None and step.update is not None
+    assert torch.equal(step.belief.mean.position, step.truth.position)
+    torch.testing.assert_close(step.belief.covariance, CALM.covariance())
+    assert torch.equal(planner.starts[0].position, step.truth.position)
+
+
+@pytest.mark.parametrize(
+    ("config", "how"),
+    [
+        (replace(CONFIG, look_first=False), {}),
+        (replace(NavigateConfig.paper(), noise=CALM), {}),
+        (replace(CONFIG, open_loop=True), {}),
+        (CONFIG, {"trust_dynamics": False}),
+    ],
+)
+def test_without_it_or_by_what_makes_nothing_of_being_told_a_robot_leaves_from_where_it_was_told_to_be(
+    config: NavigateConfig, how: dict[str, object]
+) -> None:
+    step, looking, _ = begun(config, **how)
+    assert looking.corrected == 0 and step.image is None and step.update is None
+    assert (step.belief.mean.position - step.truth.position).norm() > 0.01
+
+
+@pytest.mark.parametrize("outcome", [outcome for outcome in FilterOutcome if outcome is not FilterOutcome.UPDATED])
+def test_a_first_picture_that_says_little_or_disagrees_changes_no_belief(outcome: FilterOutcome) -> None:
+    step, looking, _ = begun(CONFIG, outcome=outcome)
+    assert looking.corrected == 1 and step.update is not None and step.update.outcome is outcome
+    assert (step.belief.mean.position - step.truth.position).norm() > 0.01

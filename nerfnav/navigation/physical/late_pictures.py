@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, Corrector, FilterStep, ImuConfig, MeasuredNoise, inertial_motion
+from nerfnav.estimator import Belief, Corrector, FilterStep, ImuConfig, MeasuredNoise, ProcessNoise, inertial_motion
 from nerfnav.estimator.inertial_motion import InertialBelief
 from nerfnav.navigation.physical.inertial import Felt
 
@@ -47,6 +47,17 @@ class LatePictures:
                 self._last, _ = self._moved(self._corrected(then, step.posterior), after)
                 step = replace(step, posterior=self._last.belief)
             yield step
+
+    @property
+    def trust_dynamics(self) -> bool:
+        """See Corrector."""
+        return self.estimator.trust_dynamics
+
+    def correct(
+        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
+    ) -> Iterator[FilterStep]:
+        """See Corrector: of a robot that rests, pictures are not late."""
+        return self.estimator.correct(prediction, image, generator, noise)
 
     def _known(self, belief: Belief) -> InertialBelief:
         """A belief with what is known of the biases."""
