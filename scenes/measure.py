@@ -13,6 +13,7 @@ import scenes
 from nerfnav.experiments import Arena
 from nerfnav.experiments.position_floor import position_floor
 from nerfnav.field import VoxelField, load_field, save_field
+from scenes.named import for_named
 
 
 def main(names: list[str]) -> None:
@@ -27,4 +28,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or [name for name in scenes.names() if scenes.trained_path(name).is_file()])
+    for_named(main)

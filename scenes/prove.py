@@ -20,6 +20,7 @@ from nerfnav.field.fusion import fused
 from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene, images_taken, split
 from nerfnav.world.capture import capture
+from scenes.named import for_named
 
 
 def learned_from(field: VoxelField, scene: Scene) -> PosedImages:
@@ -54,4 +55,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or [name for name in scenes.names() if scenes.trained_path(name).is_file()])
+    for_named(main)
