@@ -51,6 +51,11 @@ def trained_path(name: str) -> Path:
     return Path(__file__).parent / "trained" / f"{name}.npz"
 
 
+def with_fields() -> list[str]:
+    """The scenes whose trained fields are there."""
+    return [name for name in names() if trained_path(name).is_file()]
+
+
 def _check(name: str) -> None:
     if name not in _NAMES:
         raise UnknownNameError("scene", name, _NAMES)

@@ -10,7 +10,7 @@ from nerfnav.errors import NerfnavError
 def for_named(does: Callable[[list[str]], None]) -> None:
     """Do it for the names on the command line, or for all scenes that have a field; what is wrong is one sentence."""
     try:
-        does(sys.argv[1:] or [name for name in scenes.names() if scenes.trained_path(name).is_file()])
+        does(sys.argv[1:] or scenes.with_fields())
     except NerfnavError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(2)

@@ -7,6 +7,7 @@ Two minutes of it are a test. Half an hour, with its numbers as JSON, the server
 
 import argparse
 import json
+import math
 import os
 import random
 import re
@@ -50,7 +51,8 @@ _READY = """
 () => ['/start', '/goal'].every(name => name in (window.__viserSceneTree?.getState() ?? {})
   && window.__viserMutable?.nodePoseData?.[name]) && !!window.__viserMutable.canvas
 """
-_PLACES = ("playground", "church", "apartment", "stonehenge")
+_AT_REST_S = 0.1
+"""What a server that does nothing may compute in a second [s]."""
 _IS_OPEN = """
 place => [...document.querySelectorAll('input')].some(input => input.value === place)
   && !document.body.innerText.includes('Opening')
@@ -138,9 +140,15 @@ class Crowd:
         tab = self._tabs[0]
         tab.page.keyboard.press("Control+k")
         tab.page.get_by_placeholder("Search commands").fill(f"Open {place}")
-        tab.page.locator(".mantine-Spotlight-actionLabel").first.click()
+        tab.page.locator(".mantine-Spotlight-actionLabel").filter(has_text=re.compile(f"^Open {place}$")).click()
         tab.page.wait_for_function(_IS_OPEN, arg=place)
         assert self._becomes_idle(tab, PATIENCE_S), f"{place} is not opened"
+        # first plans, maps and pictures are still made then, and kept: in some rounds, not in others, for who goes on
+        end, computed_s = time.monotonic() + PATIENCE_S, -math.inf
+        while self._server.cpu_s() - computed_s > _AT_REST_S:
+            assert time.monotonic() < end, f"{place} goes on computing"
+            computed_s = self._server.cpu_s()
+            tab.page.wait_for_timeout(1000)
 
     def act(self) -> str:
         """Do one thing in one tab; what it was."""
@@ -238,12 +246,13 @@ def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser
 
 @pytest.mark.slow
 def test_places_opened_again_and_again_keep_no_memory(browser: Browser, tmp_path: Path) -> None:
-    with served("stonehenge", log=tmp_path / "server.log") as server:
+    first, *others = scenes.with_fields()
+    with served(first, log=tmp_path / "server.log") as server:
         context = browser.new_context(viewport={"width": 800, "height": 560})
         page_complaints, crowd = complaints_of(context), Crowd(server, context, 0, tabs=1)
         kept_mb = []
         for _ in range(4):
-            for place in _PLACES:
+            for place in (*others, first):
                 crowd.open(place)
             kept_mb.append(server.memory_mb())
         context.close()

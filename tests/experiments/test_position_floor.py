@@ -19,7 +19,7 @@ def arena(name: str) -> Arena:
     return Arena(scenes.load(name), field)
 
 
-@pytest.mark.parametrize("name", [name for name in scenes.names() if scenes.trained_path(name).is_file()])
+@pytest.mark.parametrize("name", scenes.with_fields())
 def test_bundled_fields_know_it(name: str) -> None:
     field = arena(name).field
     assert field.info.position_floor_m is not None

@@ -25,7 +25,7 @@ class PlacePanel:
         """`post` takes what the user asks, `library` what the user brings."""
         self._post, self._library = post, library
         self._session: Session | None = None
-        self._bundled = {name: name for name in scenes.names() if scenes.trained_path(name).is_file()}
+        self._bundled = {name: name for name in scenes.with_fields()}
         self._kept: dict[str, str] = {}
         self._opened: dict[str, str] = {}
         self._known: dict[str, str] = {}
