@@ -119,8 +119,9 @@ class Guard:
         """Along which the chance of being pushed into something rises most."""
         height = start.position[2].item() if self.robot.planar else None
         danger = DangerMap.of(self.field, self.robot, Outlook(dt, self.disturbance, height=height)).later
-        here, slope = np.repeat(start.position.double().numpy()[None], 2, 0), np.zeros((2, 3))
-        endangered(here, np.array([0.5]), danger, 0.0, 1.0, slope)
+        here, turned = (np.repeat(part.double().numpy()[None], 2, 0) for part in (start.position, start.rotation))
+        slope = np.zeros((2, 3))
+        endangered(here, turned, np.array([0.5]), danger, 0.0, 1.0, slope, np.zeros((2, 3)))
         return torch.from_numpy(slope.sum(0)).to(start.velocity)
 
     def _braking(self, start: RigidState, wanted: Float[Tensor, "3"], dt: float) -> Motion:

@@ -74,12 +74,12 @@ def find_paths(
     start: RigidState,
     goal: RigidState,
     config: SearchConfig,
-    dearer: Float[np.ndarray, "nx ny nz"] | None = None,
+    dearer: Float[np.ndarray, "m nx ny nz"] | None = None,
 ) -> list[Float[Tensor, "_ c"]]:
     """Ways from start to goal, both included, the shortest first; none where there is none.
 
     Rows are x, y, z [m] and, where the map tells headings apart, the heading [rad], without jumps. `dearer` is what a
-    metre costs more in each voxel than by the map alone.
+    metre costs more in each voxel with each heading than by the map alone.
     """
     ends = [_node(occupancy, start), _node(occupancy, goal)]
     if ends[0] is None or ends[1] is None:

@@ -37,12 +37,18 @@ _SLAB = 8
 class CSpace:
     """Obstacles at the nodes of a grid."""
 
-    blocked: Bool[np.ndarray, "nx ny nz"]
-    """Whether the body's centre cannot be there; of one that is longer than wide, with no heading."""
+    by_heading: Bool[np.ndarray, "h nx ny nz"]
+    """Whether the body's centre cannot be there with headings evenly over half a turn, begun at 0; a single one of a
+    body that is about as long as wide."""
     lower: Float[np.ndarray, "3"]
     """The first node [m]."""
     spacing: Float[np.ndarray, "3"]
     """Distance of nodes [m]."""
+
+    @property
+    def blocked(self) -> Bool[np.ndarray, "nx ny nz"]:
+        """Whether it cannot be there with any heading."""
+        return np.logical_and.reduce(self.by_heading)
 
     @classmethod
     def of(cls, field: Field, body: Body, height: float | None = None) -> "CSpace":
@@ -60,7 +66,7 @@ class CSpace:
         voxel = max(scales.width / _FEWEST, grain, affordable)
         coarse = OccupancyMap.of(field, body, OccupancyConfig(voxel=voxel, samples_per_voxel=1), height)
         lower, spacing = coarse.box.lower.double().cpu().numpy(), coarse.spacing.double().numpy()
-        return cls(coarse.dense.all(0).numpy(), lower, spacing)
+        return cls(coarse.dense.numpy(), lower, spacing)
 
     @classmethod
     def _sampled(cls, field: Field, body: Body, scales: Scales, wanted: float, height: float | None) -> "CSpace":
@@ -82,7 +88,7 @@ class CSpace:
         else:
             columns = columns.amax(-1, keepdim=True)
         marked = covered(columns.numpy(), 1, _outlines(body, headings, spacing), spacing[:2])
-        return cls(np.logical_and.reduce(marked), lower, spacing)
+        return cls(marked, lower, spacing)
 
 
 def _dividing(length: float, most: float) -> float:

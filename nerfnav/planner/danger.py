@@ -1,12 +1,13 @@
 """The chance that noise makes a body touch something, by where its plan has its centre.
 
-    c_t(p) = P(the body does not fit at p + d),  d ~ N(0, P_t)   =   (1_occupied * N(0, P_t))(p)
+    c_t(p, yaw) = P(the body, turned by yaw, does not fit at p + d),  d ~ N(0, P_t)   =   (1_blocked * N(0, P_t))(p)
 
 with P_t of spread.py after step t: where the body does not fit (c_space.py: the Minkowski sum of the body and what is
 solid), blurred. It is the expectation of hitting the body as a whole; the same sum over body points as in Eq. 1 would
 count one hit as often as there are points. P_t is the same everywhere, so that one map serves all plans in a place. The
-body is taken level, and of one that is longer than wide its best heading. Plans keep all of the body inside of the
-field's box (border.py); where noise may push it a little beyond, things are taken to be as they are at the border.
+body is taken level, and one that is about as long as wide along the world's axes: planned with its heading, a quadrotor
+touched no less in the church's straits. Plans keep all of the body inside of the field's box (border.py); where noise
+may push it a little beyond, things are taken to be as they are at the border.
 """
 
 import math
@@ -15,9 +16,10 @@ from functools import lru_cache
 
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from nerfnav.field import Field
+from nerfnav.memory import require_memory
 from nerfnav.planner.c_space import CSpace
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.spread import Outlook, position_spreads
@@ -33,17 +35,19 @@ _BEYOND = 10
 """Nodes of the map beyond each border of the field's box, as dangerous as the border: nobody knows what is there."""
 
 Danger = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Chances (k, nx, ny, nz), lower corner (3) [m] and nodes per metre (3), as kernels take them."""
-NONE: Danger = (np.zeros((1, 2, 2, 2), np.float32), np.zeros(3), np.ones(3))
+"""Chances (k, h, nx, ny, nz), lower corner (3) [m] and nodes per metre (3), as kernels take them."""
+NONE: Danger = (np.zeros((1, 1, 2, 2, 2), np.float32), np.zeros(3), np.ones(3))
 """Nowhere a chance."""
 
 
 @dataclass(frozen=True, eq=False)
 class DangerMap:
-    """Chances at the nodes of a grid, trilinear between them and 0 outside. Each map is made once."""
+    """Chances at the nodes of a grid, trilinear between them and 0 outside, and linear between headings. Each map is
+    made once."""
 
-    chances: Float[np.ndarray, "k nx ny nz"]
-    """From 0 to 1: in the first steps of a plan, one by one, the last also in all later ones."""
+    chances: Float[np.ndarray, "k h nx ny nz"]
+    """From 0 to 1: in the first steps of a plan, one by one, the last also in all later ones; for headings evenly over
+    half a turn, begun at 0, or a single one where it does not count."""
     lower: Float[np.ndarray, "3"]
     """Lower corner [m]."""
     per_meter: Float[np.ndarray, "3"]
@@ -51,7 +55,10 @@ class DangerMap:
 
     @classmethod
     def of(cls, field: Field, robot: Robot, outlook: Outlook) -> "DangerMap":
-        """The map of a robot in a field; made once for each spread and kept."""
+        """The map of a robot in a field; made once for each spread and kept.
+
+        Raises InvalidInputError where the memory cannot hold it.
+        """
         return _blurred(field, robot, outlook.height, position_spreads(robot, outlook.dt, outlook.disturbance))
 
     @property
@@ -64,22 +71,32 @@ class DangerMap:
         """The same, with chances as they are once noise has grown, from the first step on."""
         return self.chances[-1:], self.lower, self.per_meter
 
-    def at_voxels_of(self, occupancy: OccupancyMap) -> Float[np.ndarray, "nx ny nz"]:
-        """The chances at the centres of a map's voxels once noise has grown."""
+    def at_states_of(self, occupancy: OccupancyMap) -> Float[np.ndarray, "m nx ny nz"]:
+        """The chances at the centres of a map's voxels with each of its headings, once noise has grown; with the best
+        one where it does not tell them apart."""
         first, spacing = occupancy.box.lower.double().cpu().numpy(), occupancy.spacing.double().numpy()
-        shape = occupancy.by_heading.shape[1:]
+        count, *shape = occupancy.by_heading.shape
         axes = [
             (first[axis] + np.arange(shape[axis]) * spacing[axis] - self.lower[axis]) * self.per_meter[axis]
             for axis in range(3)
         ]
-        return scipy.ndimage.map_coordinates(self.chances[-1], np.meshgrid(*axes, indexing="ij"), order=1)
+        centres = np.meshgrid(*axes, indexing="ij")
+        turned = [self._turned(turn / count) for turn in range(count)] if count > 1 else [self.chances[-1].min(0)]
+        return np.stack([scipy.ndimage.map_coordinates(chances, centres, order=1) for chances in turned])
+
+    def _turned(self, share: float) -> Float[np.ndarray, "nx ny nz"]:
+        """The last chances with a heading, in shares of half a turn below 1."""
+        layer = self.chances[-1]
+        below = int(share * len(layer))
+        rest = share * len(layer) - below
+        return (1 - rest) * layer[below] + rest * layer[(below + 1) % len(layer)]
 
 
 @lru_cache(maxsize=8)
-def dearer_by(danger: DangerMap, occupancy: OccupancyMap, weight: float) -> Float[np.ndarray, "nx ny nz"]:
-    """What a metre costs more in each voxel of a map, for a search to whom a metre among certain hits is as dear as
-    `weight` metres in the open; made once."""
-    return weight * danger.at_voxels_of(occupancy)
+def dearer_by(danger: DangerMap, occupancy: OccupancyMap, weight: float) -> Float[np.ndarray, "m nx ny nz"]:
+    """What a metre costs more in each voxel of a map with each of its headings, for a search to whom a metre among
+    certain hits is as dear as `weight` metres in the open; made once."""
+    return weight * danger.at_states_of(occupancy)
 
 
 @lru_cache(maxsize=8)
@@ -87,30 +104,49 @@ def _blurred(
     field: Field, robot: Robot, height: float | None, spreads: tuple[tuple[float, float], ...]
 ) -> DangerMap:
     space = _c_space(field, robot, height)
+    if height is None and len(space.by_heading) > 1:
+        spreads = spreads[-1:]  # headings take memory enough; in the first steps that is too careful
     deviations = np.array([(level, level, tall) for level, tall in spreads])
     spacing = np.maximum(space.spacing, deviations[-1] / _FINE)
     lower, blurred = space.lower.copy(), 3 if height is None else 2
-    places = []
-    for count, step, node in zip(space.blocked.shape, space.spacing, spacing, strict=True):
+    places, (headings, *counts) = [], space.by_heading.shape
+    for count, step, node in zip(counts, space.spacing, spacing, strict=True):
         beyond = _BEYOND * node
         places.append(np.arange(math.ceil(((count - 1) * step + 2 * beyond) / node) + 1) * node - beyond)
     lower[:blurred] -= _BEYOND * spacing[:blurred]
-    shape = [len(at) for at in places[:blurred]] + list(space.blocked.shape[blurred:])
-    chances = np.empty((len(spreads), *shape), np.float32)  # filled one by one: it may take most of the memory
+    shape = (len(spreads), headings, *map(len, places[:blurred]), *counts[blurred:])
+    _require_room(shape)
+    chances = np.empty(shape, np.float32)  # filled one by one: it may take most of the memory
     for layer, spread in zip(chances, deviations, strict=True):
-        layer[:] = _layer(space, places[:blurred], spread)
+        for turned, blocked in zip(layer, space.by_heading, strict=True):
+            turned[:] = _layer(blocked, space.spacing, places[:blurred], spread)
     if height is not None:  # the same at whatever height
-        chances, lower[2] = np.repeat(chances, 3, 3), lower[2] - spacing[2]
+        chances, lower[2] = np.repeat(chances, 3, -1), lower[2] - spacing[2]
     return DangerMap(chances, lower, 1 / spacing)
 
 
+def _require_room(shape: tuple[int, ...]) -> None:
+    """Refuse chances that the memory cannot hold."""
+    times, headings, *nodes = shape
+    require_memory(
+        np.dtype(np.float32).itemsize * math.prod(shape),
+        f"the chance that noise pushes a robot into something, at {math.prod(nodes):,} points in {times} steps with "
+        f"{headings} headings,",
+        "plan without risk (--risk 0)",
+    )
+
+
 def _layer(
-    space: CSpace, places: list[Float[np.ndarray, " _m"]], deviations: Float[np.ndarray, "3"]
+    blocked: Bool[np.ndarray, "nx ny nz"],
+    spacing: Float[np.ndarray, "3"],
+    places: list[Float[np.ndarray, " _m"]],
+    deviations: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "mx my mz"]:
-    """The obstacles blurred with standard deviations [m], at places along each axis [m from the first node]."""
-    chances = space.blocked.astype(np.float32)
+    """Obstacles at nodes `spacing` [m] apart blurred with standard deviations [m], at places along each axis [m from
+    the first node]."""
+    chances = blocked.astype(np.float32)
     for axis, (at, deviation) in enumerate(zip(places, deviations, strict=False)):
-        count, step = space.blocked.shape[axis], space.spacing[axis]
+        count, step = blocked.shape[axis], spacing[axis]
         weights = _weights(np.clip(at / step, 0, count - 1), count, max(deviation / step, _STILL))
         chances = np.moveaxis(np.tensordot(weights, chances, (1, axis)), 0, axis)
     return chances

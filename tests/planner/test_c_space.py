@@ -1,6 +1,7 @@
 """Obstacles of the configuration space: as large as the thing and the body, whatever their sizes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,13 +14,17 @@ from nerfnav.geometry import node_positions
 from nerfnav.geometry.box import Box
 from nerfnav.planner.c_space import CSpace
 from nerfnav.planner.danger import DangerMap
+from nerfnav.planner.kernels.danger import chance_at
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.spread import Disturbance, Outlook
 from nerfnav.robots import Body, load
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from tests.planner.places import ROBOT
 
 GRAIN = 0.015
 """Distance of the field's nodes [m]."""
+LONG = Body.box((0.3, 0.1, 0.1), (9, 3, 3))
 PUSHED = Outlook(disturbance=Disturbance((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)))
 
 
@@ -83,8 +88,35 @@ def test_a_robot_that_never_leaves_its_height_has_obstacles_there_alone():
 
 
 def test_a_long_body_is_blocked_where_it_fits_with_no_heading():
-    space = CSpace.of(block((0.2, 0.1, 0.15)), Body.box((0.3, 0.1, 0.1), (9, 3, 3)))
+    space = CSpace.of(block((0.2, 0.1, 0.15)), LONG)
     np.testing.assert_allclose(widths(space)[:2], [0.4 + 0.1, 0.2 + 0.1], atol=0.03)
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
+def test_with_each_heading_a_long_body_has_obstacles_as_large_as_the_thing_and_the_body(scale: float):
+    body = Body.box(tuple(scale * edge for edge in LONG.extents), (9, 3, 3))
+    half = (0.2, 0.1, 0.15)
+    space = CSpace.of(block(half, scale, OccupancyConfig().scales(block(half, scale), body).threshold), body)
+    headings = len(space.by_heading)
+    assert headings >= 4 and headings % 2 == 0
+    for turn, extents in ((0, (0.3, 0.1, 0.1)), (headings // 2, (0.1, 0.3, 0.1))):  # along x, along y
+        turned = replace(space, by_heading=space.by_heading[turn : turn + 1])
+        wanted = scale * (2 * np.array(half) + extents)
+        np.testing.assert_array_less(np.abs(widths(turned) - wanted), 1.01 * space.spacing)
+
+
+def test_the_chance_of_a_long_body_goes_by_its_heading():
+    """Beside a wall it is less likely to be pushed into it along it than across it."""
+    robot = load("couch")
+    danger = DangerMap.of(block((0.2, 0.4, 0.4)), robot, replace(PUSHED, height=0.0))
+    wall = 0.2  # its surface, along y
+    for gap, heading in ((0.08, math.pi / 2), (0.18, 0.0)):  # from the middle: half of the body, and 3 cm
+        found = chance_at(danger.parts, 9, wall + gap, 0.0, 0.0, heading)[0]
+        assert found == pytest.approx(0.5 * math.erfc(0.03 / 0.04 / math.sqrt(2)), abs=0.05)
+    across, along = (chance_at(danger.parts, 9, wall + 0.1, 0.0, 0.0, heading)[0] for heading in (0.0, math.pi / 2))
+    assert across > 0.8 and along < 0.2
+    turned = [chance_at(danger.parts, 9, wall + 0.1, 0.0, 0.0, math.pi / 2 + turn)[0] for turn in (math.pi, -math.tau)]
+    assert turned == pytest.approx([along, along])
 
 
 @pytest.mark.parametrize("name", ["quadrotor", "quadrotor25"])
@@ -92,7 +124,7 @@ def test_the_chance_beside_a_block_is_the_tail_of_the_noise(name: str):
     robot = load(name)
     danger = DangerMap.of(block((0.2, 0.2, 0.3)), robot, PUSHED)
     middle = np.round(-danger.lower * danger.per_meter).astype(int)
-    row = danger.chances[-1][:, middle[1], middle[2]]
+    row = danger.chances[-1, 0, :, middle[1], middle[2]]
     x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
     edge = 0.2 + 0.5 * robot.body.extents[0]
     tail = [0.5 * math.erfc((at - edge) / 0.04 / math.sqrt(2)) for at in x[(x > 0) & (x < 0.6)]]
@@ -111,3 +143,13 @@ def test_obstacles_that_the_memory_cannot_hold_are_refused(monkeypatch: pytest.M
     monkeypatch.setattr("nerfnav.memory.free_memory", lambda: 10**6)
     with pytest.raises(InvalidInputError, match=r"^the chance that noise .* may take .* GB, .*: plan without risk"):
         CSpace.of(block((0.2, 0.1, 0.15)), ROBOT.body)
+
+
+def test_chances_with_many_headings_that_the_memory_cannot_hold_are_refused(monkeypatch: pytest.MonkeyPatch):
+    field = block((0.2, 0.1, 0.15))
+    plank = Quadrotor(QuadrotorConfig(extents=(0.3, 0.1, 0.04), point_counts=(7, 5, 2)))
+    space = CSpace.of(field, plank.body)
+    monkeypatch.setattr("nerfnav.planner.danger.CSpace.of", lambda *_: space)
+    monkeypatch.setattr("nerfnav.memory.free_memory", lambda: 10**6)
+    with pytest.raises(InvalidInputError, match=r"^the chance that noise .* headings, may take .*: plan without risk"):
+        DangerMap.of(field, plank, PUSHED)

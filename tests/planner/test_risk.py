@@ -8,12 +8,15 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.geometry import Box, so3
 from nerfnav.planner import planners, terms
+from nerfnav.planner.astar import waypoints_along
 from nerfnav.planner.chance import risk_of, within_chance
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.danger import DangerMap
 from nerfnav.planner.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.objective import Objective
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.planner import RISK, with_risk
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.problem import InitialGuess, PlanProblem, map_for, way_length, ways_between
@@ -21,18 +24,25 @@ from nerfnav.planner.route import Route
 from nerfnav.planner.safety import SafetyConfig, clearance_of
 from nerfnav.planner.spread import Disturbance, Outlook, position_spreads
 from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
+from nerfnav.planner.terms.risk import RISK as RISK_TERM
 from nerfnav.planner.terms.risk import risk
 from nerfnav.planner.terms.term import CostTerm
+from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
+from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, Colorless, Wall, across, ball, straight_motion
-from tests.planner.test_fused import room
+from tests.planner.test_fused import BOX, room
 from tests.planner.test_objective import DT, GOAL, START, STEPS, guess
 
 PUSHED = Disturbance((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 """Noise on the position alone, and a state that is known."""
 PAPER, CAREFUL = FastPlanConfig(), FastPlanConfig(weights=CostWeights(risk=RISK))
 WEIGHED = CostWeights(risk=RISK, collision=0.3)
+PLANK = Quadrotor(QuadrotorConfig(extents=(0.3, 0.1, 0.04), point_counts=(7, 5, 2)))
+LOW = replace(room(), box=Box(*(edge - torch.tensor([0.0, 0.0, 0.4]) for edge in (BOX.lower, BOX.upper))))
+"""The ball of fog on the ground."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +115,7 @@ def test_the_chance_at_a_wall_is_the_tail_of_the_noise():
     danger = DangerMap.of(wall, ROBOT, outlook)
     edge = 0.05 + 0.1 + 0.01 * math.log(200 / 5 - 1)  # half of the body, and where the wall's density falls below 5 / m
     for layer, deviation in zip(danger.chances, (0.02, 0.02 * 2**0.5, 0.02 * 3**0.5, 0.04), strict=True):
-        row = layer[:, layer.shape[1] // 2, layer.shape[2] // 2]
+        row = layer[0, :, layer.shape[2] // 2, layer.shape[3] // 2]
         x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
         near = (x > 0) & (np.abs(x - edge) > 0.01)  # a node is 2.5 cm from the next
         tail = np.array([0.5 * math.erfc((at - edge) / deviation / math.sqrt(2)) for at in x])
@@ -150,8 +160,11 @@ def test_where_risk_counts_ways_are_looked_for_that_noise_does_not_make_dear():
 
 
 @pytest.mark.parametrize("overdue", [False, True])
-def test_the_compiled_term_is_that_of_the_reference_and_its_gradient_that_of_finite_differences(overdue: bool):
-    problem = PlanProblem(room(), ROBOT, START, GOAL, STEPS, DT, overdue=overdue)
+@pytest.mark.parametrize("robot", [ROBOT, PLANK], ids=["square", "long"])
+def test_the_compiled_term_is_that_of_the_reference_and_its_gradient_that_of_finite_differences(
+    robot: Quadrotor, overdue: bool
+):
+    problem = PlanProblem(room(), robot, START, GOAL, STEPS, DT, overdue=overdue)
     nothing = CostTerm("nothing", lambda context, motion: 0 * motion.actions.sum((-2, -1)))
     j = Objective(problem.context(WEIGHED), problem.route, terms.counted())
     plain = Objective(problem.context(WEIGHED), problem.route, (*terms.counted(), nothing))
@@ -160,7 +173,7 @@ def test_the_compiled_term_is_that_of_the_reference_and_its_gradient_that_of_fin
     here, there = j(free), plain(free)
     ends = START.to(torch.float64), GOAL.to(torch.float64)
     at = torch.from_numpy(free).requires_grad_()
-    found = problem.cost(ROBOT.motion(at, *ends, STEPS, DT), WEIGHED)
+    found = problem.cost(robot.motion(at, *ends, STEPS, DT), WEIGHED)
     assert here.cost.risk > 1 and here.cost.risk == pytest.approx(found.numbers().risk, rel=1e-6)
     assert here.cost.risk == pytest.approx(there.cost.risk, rel=1e-9)
     (gradient,) = torch.autograd.grad(found.total, at)
@@ -170,6 +183,48 @@ def test_the_compiled_term_is_that_of_the_reference_and_its_gradient_that_of_fin
         offset = step * np.eye(len(free))[index]
         slope = (j(free + offset).cost.total - j(free - offset).cost.total) / (2 * step)
         assert slope == pytest.approx(here.gradient[index], rel=1e-3, abs=1e-3)
+
+
+def test_a_long_robot_on_the_ground_has_the_term_of_the_reference_too():
+    couch, ends = Couch(), [replace(end, position=end.position * torch.tensor([1, 1, 0])) for end in (START, GOAL)]
+    problem = PlanProblem(LOW, couch, *ends, 12, DT)
+    waypoints = waypoints_along(torch.stack([end.position for end in ends]), *ends, 12)
+    guessed = couch.encode(waypoints, *ends, DT).double().numpy()
+    guessed = guessed + 0.02 * np.random.default_rng(0).standard_normal(guessed.shape)
+    found = Objective(problem.context(WEIGHED), problem.route, (RISK_TERM,))(guessed)
+    at = torch.from_numpy(guessed).requires_grad_()
+    motion = couch.motion(at, *(end.to(torch.float64) for end in ends), 12, DT)
+    expected = RISK * risk(problem.context(WEIGHED), motion)
+    assert found.cost.risk > 1 and found.cost.risk == pytest.approx(expected.item(), rel=1e-6)
+    (gradient,) = torch.autograd.grad(expected, at)
+    assert gradient[2 * len(gradient) // 3 :].abs().max() > 0.1  # by its headings
+    np.testing.assert_allclose(found.gradient, gradient, rtol=1e-4, atol=1e-5 * gradient.abs().max().item())
+
+
+def test_a_long_robot_goes_through_a_strait_lengthwise():
+    """Its ends ask for its broad side; there is room for that everywhere but in the door."""
+    wall, couch = Wall(door=0.36), Couch()
+    aside = math.pi / 2
+    start, goal = RigidState.at_rest((-0.7, 0.5, 0.4), aside), RigidState.at_rest((0.7, 0.5, 0.4), aside)
+    problem = PlanProblem(wall, couch, start, goal, 24)
+    free, careful = planned(problem), planned(problem, CAREFUL)
+    states = careful.motion.states
+    inside = states.position[:, 0].abs() < 0.1
+    assert inside.any() and so3.yaw_of(states.rotation[inside]).sin().abs().max() < 0.35
+    assert expected(problem, careful) < 0.5 * expected(problem, free)
+
+
+def test_maps_that_tell_headings_apart_know_with_which_of_them_noise_is_likely_to_hit():
+    wall, couch = Wall(door=0.36), Couch()
+    occupancy = OccupancyMap.of(wall, couch.body, OccupancyConfig(), 0.4)
+    danger = DangerMap.of(wall, couch, Outlook(height=0.4))
+    found = danger.at_states_of(occupancy)
+    assert found.shape == occupancy.by_heading.shape and len(found) > 4
+    x, y = ((at - occupancy.box.lower[axis].item()) / occupancy.spacing[axis].item() for axis, at in ((0, 0), (1, 0.5)))
+    door = found[:, round(x), round(y), 0]
+    assert door.argmin() == 0 and door[len(door) // 2] > door[0] + 0.2
+    single = OccupancyMap.of(wall, couch.body, OccupancyConfig(headings=1), 0.4)
+    np.testing.assert_array_equal(danger.at_states_of(single)[0] <= found.min(0) + 1e-6, True)
 
 
 def test_without_weight_risk_is_no_part_of_a_plan_and_so_it_is_in_the_paper():

@@ -180,7 +180,8 @@ def danger_at(body, space, weights, room):
     (position, _, rotation, _, action), (by_position, by_rotation, _) = room
     met, risked = 0.0, 0.0
     if weights[3] != 0.0:
-        risked = endangered(position[: action.shape[0] + 1], body[1], space[7], space[8], weights[3], by_position)
+        way = position[: action.shape[0] + 1]
+        risked = endangered(way, rotation, body[1], space[7], space[8], weights[3], by_position, by_rotation)
     if weights[0] != 0.0:
         met = collide(position, rotation, body, space, weights[0], by_position, by_rotation)
     return met, risked

@@ -1,20 +1,23 @@
 """The risk term: the collisions to be expected of the noise that will come, which Eq. 2 knows nothing of.
 
-    sum_t c_t(p_t)        c_t of danger.py; the mean over the way of each step
+    sum_t c_t(p_t, yaw_t)        c_t of danger.py; the mean over the way of each step
 
 counts the steps in which the robot will be pushed into something: plans keep wider of what is solid, pass a strait in
 few steps, and leave the ground early. It is soft: where there is no wider way the least dangerous is taken.
 
 When the arrival is put off at each step (a receding horizon that has reached its shortest), a sum over steps would be
-least for whoever waits outside of a strait for ever. There the same counts by way, sum_t c_t(p_t) s_t / pace, with s_t
+least for whoever waits outside of a strait for ever. There the same counts by way, sum_t c_t s_t / pace, with s_t
 the way of the step: waiting neither costs nor helps.
 """
+
+import math
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.geometry import so3
 from nerfnav.planner.danger import NONE, Danger, DangerMap
 from nerfnav.planner.kernels import danger as kernels
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
@@ -27,28 +30,37 @@ def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
         return motion.actions.new_zeros(motion.actions.shape[:-2])
     position, parts, pace = motion.states.position, context.weights.samples_per_step, context.outlook.pace
     fractions = ((torch.arange(parts) + 0.5) / parts).to(position)
-    way = position.diff(dim=-2)
+    way, heading = position.diff(dim=-2), so3.yaw_of(motion.states.rotation)
     along = position[..., :-1, None, :] + fractions[:, None] * way[..., None, :]
+    turn = (heading.diff(dim=-1) + math.pi) % math.tau - math.pi
+    turned = heading[..., :-1, None] + fractions * turn[..., None]
     danger = DangerMap.of(context.field, context.robot, context.outlook)
     first = len(danger.chances) - 1  # steps of their own chances
     steps = [*along[..., :first, :, :].unbind(-3), along[..., first:, :, :]]
-    found = [_chance(danger, step, points) for step, points in enumerate(steps)]
+    headings = [*turned[..., :first, :].unbind(-2), turned[..., first:, :]]
+    found = [_chance(danger, step, *at) for step, at in enumerate(zip(steps, headings, strict=True))]
     chance = torch.cat([part.reshape(*along.shape[:-3], -1, parts) for part in found], -2).mean(-1)
     if pace is not None:
         chance = chance * (way.square().sum(-1) + kernels.STANDSTILL).sqrt() / pace
     return chance.sum(-1)
 
 
-def _chance(danger: DangerMap, step: int, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-    """c_t at points of the world [m]."""
+def _chance(
+    danger: DangerMap, step: int, points: Float[Tensor, "*batch 3"], headings: Float[Tensor, "*batch"]
+) -> Float[Tensor, "*batch"]:
+    """c_t at points of the world [m] with headings [rad]."""
     layers, lower, per_meter = (torch.from_numpy(part).to(points) for part in danger.parts)
     chances = layers[min(step, len(layers) - 1)]
-    last = torch.tensor(chances.shape).to(points) - 1
+    count, last = len(chances), torch.tensor(chances.shape[1:]).to(points) - 1
     at = (points - lower) * per_meter
     flat = (2 * at / last - 1).reshape(1, -1, 1, 1, 3).flip(-1)  # grid_sample counts axes from the last
-    found = torch.nn.functional.grid_sample(chances[None, None], flat, padding_mode="border", align_corners=True)
+    found = torch.nn.functional.grid_sample(chances[None], flat, padding_mode="border", align_corners=True)
+    turn = headings.reshape(1, -1) / math.pi % 1 * count
+    below = turn.detach().long().clamp_max(count - 1)
+    first, second = (found.reshape(count, -1).gather(0, index % count)[0] for index in (below, below + 1))
+    chance = (first + (turn - below)[0] * (second - first)).reshape(headings.shape)
     inside = ((at >= 0) & (at <= last)).all(-1)
-    return torch.where(inside, found.reshape(inside.shape), torch.zeros_like(at[..., 0]))
+    return torch.where(inside, chance, torch.zeros_like(at[..., 0]))
 
 
 def danger_of(context: TermContext) -> tuple[Danger, float]:
@@ -66,7 +78,11 @@ def risk_kernel(context: TermContext, weight: float) -> Kernel:
     fractions = (np.arange(context.weights.samples_per_step) + 0.5) / context.weights.samples_per_step
 
     def weighed(flat: FlatMap, by: Adjoint) -> float:
-        return kernels.endangered(flat.position, fractions, danger, by_way, weight, by.position) if weight else 0.0
+        if not weight:
+            return 0.0
+        return kernels.endangered(
+            flat.position, flat.rotation, fractions, danger, by_way, weight, by.position, by.rotation
+        )
 
     return weighed
 
