@@ -3,7 +3,7 @@
 Imports nothing slow: a surface that was kept is shown while all else is being imported.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -16,6 +16,9 @@ _FROM = (-0.31, -0.60)
 _TURNS, _RISES, _NEARNESS = 8, (0.57, 0.9, 0.3, 2.0), (2.4, 1.5, 1.0)
 """Directions around, heights over horizontal distance, and distances in those of start and goal that are tried."""
 _SAMPLES = 48
+_SAMPLES_OF_A_SIDE, _TO_A_CORNER, _SPECK = 7, np.deg2rad(40), 0.02
+"""Points along each edge of a box that is looked for; angle from the middle of a page to its corners, and size of what
+is too small to be found there [rad]."""
 _SMALL = 0.2
 """Share of the box's diagonal from which on start and goal are seen well where all of the box is."""
 
@@ -49,6 +52,19 @@ def view_of_ends(
             break
     assert best is not None, "some view is tried"
     return best
+
+
+def shows(view: View, lower: Sequence[float], upper: Sequence[float]) -> bool:
+    """Whether anything of the box between two corners [m] is seen from there, as more than a speck."""
+    eye, target = (np.array(point, np.float64) for point in view)
+    corners = np.array([lower, upper], np.float64)
+    axes = np.linspace(corners[0], corners[1], _SAMPLES_OF_A_SIDE).T
+    rays = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3) - eye
+    ahead, far = target - eye, np.linalg.norm(rays, axis=-1)
+    if not (np.isfinite(rays).all() and np.linalg.norm(ahead) > 0):
+        return False
+    large = np.linalg.norm(corners[1] - corners[0]) > _SPECK * far.min()
+    return bool(large and (rays @ ahead >= np.cos(_TO_A_CORNER) * far * np.linalg.norm(ahead)).any())
 
 
 def _views(ends: np.ndarray, box: tuple[Point, Point]) -> Iterator[View]:

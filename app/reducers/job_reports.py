@@ -5,6 +5,7 @@ from dataclasses import replace
 from app.jobs import events as e
 from app.places.place import Place
 from app.places.sources import without_folder
+from app.places.vantage import shows
 from app.reducers import history, jobs, placing
 from app.reducers.common import noticed, settled
 from app.state.downloads import Download
@@ -61,10 +62,14 @@ def reported(session: Session, event: e.JobReport) -> Session:
 
 
 def _opened(session: Session, place: Place) -> Session:
-    """The session in another place; in the one that it began with, as it was left off."""
+    """The session in another place; in the one that it began with, as it was left off, but for a camera that had lost
+    sight of it."""
     there, left = settled(_suited(session, place), place), session.left_off
     if left is not None:
-        there = history.restored(replace(there, left_off=None, view=left.view, viewed=left.view), left.moment)
+        box = place.field.box
+        seen = left.view is not None and shows(left.view, box.lower.tolist(), box.upper.tolist())
+        view = left.view if seen else None
+        there = history.restored(replace(there, left_off=None, view=view, viewed=view), left.moment)
     return _doubted(there, place)
 
 

@@ -43,6 +43,15 @@ def test_ends_settings_and_camera_are_as_they_were_left_when_a_server_opens_the_
     assert after(there, m.Reset()).ends == opened.ends, "what was found at first is forgotten"
 
 
+def test_a_camera_that_had_lost_sight_of_the_place_begins_anew(opened: Session, tmp_path: Path) -> None:
+    lost = after(changed(opened), Viewed(((9.0, 9.0, 9.0), (20.0, 20.0, 9.0))))
+    SessionMemory(tmp_path, lost.what).follow(lost)
+    again = Session.opening(lost.what, left_off=SessionMemory(tmp_path, lost.what).last())
+    there = reports(again, PlaceOpened(balls_place()))
+    assert there.view is None and there.viewed is None
+    assert there.moment == lost.moment, "all else is as it was left"
+
+
 def test_another_place_knows_nothing_and_what_cannot_be_read_is_no_memory(opened: Session, tmp_path: Path) -> None:
     SessionMemory(tmp_path, opened.what).follow(changed(opened))
     assert SessionMemory(tmp_path, "elsewhere").last() is None
