@@ -30,11 +30,12 @@ def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
         return motion.actions.new_zeros(motion.actions.shape[:-2])
     position, parts, pace = motion.states.position, context.weights.samples_per_step, context.outlook.pace
     fractions = ((torch.arange(parts) + 0.5) / parts).to(position)
-    way, heading = position.diff(dim=-2), so3.yaw_of(motion.states.rotation)
+    danger = DangerMap.of(context.field, context.robot, context.outlook)
+    turns = danger.chances.shape[1] > 1
+    way, heading = position.diff(dim=-2), so3.yaw_of(motion.states.rotation) if turns else 0 * position[..., 0]
     along = position[..., :-1, None, :] + fractions[:, None] * way[..., None, :]
     turn = (heading.diff(dim=-1) + math.pi) % math.tau - math.pi
     turned = heading[..., :-1, None] + fractions * turn[..., None]
-    danger = DangerMap.of(context.field, context.robot, context.outlook)
     first = len(danger.chances) - 1  # steps of their own chances
     steps = [*along[..., :first, :, :].unbind(-3), along[..., first:, :, :]]
     headings = [*turned[..., :first, :].unbind(-2), turned[..., first:, :]]
