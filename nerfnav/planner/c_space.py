@@ -45,11 +45,6 @@ class CSpace:
     spacing: Float[np.ndarray, "3"]
     """Distance of nodes [m]."""
 
-    @property
-    def blocked(self) -> Bool[np.ndarray, "nx ny nz"]:
-        """Whether it cannot be there with any heading."""
-        return np.logical_and.reduce(self.by_heading)
-
     @classmethod
     def of(cls, field: Field, body: Body, height: float | None = None) -> "CSpace":
         """Of a body in a field; with a `height` [m] of a body that never leaves it, in a single layer.
@@ -81,7 +76,8 @@ class CSpace:
         if height is not None:
             lower[2], axes[2] = height, levels_of(body, height).double()
         headings = headings_of(OccupancyConfig(), scales)
-        _require_room(axes, side, len(headings))
+        count = math.prod(len(axis) for axis in axes)
+        require_room(count * (_BYTES + len(headings)), f"at {count:,} points {side:.3g} m apart")
         columns = _dense(field, axes, scales)
         if height is None:
             columns = pooled(columns, round(0.5 * body.extents[2] / tall))
@@ -110,11 +106,8 @@ def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]
     return np.array([[*(spacing[:2] * np.round(half / spacing[:2])), heading] for heading in headings])
 
 
-def _require_room(axes: list[Tensor], step: float, headings: int) -> None:
-    """Refuse obstacles that the memory cannot hold."""
-    count = math.prod(len(axis) for axis in axes)
+def require_room(needed: float, what: str) -> None:
+    """Refuse chances, or obstacles to make them of, that the memory cannot hold: `needed` bytes, for `what` of them."""
     require_memory(
-        count * (_BYTES + headings),
-        f"the chance that noise pushes a robot into something, at {count:,} points {step:.3g} m apart,",
-        "plan without risk (--risk 0)",
+        needed, f"the chance that noise pushes a robot into something, {what},", "plan without risk (--risk 0)"
     )

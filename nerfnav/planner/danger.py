@@ -19,8 +19,7 @@ import scipy
 from jaxtyping import Bool, Float
 
 from nerfnav.field import Field
-from nerfnav.memory import require_memory
-from nerfnav.planner.c_space import CSpace
+from nerfnav.planner.c_space import CSpace, require_room
 from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.spread import Outlook, position_spreads
 from nerfnav.robots import Robot
@@ -115,40 +114,30 @@ def _blurred(
         places.append(np.arange(math.ceil(((count - 1) * step + 2 * beyond) / node) + 1) * node - beyond)
     lower[:blurred] -= _BEYOND * spacing[:blurred]
     shape = (len(spreads), headings, *map(len, places[:blurred]), *counts[blurred:])
-    _require_room(shape)
+    require_room(
+        np.dtype(np.float32).itemsize * math.prod(shape),
+        f"at {math.prod(shape[2:]):,} points in {len(spreads)} steps with {headings} headings",
+    )
     chances = np.empty(shape, np.float32)  # filled one by one: it may take most of the memory
     for layer, spread in zip(chances, deviations, strict=True):
+        weights = [
+            _weights(np.clip(at / step, 0, count - 1), count, max(deviation / step, _STILL))
+            for at, step, count, deviation in zip(places[:blurred], space.spacing, counts, spread, strict=False)
+        ]
         for turned, blocked in zip(layer, space.by_heading, strict=True):
-            turned[:] = _layer(blocked, space.spacing, places[:blurred], spread)
+            turned[:] = _layer(blocked, weights)
     if height is not None:  # the same at whatever height
         chances, lower[2] = np.repeat(chances, 3, -1), lower[2] - spacing[2]
     return DangerMap(chances, lower, 1 / spacing)
 
 
-def _require_room(shape: tuple[int, ...]) -> None:
-    """Refuse chances that the memory cannot hold."""
-    times, headings, *nodes = shape
-    require_memory(
-        np.dtype(np.float32).itemsize * math.prod(shape),
-        f"the chance that noise pushes a robot into something, at {math.prod(nodes):,} points in {times} steps with "
-        f"{headings} headings,",
-        "plan without risk (--risk 0)",
-    )
-
-
 def _layer(
-    blocked: Bool[np.ndarray, "nx ny nz"],
-    spacing: Float[np.ndarray, "3"],
-    places: list[Float[np.ndarray, " _m"]],
-    deviations: Float[np.ndarray, "3"],
+    blocked: Bool[np.ndarray, "nx ny nz"], weights: list[Float[np.ndarray, "_m _n"]]
 ) -> Float[np.ndarray, "mx my mz"]:
-    """Obstacles at nodes `spacing` [m] apart blurred with standard deviations [m], at places along each axis [m from
-    the first node]."""
+    """Obstacles blurred along one axis after the other, with what each node has around each place there."""
     chances = blocked.astype(np.float32)
-    for axis, (at, deviation) in enumerate(zip(places, deviations, strict=False)):
-        count, step = blocked.shape[axis], spacing[axis]
-        weights = _weights(np.clip(at / step, 0, count - 1), count, max(deviation / step, _STILL))
-        chances = np.moveaxis(np.tensordot(weights, chances, (1, axis)), 0, axis)
+    for axis, along in enumerate(weights):
+        chances = np.moveaxis(np.tensordot(along, chances, (1, axis)), 0, axis)
     return chances
 
 

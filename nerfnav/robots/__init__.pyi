@@ -10,6 +10,7 @@ from .description import to_yaml as to_yaml
 from .diffdrive import DiffDrive as DiffDrive
 from .diffdrive_config import DiffDriveConfig as DiffDriveConfig
 from .flat_map import FlatMap as FlatMap
+from .ground import wrapped as wrapped
 from .handheld import HandHeld as HandHeld
 from .headings import unwrapped as unwrapped
 from .limits import limit_uses as limit_uses

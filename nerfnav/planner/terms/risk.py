@@ -21,7 +21,7 @@ from nerfnav.geometry import so3
 from nerfnav.planner.danger import NONE, Danger, DangerMap
 from nerfnav.planner.kernels import danger as kernels
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots import FlatMap, Motion
+from nerfnav.robots import FlatMap, Motion, wrapped
 
 
 def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
@@ -31,11 +31,10 @@ def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
     position, parts, pace = motion.states.position, context.weights.samples_per_step, context.outlook.pace
     fractions = ((torch.arange(parts) + 0.5) / parts).to(position)
     danger = DangerMap.of(context.field, context.robot, context.outlook)
-    turns = danger.chances.shape[1] > 1
-    way, heading = position.diff(dim=-2), so3.yaw_of(motion.states.rotation) if turns else 0 * position[..., 0]
+    turns, way = danger.chances.shape[1] > 1, position.diff(dim=-2)
+    heading = so3.yaw_of(motion.states.rotation) if turns else torch.zeros_like(position[..., 0])
     along = position[..., :-1, None, :] + fractions[:, None] * way[..., None, :]
-    turn = (heading.diff(dim=-1) + math.pi) % math.tau - math.pi
-    turned = heading[..., :-1, None] + fractions * turn[..., None]
+    turned = heading[..., :-1, None] + fractions * wrapped(heading.diff(dim=-1))[..., None]
     first = len(danger.chances) - 1  # steps of their own chances
     steps = [*along[..., :first, :, :].unbind(-3), along[..., first:, :, :]]
     headings = [*turned[..., :first, :].unbind(-2), turned[..., first:, :]]
