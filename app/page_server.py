@@ -2,10 +2,10 @@
 
 import viser
 
-from app.page.theme import branded
-from app.places.uploads import MOST_BYTES
-from app.security.address import check_address
-from app.security.guarded_server import PagePolicy, guarded_server
+from nerfnav_app.page.theme import branded
+from nerfnav_app.places.uploads import MOST_BYTES
+from nerfnav_app.security.address import check_address
+from nerfnav_app.security.guarded_server import PagePolicy, guarded_server
 
 
 def page_server(host: str, port: int, token: str | None = None) -> viser.ViserServer:

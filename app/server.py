@@ -5,19 +5,19 @@ tabs --commands--> inbox --> UI loop: session = reduce(session, message) --> lay
                      +-- events --+--> worker: the job that the session wants
 """
 
-from app.page.layers.field_surface import FieldSurfaceLayer
-from app.page.page import put_up
-from app.page_server import page_server
-from app.places.library import PlaceLibrary
-from app.security.address import page_url
-from app.state.actions import Action
-from app.state.session import Session
-from app.ui_loop import UiLoop
-from app.worker.backend import NavigationBackend
-from app.worker.session_memory import SessionMemory
-from app.worker.work import Work
-from app.worker.worker import Worker
 from nerfnav.errors import NerfnavError
+from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
+from nerfnav_app.page.page import put_up
+from nerfnav_app.page_server import page_server
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.security.address import page_url
+from nerfnav_app.state.actions import Action
+from nerfnav_app.state.session import Session
+from nerfnav_app.ui_loop import UiLoop
+from nerfnav_app.worker.backend import NavigationBackend
+from nerfnav_app.worker.session_memory import SessionMemory
+from nerfnav_app.worker.work import Work
+from nerfnav_app.worker.worker import Worker
 
 
 class App:

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
-from app.reducers.root import reduce
-from app.state.actions import Action, MoveEnd, QueryAnswered, Reported, Tick
-from app.state.session import Session
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state.actions import Action, MoveEnd, QueryAnswered, Reported, Tick
+from nerfnav_app.state.session import Session
 
 _log = logging.getLogger(__name__)
 _FRAME_S = 1 / 20  # the page changes at most this often; what happens in between is merged

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 
 
 def main(out: Path) -> None:

@@ -8,7 +8,7 @@ import argparse
 import torch
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.geometry.camera import FORWARD_MOUNT
 from nerfnav.world.raycast import MeshRenderer
 

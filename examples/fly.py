@@ -1,7 +1,7 @@
 """Fly: Algorithm 1 of the paper, in simulation. The robot sees nothing but its camera's pictures of the true mesh."""
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
 import torch
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.field.analytic import BallsField
 from nerfnav.geometry.box import Box
 

@@ -12,7 +12,7 @@ import torch
 from PIL import Image
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.imported import ImportConfig
 from nerfnav.world.capture import capture

@@ -5,7 +5,7 @@ from dataclasses import replace
 import torch
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 
 CEILING = 0.3
 """Height above which flying costs [m]."""

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
 

@@ -6,7 +6,7 @@ import time
 import viser
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.field.meshing import field_mesh
 
 START = (0.39, -0.67, 0.2)

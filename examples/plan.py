@@ -1,7 +1,7 @@
 """Plan: a trajectory through the bundled Stonehenge, optimised in its radiance field and judged on its true mesh."""
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ def load(name: str) -> "Scene":
     _check(name)
 
     def build() -> bytes:
-        scene = importlib.import_module(f"scenes.{name}").build()
+        scene = importlib.import_module(f"nerfnav_scenes.{name}").build()
         # without what trimesh has derived of its mesh, which is ten times as large and seldom needed
         return pickle.dumps(replace(scene, mesh=scene.mesh.copy()))
 
@@ -42,7 +42,7 @@ def load(name: str) -> "Scene":
 def tasks_of(name: str) -> tuple[Task, ...]:
     """What is asked of robots in that scene, known without building it. Raises as `load` does."""
     _check(name)
-    return importlib.import_module(f"scenes.tasks.{name}").TASKS
+    return importlib.import_module(f"nerfnav_scenes.tasks.{name}").TASKS
 
 
 def trained_path(name: str) -> Path:

@@ -5,7 +5,7 @@ the windows have no glass, a hatch joins kitchen and living room; legs of chairs
 voxel. Its robots are those of rooms: a 25 cm quadrotor, a sofa that passes doors only lengthwise, a cart.
 
 The field is trained from pictures alone by `nerfnav train apartment --iterations 5500 --out
-scenes/trained/apartment.npz`; then `python -m scenes.prove apartment` says what is free, see there.
+scenes/trained/apartment.npz`; then `python -m nerfnav_scenes.prove apartment` says what is free, see there.
 """
 
 from functools import partial
@@ -14,13 +14,13 @@ import numpy as np
 
 from nerfnav.geometry import Box
 from nerfnav.world import Scene, Vantage
-from scenes.apartment_rooms import furnished
-from scenes.finishes import tiles
-from scenes.furniture import block, coarse, placed, plain, timber
-from scenes.light import Color, Light, from_srgb
-from scenes.parts import Part, joined
-from scenes.primitives import Size, box, cut, place
-from scenes.tasks.apartment import TASKS
+from nerfnav_scenes.apartment_rooms import furnished
+from nerfnav_scenes.finishes import tiles
+from nerfnav_scenes.furniture import block, coarse, placed, plain, timber
+from nerfnav_scenes.light import Color, Light, from_srgb
+from nerfnav_scenes.parts import Part, joined
+from nerfnav_scenes.primitives import Size, box, cut, place
+from nerfnav_scenes.tasks.apartment import TASKS
 
 Hole = tuple[float, float, float, float]
 """An opening in a wall: from left to right along its x, from low to high [m]."""

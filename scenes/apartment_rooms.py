@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scenes.finishes import carpet
-from scenes.furniture import (
+from nerfnav_scenes.finishes import carpet
+from nerfnav_scenes.furniture import (
     bed,
     block,
     bookcase,
@@ -20,7 +20,7 @@ from scenes.furniture import (
     table,
     timber,
 )
-from scenes.parts import Part
+from nerfnav_scenes.parts import Part
 
 _NORTH, _WEST, _SOUTH = np.pi / 2, np.pi, -np.pi / 2
 """Where the front of a piece looks; east is 0."""

@@ -4,10 +4,10 @@ import numpy as np
 
 from nerfnav.geometry import Box
 from nerfnav.world import Scene
-from scenes.light import Light, from_srgb, lit
-from scenes.noise import fractal
-from scenes.primitives import Size, box, place
-from scenes.tasks.blocks import TASKS
+from nerfnav_scenes.light import Light, from_srgb, lit
+from nerfnav_scenes.noise import fractal
+from nerfnav_scenes.primitives import Size, box, place
+from nerfnav_scenes.tasks.blocks import TASKS
 
 _EDGE = 0.015
 _SLAB: Size = (1.2, 1.2, 0.06)

@@ -11,13 +11,13 @@ import numpy as np
 
 from nerfnav.geometry import Box
 from nerfnav.world import Scene
-from scenes.finishes import carpet, masonry, paint, painted, stained, striped, tiles, wood
-from scenes.light import Color, Light, from_srgb
-from scenes.noise import mix, noise, smoothstep
-from scenes.parts import Finish, Part, joined, slab
-from scenes.primitives import EDGE, Size, bar, box, turned
-from scenes.tasks.church import TASKS
-from scenes.walls import Opening, Span, Wall, arch, lancet, level, rose
+from nerfnav_scenes.finishes import carpet, masonry, paint, painted, stained, striped, tiles, wood
+from nerfnav_scenes.light import Color, Light, from_srgb
+from nerfnav_scenes.noise import mix, noise, smoothstep
+from nerfnav_scenes.parts import Finish, Part, joined, slab
+from nerfnav_scenes.primitives import EDGE, Size, bar, box, turned
+from nerfnav_scenes.tasks.church import TASKS
+from nerfnav_scenes.walls import Opening, Span, Wall, arch, lancet, level, rose
 
 _LONG, _WIDE, _WALL = 1.42, 0.80, 0.07
 """Where the middles of the outer walls stand along x and y, and how thick they are [m]."""

@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from scenes.light import Color, from_srgb
-from scenes.noise import fractal, mix, noise, smoothstep
-from scenes.parts import Finish
+from nerfnav_scenes.light import Color, from_srgb
+from nerfnav_scenes.noise import fractal, mix, noise, smoothstep
+from nerfnav_scenes.parts import Finish
 
 _MORTAR, _GOLD, _RUST = (0.80, 0.77, 0.70), (0.86, 0.70, 0.30), (0.45, 0.27, 0.17)
 

@@ -8,10 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from scenes.finishes import painted, striped, wood
-from scenes.light import Color, from_srgb
-from scenes.parts import Finish, Part
-from scenes.primitives import Roughness, Size, bar, box, stone, turned
+from nerfnav_scenes.finishes import painted, striped, wood
+from nerfnav_scenes.light import Color, from_srgb
+from nerfnav_scenes.parts import Finish, Part
+from nerfnav_scenes.primitives import Roughness, Size, bar, box, stone, turned
 
 _FINE = 0.04
 """Legs of the triangles of what has a pattern [m]."""

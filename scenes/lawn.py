@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from scenes.light import from_srgb
-from scenes.noise import fractal, mix, noise, smoothstep
-from scenes.parts import Part
-from scenes.primitives import box
+from nerfnav_scenes.light import from_srgb
+from nerfnav_scenes.noise import fractal, mix, noise, smoothstep
+from nerfnav_scenes.parts import Part
+from nerfnav_scenes.primitives import box
 
 _THICKNESS = 0.075
 _GRASS, _DRY, _CLOVER = (0.42, 0.56, 0.22), (0.64, 0.63, 0.33), (0.24, 0.42, 0.18)

@@ -3,9 +3,9 @@
 import numpy as np
 import trimesh
 
-from scenes.light import from_srgb
-from scenes.noise import fractal, mix, noise, smoothstep
-from scenes.primitives import disk
+from nerfnav_scenes.light import from_srgb
+from nerfnav_scenes.noise import fractal, mix, noise, smoothstep
+from nerfnav_scenes.primitives import disk
 
 _THICKNESS = 0.075
 _ENTRANCE_DEG = 50.0

@@ -1,6 +1,6 @@
 """Measure again how far off the filter finds positions in the fields of the bundled worlds, and note it in them.
 
-    python -m scenes.measure stonehenge church
+    python -m nerfnav_scenes.measure stonehenge church
 
 Nothing is learned: only `FieldInfo.position_floor_m` changes, by flights that look at the world. To be run after a
 field was trained, or where the filter finds positions better than before. Fields are replaced in trained/.
@@ -9,11 +9,11 @@ field was trained, or where the filter finds positions better than before. Field
 import sys
 from dataclasses import replace
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.experiments import Arena
 from nerfnav.experiments.position_floor import position_floor
 from nerfnav.field import VoxelField, load_field, save_field
-from scenes.named import for_named
+from nerfnav_scenes.named import for_named
 
 
 def main(names: list[str]) -> None:

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.errors import NerfnavError
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from scenes.light import Light, lit
-from scenes.primitives import EDGE, Size, box, place
+from nerfnav_scenes.light import Light, lit
+from nerfnav_scenes.primitives import EDGE, Size, box, place
 
 Finish = Callable[[np.ndarray], np.ndarray]
 """Points (n, 3) on a part in its own frame to linear colours (n, 3)."""

@@ -10,12 +10,12 @@ import numpy as np
 
 from nerfnav.geometry import Box
 from nerfnav.world import Scene
-from scenes.finishes import paint, striped, wood
-from scenes.lawn import lawn
-from scenes.light import Color, Light
-from scenes.parts import Part, joined, slab
-from scenes.primitives import EDGE, Roughness, Size, bar, panel, ring, stone, turned
-from scenes.tasks.playground import TASKS
+from nerfnav_scenes.finishes import paint, striped, wood
+from nerfnav_scenes.lawn import lawn
+from nerfnav_scenes.light import Color, Light
+from nerfnav_scenes.parts import Part, joined, slab
+from nerfnav_scenes.primitives import EDGE, Roughness, Size, bar, panel, ring, stone, turned
+from nerfnav_scenes.tasks.playground import TASKS
 
 _FINE = 0.011
 """Legs of the triangles of bars [m]."""

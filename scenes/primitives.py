@@ -11,7 +11,7 @@ import trimesh
 from manifold3d import Manifold, Mesh64, OpType
 from scipy.spatial import Delaunay
 
-from scenes.noise import noise
+from nerfnav_scenes.noise import noise
 
 Size = tuple[float, float, float]
 Curve = Callable[[np.ndarray], np.ndarray]

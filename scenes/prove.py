@@ -1,6 +1,6 @@
 """Prove again what is free in the fields of the bundled worlds, by depth maps from where their pictures were taken.
 
-    python -m scenes.prove stonehenge church
+    python -m nerfnav_scenes.prove stonehenge church
 
 Nothing is learned: the fields remain what pictures alone have taught, as in the paper. But no colours prove the air
 before the church's plastered walls, and the worlds are known, so that depth maps of the same cameras say what is free.
@@ -13,14 +13,14 @@ from pathlib import Path
 
 import torch
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.experiments import Freedom, freedom_noted, freedom_on_mesh, in_words
 from nerfnav.field import VoxelField, load_field, save_field, states_of
 from nerfnav.field.fusion import fused
 from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene, images_taken, split
 from nerfnav.world.capture import capture
-from scenes.named import for_named
+from nerfnav_scenes.named import for_named
 
 
 def learned_from(field: VoxelField, scene: Scene) -> PosedImages:

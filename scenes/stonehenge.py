@@ -11,11 +11,11 @@ import trimesh
 
 from nerfnav.geometry import Box
 from nerfnav.world import Scene
-from scenes.light import Light, lit
-from scenes.meadow import meadow
-from scenes.primitives import EDGE, Roughness, Size, place, stone
-from scenes.tasks.stonehenge import TASKS
-from scenes.weathering import weathered
+from nerfnav_scenes.light import Light, lit
+from nerfnav_scenes.meadow import meadow
+from nerfnav_scenes.primitives import EDGE, Roughness, Size, place, stone
+from nerfnav_scenes.tasks.stonehenge import TASKS
+from nerfnav_scenes.weathering import weathered
 
 
 @dataclass(frozen=True)

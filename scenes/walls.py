@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from scenes.parts import Finish, Part
-from scenes.primitives import Curve, fused, panel
+from nerfnav_scenes.parts import Finish, Part
+from nerfnav_scenes.primitives import Curve, fused, panel
 
 Span = tuple[float, float]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 
-from scenes.light import from_srgb
-from scenes.noise import fractal, mix, noise, smoothstep
+from nerfnav_scenes.light import from_srgb
+from nerfnav_scenes.noise import fractal, mix, noise, smoothstep
 
 _HUES = [
     (0.64, 0.61, 0.56),

@@ -14,9 +14,18 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from app.server import App
-from app.state.actions import Adjust, ChooseTask, Pause, Resume, Settings, StartComparison, StartFlight, StartPlan
 from nerfnav.errors import NerfnavError
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import (
+    Adjust,
+    ChooseTask,
+    Pause,
+    Resume,
+    Settings,
+    StartComparison,
+    StartFlight,
+    StartPlan,
+)
 
 CHROMIUM = "/usr/bin/chromium"
 DRAWN_BY_SOFTWARE = [

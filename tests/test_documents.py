@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from app.cli.main import COMMANDS, parse
+from nerfnav_app.cli.main import COMMANDS, parse
 from tests import test_imports
 
 ROOT = Path(__file__).parents[1]
@@ -86,7 +86,7 @@ def test_contributing_names_the_quick_tests_first_then_all_then_the_other_checks
 
 
 def test_every_name_of_a_recipe_can_be_imported() -> None:
-    names = re.findall(r"`((?:nerfnav|app)(?:\.\w+)+)", text_of("CONTRIBUTING.md"))
+    names = re.findall(r"`((?:nerfnav|nerfnav_app)(?:\.\w+)+)", text_of("CONTRIBUTING.md"))
     assert len(names) >= 5
     for name in names:
         module, _, attribute = name.rpartition(".")

@@ -13,15 +13,6 @@ import torch
 import viser
 from torch import Tensor
 
-from app.cli.main import main
-from app.jobs.events import JobFinished, PlaceOpened
-from app.page.panels import tabs
-from app.page.panels.panel import Page, PanelEntry
-from app.queries import catalog
-from app.queries.query import Query, Resources
-from app.server import App
-from app.state.session import Session
-from app.worker.backend import NavigationBackend
 from nerfnav import robots
 from nerfnav.errors import FieldFileError, InvalidInputError, NameTakenError, UnknownNameError
 from nerfnav.export import formats
@@ -47,6 +38,15 @@ from nerfnav.robots import ROBOTS, RobotEntry
 from nerfnav.robots.body import Body
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
+from nerfnav_app.cli.main import main
+from nerfnav_app.jobs.events import JobFinished, PlaceOpened
+from nerfnav_app.page.panels import tabs
+from nerfnav_app.page.panels.panel import Page, PanelEntry
+from nerfnav_app.queries import catalog
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.server import App
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import ScriptedWork, balls_place
 from tests.waiting import free_port, until
 

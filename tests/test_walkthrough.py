@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.estimator.descent import DescentConfig
 from nerfnav.estimator.filter import FilterConfig, PoseFilter

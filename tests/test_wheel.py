@@ -71,9 +71,13 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
 
 def shipped() -> set[str]:
     """Every file of the packages, as git would see it."""
-    folders = (ROOT / name for name in ("app", "nerfnav", "scenes"))
-    paths = (path for folder in folders for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(ROOT)) for path in paths if "__pycache__" not in path.parts}
+    folders = {"nerfnav_app": ROOT / "app", "nerfnav": ROOT / "nerfnav", "nerfnav_scenes": ROOT / "scenes"}
+    return {
+        f"{package}/{path.relative_to(folder)}"
+        for package, folder in folders.items()
+        for path in folder.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
 
 
 def test_wheel_and_sdist_hold_every_file_of_the_packages(installed: Installed) -> None:
@@ -81,12 +85,12 @@ def test_wheel_and_sdist_hold_every_file_of_the_packages(installed: Installed) -
         in_wheel = {name for name in wheel.namelist() if ".dist-info/" not in name}
         in_sdist = {name.partition("/")[2] for name in sdist.getnames()}
     assert in_wheel == shipped()
-    assert shipped() <= in_sdist
+    assert shipped() <= {name.removeprefix("packaging/") for name in in_sdist}
 
 
 def test_it_is_the_wheel_that_is_imported_and_no_extra_is_there(installed: Installed) -> None:
     script = (
-        "import importlib.util, json, nerfnav, app, scenes\n"
+        "import importlib.util, json, nerfnav, nerfnav_app as app, nerfnav_scenes as scenes\n"
         f"extras = [name for name in {EXTRAS} if importlib.util.find_spec(name)]\n"
         "print(json.dumps([nerfnav.__version__, nerfnav.__file__, app.__file__, scenes.__file__, extras]))"
     )

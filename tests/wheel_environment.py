@@ -11,7 +11,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
-PARTS = ("app", "nerfnav", "scenes", "pyproject.toml", "README.md", "LICENSE")
+PARTS = ("app", "nerfnav", "packaging", "scenes", "pyproject.toml", "README.md", "LICENSE")
 """What is built from."""
 
 
@@ -21,7 +21,7 @@ def build(folder: Path) -> tuple[Path, Path]:
     source.mkdir()
     for part in PARTS:
         if (ROOT / part).is_dir():
-            shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(ROOT / part, source / part, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy2(ROOT / part, source / part)
     command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder / "dist"), str(source)]

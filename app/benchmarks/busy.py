@@ -5,13 +5,13 @@ from collections.abc import Callable, Mapping
 
 import torch
 
-from app.benchmarks.company import company, on_cores
-from app.benchmarks.comparison import milliseconds
-from app.benchmarks.filter import bench_filter, situations
-from app.benchmarks.plan import both_threads, problems_of
-from app.benchmarks.replan import pushed_plan
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, carry_on, last_step, plan_fast
+from nerfnav_app.benchmarks.company import company, on_cores
+from nerfnav_app.benchmarks.comparison import milliseconds
+from nerfnav_app.benchmarks.filter import bench_filter, situations
+from nerfnav_app.benchmarks.plan import both_threads, problems_of
+from nerfnav_app.benchmarks.replan import pushed_plan
 
 CORES = 2
 """Cores that busy processes share with what is timed."""

@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from app.benchmarks.comparison import Comparison, interleaved, milliseconds
-from app.benchmarks.plan import both_threads
 from nerfnav.estimator import (
     Belief,
     Estimator,
@@ -26,6 +24,8 @@ from nerfnav.experiments import Arena
 from nerfnav.experiments.views import SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState
 from nerfnav.world import MeshRenderer
+from nerfnav_app.benchmarks.comparison import Comparison, interleaved, milliseconds
+from nerfnav_app.benchmarks.plan import both_threads
 
 _PIXELS = 1024
 _DT = 0.1

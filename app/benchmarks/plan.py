@@ -6,11 +6,11 @@ from contextlib import contextmanager
 
 import torch
 
-from app.benchmarks.comparison import Comparison, interleaved
 from nerfnav import robots
 from nerfnav.compiled import threads
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, last_step, plan, plan_fast
+from nerfnav_app.benchmarks.comparison import Comparison, interleaved
 
 THREADS, TORCH_THREADS = 1, 1
 """Threads of compiled kernels, and of torch: what plans and filters asks for no more."""

@@ -2,10 +2,10 @@
 
 import torch
 
-from app.benchmarks.comparison import Comparison, interleaved
-from app.benchmarks.rays import THREADS, field_threads, views_in
 from nerfnav.experiments import Arena
 from nerfnav.field import Rendering, render_rays, uniform_samples
+from nerfnav_app.benchmarks.comparison import Comparison, interleaved
+from nerfnav_app.benchmarks.rays import THREADS, field_threads, views_in
 
 _RAYS_AT_ONCE = 4096
 

@@ -6,8 +6,6 @@ from collections.abc import Iterator
 
 import torch
 
-from app.benchmarks.comparison import Comparison, interleaved
-from app.benchmarks.plan import both_threads, problems_of
 from nerfnav.experiments import Arena
 from nerfnav.planner import (
     FastPlanConfig,
@@ -22,6 +20,8 @@ from nerfnav.planner import (
 )
 from nerfnav.planner.hot_start import hot_start
 from nerfnav.robots import Motion
+from nerfnav_app.benchmarks.comparison import Comparison, interleaved
+from nerfnav_app.benchmarks.plan import both_threads, problems_of
 
 _KICK_M, _KICK_RAD = 0.02, 0.02
 """How a robot is pushed in one step, as in the paper: 2 cm, 0.02 rad; half of that on the rates."""

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.benchmarks.comparison import median_ms
-from app.benchmarks.plan import both_threads, problems_of
 from nerfnav.experiments import Arena
 from nerfnav.experiments.figures import COLORS, bars, panels
 from nerfnav.planner import (
@@ -22,6 +20,8 @@ from nerfnav.planner import (
     plan_fast,
 )
 from nerfnav.robots import Body, Quadrotor, QuadrotorConfig
+from nerfnav_app.benchmarks.comparison import median_ms
+from nerfnav_app.benchmarks.plan import both_threads, problems_of
 
 if TYPE_CHECKING:
     import matplotlib.figure

@@ -3,11 +3,11 @@
 import numpy as np
 import torch
 
-from app.benchmarks.comparison import Comparison, interleaved
-from app.benchmarks.rays import THREADS, field_threads, views_in
 from nerfnav.experiments import Arena
 from nerfnav.field import GridLearner, LearningRates, RayBatch, TorchLearner, TrainConfig
 from nerfnav.field.evidence import VOXELS_IN_UNIT
+from nerfnav_app.benchmarks.comparison import Comparison, interleaved
+from nerfnav_app.benchmarks.rays import THREADS, field_threads, views_in
 
 _VIEWS, _SIZE = 8, 64
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.progress import tell
-from app.jobs.bake import bake_file
-from app.places.place import field_file
 from nerfnav.field import load_field
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.jobs.bake import bake_file
+from nerfnav_app.places.place import field_file
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli.progress import tell
-from app.cli.terminal import note
-from app.jobs.bench import BenchRequest
-from app.jobs.bench import run as run_job
-from app.jobs.bench_training import SECONDS
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.terminal import note
+from nerfnav_app.jobs.bench import BenchRequest
+from nerfnav_app.jobs.bench import run as run_job
+from nerfnav_app.jobs.bench_training import SECONDS
 
 
 @dataclass(frozen=True)

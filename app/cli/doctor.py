@@ -8,10 +8,10 @@ from typing import Any
 
 import torch
 
-from app.cli.kernel_check import check_kernels
-from app.cli.terminal import show
 from nerfnav.compiled import default_threads
 from nerfnav.estimator.retraction import retraction_backend
+from nerfnav_app.cli.kernel_check import check_kernels
+from nerfnav_app.cli.terminal import show
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "firefox")
 

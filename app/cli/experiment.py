@@ -6,13 +6,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from app.cli.progress import tell
-from app.cli.terminal import note
-from app.jobs.experiment import ExperimentRequest
-from app.jobs.experiment import run as run_job
-from app.jobs.experiment_catalog import EXPERIMENTS
 from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.terminal import note
+from nerfnav_app.jobs.experiment import ExperimentRequest
+from nerfnav_app.jobs.experiment import run as run_job
+from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS
 
 
 @dataclass(frozen=True)

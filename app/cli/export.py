@@ -7,10 +7,10 @@ from typing import Any
 
 from tyro.conf import Positional
 
-from app.cli.progress import tell
-from app.jobs.export import ExportRequest
-from app.jobs.export import run as run_job
 from nerfnav.export import FORMATS
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.jobs.export import ExportRequest
+from nerfnav_app.jobs.export import run as run_job
 
 
 @dataclass(frozen=True)

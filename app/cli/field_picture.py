@@ -4,9 +4,9 @@ from pathlib import Path
 
 import torch
 
-from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.field import StoredField, render_image
 from nerfnav.geometry import Camera, look_at, picture_file
+from nerfnav_app.storage.output_files import prepare_file, write_bytes
 
 _WIDTH, _HEIGHT, _FOV_DEG = 480, 360, 70.0
 _STANDPOINT = (0.62, -0.68, 0.42)

@@ -5,14 +5,14 @@ from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.cli.progress import tell
-from app.cli.route_arguments import Route, planner_of
-from app.cli.terminal import note
-from app.jobs.fly import run as run_job
-from app.jobs.fly_request import FlyRequest
-from app.storage.run_store import RunStore
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.route_arguments import Route, planner_of
+from nerfnav_app.cli.terminal import note
+from nerfnav_app.jobs.fly import run as run_job
+from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.storage.run_store import RunStore
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from app.cli.progress import tell
-from app.cli.train import PlacementArguments
-from app.jobs.import_field import run as run_job
-from app.jobs.import_request import ImportRequest
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.train import PlacementArguments
+from nerfnav_app.jobs.import_field import run as run_job
+from nerfnav_app.jobs.import_request import ImportRequest
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.field_picture import write_picture
-from app.cli.info_geometry import freedom_of, geometry_of, grain, truth_of
-from app.cli.terminal import show
-from app.places.place import field_file
 from nerfnav.experiments import in_words
 from nerfnav.field import load_field
+from nerfnav_app.cli.field_picture import write_picture
+from nerfnav_app.cli.info_geometry import freedom_of, geometry_of, grain, truth_of
+from nerfnav_app.cli.terminal import show
+from nerfnav_app.places.place import field_file
 
 
 @dataclass(frozen=True)

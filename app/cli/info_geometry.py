@@ -5,14 +5,14 @@ from typing import Any
 
 import torch
 
-import scenes
-from app.places.place import ground_truth
+import nerfnav_scenes as scenes
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments import Freedom, GeometryReport, freedom_alone, freedom_on_mesh, measure_geometry
 from nerfnav.field import GridField, NeuralField, StoredField
 from nerfnav.geometry import Camera, Pose
 from nerfnav.importers import Placement, SceneConfig, import_mesh
 from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken
+from nerfnav_app.places.place import ground_truth
 
 
 def grain(field: StoredField) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.progress import tell
-from app.jobs.given_picture import GivenCamera
-from app.jobs.localize import LocalizeRequest
-from app.jobs.localize import run as run_job
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.jobs.given_picture import GivenCamera
+from nerfnav_app.jobs.localize import LocalizeRequest
+from nerfnav_app.jobs.localize import run as run_job
 
 
 @dataclass(frozen=True)

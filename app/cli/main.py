@@ -13,10 +13,10 @@ from typing import Any
 
 import tyro
 
-from app.cli.number_arguments import require_finite
-from app.system import importing
 from nerfnav import __version__
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav_app.cli.number_arguments import require_finite
+from nerfnav_app.system import importing
 
 COMMANDS = {
     "serve": "open a scene or a field in the browser (what `nerfnav` alone does, with stonehenge)",
@@ -83,7 +83,7 @@ def parse(words: Sequence[str]) -> tuple[Any, Any]:
     if name not in COMMANDS:
         raise UnknownNameError("command", name, COMMANDS)
     with importing():
-        command = importlib.import_module(f"app.cli.{name}{'_' if iskeyword(name) else ''}")
+        command = importlib.import_module(f"nerfnav_app.cli.{name}{'_' if iskeyword(name) else ''}")
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):

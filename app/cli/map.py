@@ -5,11 +5,11 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from app.cli.progress import tell
-from app.jobs.map import MapRequest
-from app.jobs.map import run as run_job
-from app.places.place import field_file
 from nerfnav.field import load_field
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.jobs.map import MapRequest
+from nerfnav_app.jobs.map import run as run_job
+from nerfnav_app.places.place import field_file
 
 
 @dataclass(frozen=True)

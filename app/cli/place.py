@@ -6,12 +6,12 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from app.cli.number_arguments import counted_in_words
-from app.cli.progress import tell
-from app.cli.train import Corners, Up, vector
-from app.jobs.place_field import PlaceRequest
-from app.jobs.place_field import run as run_job
 from nerfnav.importers import Correction
+from nerfnav_app.cli.number_arguments import counted_in_words
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.train import Corners, Up, vector
+from nerfnav_app.jobs.place_field import PlaceRequest
+from nerfnav_app.jobs.place_field import run as run_job
 
 Measured = Annotated[tuple[float, ...] | None, counted_in_words("measure", "X Y Z X Y Z DISTANCE")]
 Floor = Annotated[tuple[float, ...] | None, counted_in_words("floor", "X Y Z X Y Z X Y Z")]

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, make_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from app.cli.progress import tell
-from app.cli.route_arguments import Route, planner_of
-from app.jobs.plan import run as run_job
 from nerfnav.errors import NerfnavError
 from nerfnav.planner import PlannerConfig, PlanOutcome
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.route_arguments import Route, planner_of
+from nerfnav_app.jobs.plan import run as run_job
 
 UNTRUE = (PlanOutcome.LIKELY_COLLISION, PlanOutcome.TOUCHES_MESH)
 """Outcomes of plans that look good and are not."""

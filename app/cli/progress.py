@@ -8,13 +8,13 @@ import rich.progress
 import torch
 from rich.console import Console
 
-from app.cli.terminal import note, show
-from app.jobs.events import COMPILING, JobEvents, JobResult, Progress
-from app.system import TORCH_THREADS
 from nerfnav.compiled import telling_compilation
 from nerfnav.field import TrainStep
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
+from nerfnav_app.cli.terminal import note, show
+from nerfnav_app.jobs.events import COMPILING, JobEvents, JobResult, Progress
+from nerfnav_app.system import TORCH_THREADS
 
 
 def tell(title: str, job: JobEvents, as_json: bool, can_stop_early: bool = False) -> JobResult:

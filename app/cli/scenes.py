@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.table import Table
 
-import scenes
-from app.cli.terminal import show
+import nerfnav_scenes as scenes
 from nerfnav.world import Scene, Task
+from nerfnav_app.cli.terminal import show
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 from tyro.conf import Positional
 
-from app.cli.served_app import end_if_computing, run_app
-from app.cli.served_place import check, comes_along, shown_before
-from app.page.first_sight import first_sight
-from app.page_server import page_server
-from app.security.address import page_url
+from nerfnav_app.cli.served_app import end_if_computing, run_app
+from nerfnav_app.cli.served_place import check, comes_along, shown_before
+from nerfnav_app.page.first_sight import first_sight
+from nerfnav_app.page_server import page_server
+from nerfnav_app.security.address import page_url
 
 
 @dataclass(frozen=True)

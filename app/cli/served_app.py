@@ -4,8 +4,8 @@ import os
 import sys
 import threading
 
-from app.page.layers.field_surface import FieldSurfaceLayer
-from app.system import importing
+from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
+from nerfnav_app.system import importing
 
 _SWITCH_S = 0.001
 """How long the worker may keep the interpreter when the page wants it; a click needs it several times."""
@@ -14,7 +14,7 @@ _SWITCH_S = 0.001
 def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSurfaceLayer) -> None:
     """Bring the app to the page, which shows the place already where it was shown before, and wait for its end."""
     with importing(for_good=True):
-        from app.server import App
+        from nerfnav_app.server import App
 
     sys.setswitchinterval(_SWITCH_S)
     app = App(what, host, port, token, begun=surface, remembers=True)

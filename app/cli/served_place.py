@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-from app.places.kept_surface import kept_surface
+from nerfnav_app.places.kept_surface import kept_surface
 
 
 def shown_before(place: str) -> bytes | None:
@@ -19,17 +19,17 @@ def comes_along(place: str) -> bool:
 
 def _bundled(scene: str) -> Path:
     """Where the field of a bundled scene would be, found without importing what knows scenes."""
-    spec = importlib.util.find_spec("scenes")
+    spec = importlib.util.find_spec("nerfnav_scenes")
     assert spec is not None and spec.origin is not None, "scenes are a part of nerfnav"
     return Path(spec.origin).parent / "trained" / f"{scene}.npz"
 
 
 def check(place: str) -> None:
     """Raise NerfnavError where there is no such scene or file, or it is nothing that can be opened."""
-    import scenes
-    from app.places.place import field_file
+    import nerfnav_scenes as scenes
     from nerfnav.field import load_field
     from nerfnav.importers import source_kind
+    from nerfnav_app.places.place import field_file
 
     if source_kind(place, scenes.names()).command is None:
         load_field(field_file(place))

@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from app.storage.output_files import json_line
+from nerfnav_app.storage.output_files import json_line
 
 _UNITS = {"m": "m", "s": "s", "ms": "ms", "db": "dB", "rad": "rad", "n": "N", "m3": "m³", "bytes": "bytes"}
 

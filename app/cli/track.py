@@ -6,14 +6,14 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from app.cli.number_arguments import counted_in_words
-from app.cli.progress import tell
-from app.jobs.follow_camera import CameraRun
-from app.jobs.given_imu import GivenImu
-from app.jobs.given_picture import GivenCamera
-from app.jobs.track import TrackRequest
-from app.jobs.track import run as run_job
 from nerfnav.tracking import SourceOptions
+from nerfnav_app.cli.number_arguments import counted_in_words
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.jobs.follow_camera import CameraRun
+from nerfnav_app.jobs.given_imu import GivenImu
+from nerfnav_app.jobs.given_picture import GivenCamera
+from nerfnav_app.jobs.track import TrackRequest
+from nerfnav_app.jobs.track import run as run_job
 
 Mount = Annotated[tuple[float, ...] | None, counted_in_words("imu-mount", "X Y Z QX QY QZ QW")]
 

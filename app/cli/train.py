@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from app.cli.number_arguments import counted, counted_in_words, in_words
-from app.cli.progress import tell
-from app.jobs.train import run as run_job
-from app.jobs.training_data.quality import QualityName
-from app.jobs.training_data.request import NeuralOptions, Photographs, TrainRequest
 from nerfnav.importers import AXES, MeshOptions, Placement
+from nerfnav_app.cli.number_arguments import counted, counted_in_words, in_words
+from nerfnav_app.cli.progress import tell
+from nerfnav_app.jobs.train import run as run_job
+from nerfnav_app.jobs.training_data.quality import QualityName
+from nerfnav_app.jobs.training_data.request import NeuralOptions, Photographs, TrainRequest
 
 
 def _up(words: list[str]) -> tuple[float, ...]:

@@ -2,10 +2,10 @@
 
 from functools import cache
 
-from app.places.place import open_place
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments import Arena
 from nerfnav.field import VoxelField
+from nerfnav_app.places.place import open_place
 
 
 @cache

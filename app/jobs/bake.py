@@ -3,12 +3,12 @@
 from collections.abc import Generator
 from pathlib import Path
 
-from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
-from app.jobs.stored_numbers import numbers_of
-from app.storage.output_files import prepare_file
 from nerfnav.errors import require_positive
 from nerfnav.field import BakeConfig, BakeStep, Field, StoredField, VoxelField, save_field
 from nerfnav.field.bake import bake
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.stored_numbers import numbers_of
+from nerfnav_app.storage.output_files import prepare_file
 
 
 def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:

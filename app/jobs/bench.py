@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.benchmarks.comparison import Comparison
-from app.jobs.arena import open_arena
-from app.jobs.bench_files import save_bench
-from app.jobs.bench_measures import MEASURES, QUICK, Finder, module_named
-from app.jobs.bench_training import SECONDS, check_capture, measure_training
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.storage.output_files import prepare_folder
 from nerfnav.extras import from_extra
+from nerfnav_app.benchmarks.comparison import Comparison
+from nerfnav_app.jobs.arena import open_arena
+from nerfnav_app.jobs.bench_files import save_bench
+from nerfnav_app.jobs.bench_measures import MEASURES, QUICK, Finder, module_named
+from nerfnav_app.jobs.bench_training import SECONDS, check_capture, measure_training
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.storage.output_files import prepare_folder
 
 
 @dataclass(frozen=True)

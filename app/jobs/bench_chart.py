@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from app.jobs.bench_training import Row
 from nerfnav.experiments.figures import COLORS, panels
+from nerfnav_app.jobs.bench_training import Row
 
 if TYPE_CHECKING:
     import matplotlib.figure

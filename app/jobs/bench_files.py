@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from app.jobs.bench_chart import picture
-from app.jobs.bench_measures import MEASURES, QUICK, Finder
-from app.jobs.result_files import png_of, table_text
-from app.storage.output_files import json_line, write_bytes, write_text
 from nerfnav.experiments import Arena
+from nerfnav_app.jobs.bench_chart import picture
+from nerfnav_app.jobs.bench_measures import MEASURES, QUICK, Finder
+from nerfnav_app.jobs.result_files import png_of, table_text
+from nerfnav_app.storage.output_files import json_line, write_bytes, write_text
 
 
 def save_bench(folder: Path, summary: dict[str, Any], arena: Arena, find: Finder) -> tuple[Path, ...]:

@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import Any
 
 MEASURES = ("plan", "replan", "filter", "render", "train_step")
-"""What is compared: each is a module of app.benchmarks with a function `measure`."""
+"""What is compared: each is a module of nerfnav_app.benchmarks with a function `measure`."""
 QUICK: dict[str, dict[str, Any]] = {
     "plan": {"tasks": 2, "fast_per_round": 3},
     "replan": {"tasks": 2, "rounds": 1},
@@ -23,5 +23,5 @@ Finder = Callable[[str], ModuleType | None]
 
 def module_named(name: str) -> ModuleType | None:
     """The module of one measure; None where this version has none."""
-    full = f"app.benchmarks.{name}"
+    full = f"nerfnav_app.benchmarks.{name}"
     return None if importlib.util.find_spec(full) is None else importlib.import_module(full)

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import torch
 
-from app.jobs.events import JobEvent, Progress
-from app.jobs.train_config import config_for
-from app.jobs.train_voxels import learn_voxels
-from app.jobs.training_data.gather import TrainRequest, gather
 from nerfnav.compiled import default_threads
 from nerfnav.errors import require_positive
 from nerfnav.importers.captures.formats import read_views
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.train_config import config_for
+from nerfnav_app.jobs.train_voxels import learn_voxels
+from nerfnav_app.jobs.training_data.gather import TrainRequest, gather
 
 SECONDS = (30.0, 120.0, 300.0, 900.0)
 """Times that a capture is learned for [s], one training each: how fast it goes depends on when it ends."""

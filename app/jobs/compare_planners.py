@@ -2,11 +2,11 @@
 
 from collections.abc import Generator
 
-from app.jobs import plan
-from app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, PlannerCompared, PlannerResult, Progress
-from app.places.place import Place
 from nerfnav.errors import NerfnavError
 from nerfnav.planner import PlanStep
+from nerfnav_app.jobs import plan
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, PlannerCompared, PlannerResult, Progress
+from nerfnav_app.places.place import Place
 
 
 def run(routes: list[plan.PlanRequest], place: Place) -> JobEvents:

@@ -13,11 +13,11 @@ from typing import Any
 from jaxtyping import UInt8
 from torch import Tensor
 
-from app.places.place import Place
 from nerfnav.field import TrainStep
 from nerfnav.navigation import LoopEvent
 from nerfnav.robots import Motion
 from nerfnav.tracking import Tracked
+from nerfnav_app.places.place import Place
 
 COMPILING = "compiling kernels, once on this machine"
 """What a job does while it waits for the compiler, whatever else it is about."""

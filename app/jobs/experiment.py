@@ -4,15 +4,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from app.jobs.arena import open_arena
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.experiment_catalog import EXPERIMENTS
-from app.jobs.result_files import png_of, save_results
-from app.storage.output_files import prepare_folder
 from nerfnav import __version__
 from nerfnav.errors import InvalidInputError, MissingExtraError
 from nerfnav.experiments import FlightOptions, Journal, Results, Row, Study, TrialDone
-from scenes import tasks_of
+from nerfnav_app.jobs.arena import open_arena
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS
+from nerfnav_app.jobs.result_files import png_of, save_results
+from nerfnav_app.storage.output_files import prepare_folder
+from nerfnav_scenes import tasks_of
 
 
 @dataclass(frozen=True)

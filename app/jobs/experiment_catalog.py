@@ -19,7 +19,7 @@ from nerfnav.experiments import (
 )
 from nerfnav.registry import Registry
 from nerfnav.world import Task
-from scenes.tasks import stonehenge
+from nerfnav_scenes.tasks import stonehenge
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,15 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from app.jobs.events import FileMade, JobEvents, JobResult, Progress
-from app.jobs.recorded import planned_in, read_run
-from app.jobs.surface import surface_of
-from app.places.place import open_place
-from app.storage.output_files import prepare_file, write_bytes
-from app.storage.run_metadata import RunMetadata
-from app.storage.run_store import RunStore
 from nerfnav.errors import NerfnavError
 from nerfnav.export import FORMATS, Recording
+from nerfnav_app.jobs.events import FileMade, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.recorded import planned_in, read_run
+from nerfnav_app.jobs.surface import surface_of
+from nerfnav_app.places.place import open_place
+from nerfnav_app.storage.output_files import prepare_file, write_bytes
+from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.run_store import RunStore
 
 
 @dataclass(frozen=True)

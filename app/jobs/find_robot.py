@@ -3,11 +3,11 @@
 from jaxtyping import UInt8
 from torch import Tensor
 
-from app.jobs.events import JobEvents
-from app.jobs.localize import search
-from app.places.derived import searcher_of
-from app.places.place import Place
 from nerfnav.estimator import ColorNoise
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.localize import search
+from nerfnav_app.places.derived import searcher_of
+from nerfnav_app.places.place import Place
 
 
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:

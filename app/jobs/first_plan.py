@@ -16,9 +16,9 @@ def first_plan(place: str) -> dict[str, float]:
     The processor's time of the plan is told too: nothing else that the machine does is in it.
     """
     begun = time.perf_counter()
-    from app.places.derived import occupancy_of
-    from app.places.place import open_place
     from nerfnav.planner import FastPlanConfig, PlanProblem, last_step, plan_fast
+    from nerfnav_app.places.derived import occupancy_of
+    from nerfnav_app.places.place import open_place
 
     imported = time.perf_counter()
     opened = open_place(place)

@@ -5,12 +5,6 @@ from dataclasses import replace
 
 import torch
 
-from app.jobs.fly_request import FlyRequest
-from app.jobs.plan import timing_for
-from app.jobs.simulated_world import camera_function, contact_function
-from app.jobs.warm_filter import first_update
-from app.places.derived import occupancy_of, planning_place, searcher_of
-from app.places.place import Place
 from nerfnav.estimator import ColorNoise, FilterConfig, LastingError, estimators
 from nerfnav.navigation import (
     WORLDS,
@@ -24,6 +18,12 @@ from nerfnav.navigation import (
     world_generator,
 )
 from nerfnav.planner import planners
+from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.jobs.plan import timing_for
+from nerfnav_app.jobs.simulated_world import camera_function, contact_function
+from nerfnav_app.jobs.warm_filter import first_update
+from nerfnav_app.places.derived import occupancy_of, planning_place, searcher_of
+from nerfnav_app.places.place import Place
 
 
 def begin(request: FlyRequest, place: Place) -> Iterator[LoopEvent]:

@@ -2,16 +2,16 @@
 
 from dataclasses import replace
 
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.flight_setup import begin, timed
-from app.jobs.fly_report import metadata_of, save, summary_of
-from app.jobs.fly_request import FlyRequest, WatchedOrders
-from app.places.place import Place
-from app.storage.output_files import prepare_folder
-from app.storage.step_log import logged
 from nerfnav.estimator import RelocaliseStep
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.planner import GOOD, PlanStep
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.flight_setup import begin, timed
+from nerfnav_app.jobs.fly_report import metadata_of, save, summary_of
+from nerfnav_app.jobs.fly_request import FlyRequest, WatchedOrders
+from nerfnav_app.places.place import Place
+from nerfnav_app.storage.output_files import prepare_folder
+from nerfnav_app.storage.step_log import logged
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:

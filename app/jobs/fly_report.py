@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-from app.jobs.fly_request import FlyRequest
-from app.jobs.recorded import TRAJECTORY
-from app.places.place import Place
-from app.storage.output_files import write_text
-from app.storage.run_metadata import RunMetadata
 from nerfnav.export import csv_text, episode_table, json_text
 from nerfnav.navigation import Episode
+from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.jobs.recorded import TRAJECTORY
+from nerfnav_app.places.place import Place
+from nerfnav_app.storage.output_files import write_text
+from nerfnav_app.storage.run_metadata import RunMetadata
 
 
 def summary_of(episode: Episode, place: Place) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.jobs.plan import PlanRequest
 from nerfnav.navigation import NavigateConfig, Orders, WorldName
 from nerfnav.robots import Motion, RigidState
+from nerfnav_app.jobs.plan import PlanRequest
 
 
 @dataclass(frozen=True)

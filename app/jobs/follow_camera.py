@@ -6,13 +6,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from app.jobs.events import FrameTracked, JobEvent, Progress
-from app.jobs.given_imu import GivenImu, learned_of
-from app.jobs.given_picture import GivenCamera, camera_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import FieldInfo, StoredField, render_image
 from nerfnav.geometry import Camera
 from nerfnav.tracking import Frame, FrameSource, SourceOptions, Tracker, TrackerConfig, open_source
+from nerfnav_app.jobs.events import FrameTracked, JobEvent, Progress
+from nerfnav_app.jobs.given_imu import GivenImu, learned_of
+from nerfnav_app.jobs.given_picture import GivenCamera, camera_of
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
-from app.jobs.events import JobEvents
-from app.jobs.import_nerf import import_nerf
-from app.jobs.import_request import ImportRequest
-from app.jobs.import_splats import import_splats
-from app.storage.output_files import prepare_file
 from nerfnav.errors import InvalidInputError
 from nerfnav.importers import (
     SourceKind,
     source_kind,
     wrong_kind,
 )
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.import_nerf import import_nerf
+from nerfnav_app.jobs.import_request import ImportRequest
+from nerfnav_app.jobs.import_splats import import_splats
+from nerfnav_app.storage.output_files import prepare_file
 
 
 def imports(source: Path) -> bool:

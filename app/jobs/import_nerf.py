@@ -3,12 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-from app.jobs.bake import baking
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.import_request import ImportRequest
-from app.jobs.stored_numbers import numbers_of, placed_by
 from nerfnav.field import NeuralField, StoredField, save_field
 from nerfnav.importers import ONE_UNIT, NerfPytorchConfig, Placement, length_in_words, load_nerf_pytorch, size_doubt
+from nerfnav_app.jobs.bake import baking
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.import_request import ImportRequest
+from nerfnav_app.jobs.stored_numbers import numbers_of, placed_by
 
 
 def import_nerf(request: ImportRequest, out: Path) -> JobEvents:

@@ -5,9 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.import_request import ImportRequest
-from app.jobs.stored_numbers import numbers_of, placed_by
 from nerfnav.field import save_field
 from nerfnav.geometry import Box
 from nerfnav.importers import (
@@ -19,6 +16,9 @@ from nerfnav.importers import (
     voxelize,
 )
 from nerfnav.importers.placement import rotation_to_z
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.import_request import ImportRequest
+from nerfnav_app.jobs.stored_numbers import numbers_of, placed_by
 
 
 def import_splats(request: ImportRequest, out: Path) -> JobEvents:

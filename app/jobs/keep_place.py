@@ -5,11 +5,11 @@ from pathlib import Path
 
 import torch
 
-from app.places.library import PlaceLibrary
-from app.places.place import Place
-from app.places.vantage import view_of_box
 from nerfnav.field import render_image
 from nerfnav.geometry import Camera, look_at, picture_file
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.place import Place
+from nerfnav_app.places.vantage import view_of_box
 
 _PICTURE = Camera.from_fov(240, 160, 45)
 _QUALITY = 85

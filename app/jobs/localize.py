@@ -6,13 +6,13 @@ from pathlib import Path
 
 from torch import Tensor
 
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.given_picture import GivenCamera, camera_of, read_image
-from app.jobs.localize_summary import summary_of
-from app.places.place import field_file
 from nerfnav.estimator import ColorNoise, RelocaliseConfig, Searcher
 from nerfnav.field import StoredField, load_field
 from nerfnav.geometry import Camera, check_image
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.given_picture import GivenCamera, camera_of, read_image
+from nerfnav_app.jobs.localize_summary import summary_of
+from nerfnav_app.places.place import field_file
 
 _AROUND = 0.5
 """Share of the work that is done once the field was looked at from everywhere."""

@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
-from app.jobs import import_field, train
-from app.jobs.events import JobEvents
-from app.jobs.import_request import ImportRequest
-from app.jobs.train import TrainRequest
-from app.places.learning import BUDGETS_S, USUAL, QualityName
 from nerfnav.errors import NerfnavError
 from nerfnav.field import load_field
 from nerfnav.importers import field_name
 from nerfnav.importers.field_names import own_folder
 from nerfnav.importers.meshes.folders import meshes_in_archive
 from nerfnav.importers.suffixes import ARCHIVES
+from nerfnav_app.jobs import import_field, train
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.import_request import ImportRequest
+from nerfnav_app.jobs.train import TrainRequest
+from nerfnav_app.places.learning import BUDGETS_S, USUAL, QualityName
 
 
 def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:

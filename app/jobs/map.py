@@ -6,13 +6,13 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.jobs.events import FileMade, JobEvents, JobResult, Progress
-from app.storage.output_files import prepare_file, write_bytes
 from nerfnav.errors import require_positive
 from nerfnav.export import map_files
 from nerfnav.export.occupancy_map import check_ending
 from nerfnav.field import StateGrid, StoredField, VoxelState, voxel_states
 from nerfnav.planner import threshold_of
+from nerfnav_app.jobs.events import FileMade, JobEvents, JobResult, Progress
+from nerfnav_app.storage.output_files import prepare_file, write_bytes
 
 
 @dataclass(frozen=True)

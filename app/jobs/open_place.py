@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 
-from app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress, SurfaceShaped
-from app.jobs.keep_place import named_as_kept, note_kept
-from app.jobs.source_field import field_of, quick
-from app.jobs.surface import first_surface_of
-from app.jobs.warm_up import warm_up
-from app.places.learning import USUAL, QualityName
-from app.places.place import Place, open_place
+from nerfnav_app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress, SurfaceShaped
+from nerfnav_app.jobs.keep_place import named_as_kept, note_kept
+from nerfnav_app.jobs.source_field import field_of, quick
+from nerfnav_app.jobs.surface import first_surface_of
+from nerfnav_app.jobs.warm_up import warm_up
+from nerfnav_app.places.learning import USUAL, QualityName
+from nerfnav_app.places.place import Place, open_place
 
 
 def run(what: str, quality: QualityName = USUAL, opener: Callable[[str], Place] = open_place) -> JobEvents:

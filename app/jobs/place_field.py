@@ -5,14 +5,14 @@ from pathlib import Path
 
 import torch
 
-from app.jobs.events import JobEvents, Progress
-from app.jobs.place_report import Placed, save
-from app.jobs.placed_field import cut_in_words, info_of, moved_field, placed_splats, truth_of, voxels_of
-from app.places.place import field_file
-from app.storage.output_files import OutputError, prepare_file
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import load_field, surface_points
 from nerfnav.importers import Correction, corrected, load_splats, splats_beside
+from nerfnav_app.jobs.events import JobEvents, Progress
+from nerfnav_app.jobs.place_report import Placed, save
+from nerfnav_app.jobs.placed_field import cut_in_words, info_of, moved_field, placed_splats, truth_of, voxels_of
+from nerfnav_app.places.place import field_file
+from nerfnav_app.storage.output_files import OutputError, prepare_file
 
 _ALONG = 160
 """Points along the longest edge at which surfaces are looked for."""

@@ -4,12 +4,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from app.jobs.events import JobResult
-from app.jobs.trained_field import stored
 from nerfnav.experiments import freedom_alone, in_words
 from nerfnav.field import StoredField, VoxelField
 from nerfnav.importers import Splats, save_splats, splats_beside
 from nerfnav.world import Scene
+from nerfnav_app.jobs.events import JobResult
+from nerfnav_app.jobs.trained_field import stored
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,15 +4,15 @@ from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 
-import scenes
-from app.jobs.events import JobEvent, Progress
-from app.places.place import ground_truth
+import nerfnav_scenes as scenes
 from nerfnav.estimator import rescaled, views_moved
 from nerfnav.experiments import freedom_alone
 from nerfnav.field import FieldInfo, MoveStep, StoredField, VoxelField, cropped, moved, overlap
 from nerfnav.geometry import Similarity
 from nerfnav.importers import Corrected, Correction, Splats, VoxelizeConfig, still_guessed, voxelize
 from nerfnav.world import Scene, moved_scene
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.places.place import ground_truth
 
 
 def moved_field(field: StoredField, change: Corrected) -> Generator[JobEvent, bool | None, StoredField]:

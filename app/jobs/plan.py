@@ -5,12 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.plan_report import mesh_overlap_m3, save, summary_of
-from app.places.derived import occupancy_of, planning_place
-from app.places.ends import Ends
-from app.places.place import Place
-from app.storage.output_files import prepare_folder
 from nerfnav.errors import InvalidInputError, require_positive, require_probability
 from nerfnav.field import Unknown
 from nerfnav.planner import (
@@ -32,6 +26,12 @@ from nerfnav.planner import (
     way_length,
     within_chance,
 )
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.plan_report import mesh_overlap_m3, save, summary_of
+from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.places.place import Place
+from nerfnav_app.storage.output_files import prepare_folder
 
 
 @dataclass(frozen=True)

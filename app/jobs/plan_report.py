@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from app.places.place import Place
-from app.storage.output_files import json_line, write_text
 from nerfnav.export import csv_text, json_text, motion_table
 from nerfnav.field import Unknown
 from nerfnav.planner import PlanCost, PlanOutcome, PlanStep, Safety, safety_of
 from nerfnav.robots import Motion, limit_uses
+from nerfnav_app.places.place import Place
+from nerfnav_app.storage.output_files import json_line, write_text
 
 
 def summary_of(

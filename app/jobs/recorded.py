@@ -3,15 +3,15 @@
 from contextlib import suppress
 from pathlib import Path
 
-from app.places.derived import planning_place
-from app.places.place import open_place
-from app.storage.run_metadata import RunMetadata
-from app.storage.step_codec import FILE
-from app.storage.stored_steps import read_steps
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, NerfnavError
 from nerfnav.export import Recording, table_of_json
 from nerfnav.field import StoredField, Unknown
+from nerfnav_app.places.derived import planning_place
+from nerfnav_app.places.place import open_place
+from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.step_codec import FILE
+from nerfnav_app.storage.stored_steps import read_steps
 
 TRAJECTORY = "trajectory.json"
 """What the folder of a plan holds."""

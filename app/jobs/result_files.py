@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.storage.output_files import json_line, write_bytes, write_text
 from nerfnav.experiments import Results, Row
+from nerfnav_app.storage.output_files import json_line, write_bytes, write_text
 
 if TYPE_CHECKING:
     import matplotlib.figure

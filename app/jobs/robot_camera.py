@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 
-from app.places.place import Place
 from nerfnav.field import render_image
 from nerfnav.robots import RigidState
+from nerfnav_app.places.place import Place
 
 _ROUGH = 1 / 3
 """Size of a rough picture: in flight a time step waits for it."""

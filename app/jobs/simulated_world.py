@@ -1,9 +1,9 @@
 """Simulated world of a flight: the robot's camera and its contact with the ground truth of a place."""
 
-from app.places.place import Place
 from nerfnav.field import render_image
 from nerfnav.geometry import FORWARD_MOUNT, Camera
 from nerfnav.navigation import CameraFunction, ContactFunction
+from nerfnav_app.places.place import Place
 
 
 def contact_function(place: Place) -> ContactFunction | None:

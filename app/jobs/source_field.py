@@ -7,12 +7,12 @@ from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 
-import scenes
-from app.jobs.events import JobEvent
-from app.places.learning import USUAL, QualityName
-from app.places.place import Place
+import nerfnav_scenes as scenes
 from nerfnav.field import NeuralField
 from nerfnav.importers import source_kind
+from nerfnav_app.jobs.events import JobEvent
+from nerfnav_app.places.learning import USUAL, QualityName
+from nerfnav_app.places.place import Place
 
 
 def field_of(what: str, quality: QualityName = USUAL) -> Generator[JobEvent, bool | None, str]:
@@ -24,7 +24,7 @@ def field_of(what: str, quality: QualityName = USUAL) -> Generator[JobEvent, boo
     """
     if source_kind(what, scenes.names()).command is None:
         return what
-    from app.jobs import make_field
+    from nerfnav_app.jobs import make_field
 
     made = make_field.made_before(Path(what))
     if made is None:
@@ -37,6 +37,6 @@ def quick(place: Place) -> Generator[JobEvent, bool | None, Place]:
     """The place with a field that answers within moments, as a page wants it: networks are baked."""
     if not isinstance(place.field, NeuralField):
         return place
-    from app.jobs.bake import baking
+    from nerfnav_app.jobs.bake import baking
 
     return replace(place, field=(yield from baking(place.field, None)))

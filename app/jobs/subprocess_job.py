@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
-from app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, Progress
 from nerfnav.errors import NerfnavError
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, Progress
 
 _BEAT_S = 0.25
 

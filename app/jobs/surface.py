@@ -4,12 +4,12 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.places.kept_surface import keep_surface, kept_surface
-from app.places.place import Place
-from app.places.surface_glb import colored_glb, simplified, unlit_glb, without_specks
 from nerfnav.field import GridField, field_mesh, open_rooms
 from nerfnav.field.texture import texturing
 from nerfnav.steps import returned
+from nerfnav_app.places.kept_surface import keep_surface, kept_surface
+from nerfnav_app.places.place import Place
+from nerfnav_app.places.surface_glb import colored_glb, simplified, unlit_glb, without_specks
 
 if TYPE_CHECKING:
     import trimesh

@@ -4,15 +4,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.jobs.events import FrameTracked, JobEvents, JobResult, Progress
-from app.jobs.follow_camera import CameraRun, Following
-from app.jobs.track_report import summary_of
-from app.places.place import field_file
-from app.storage.output_files import prepare_folder, write_text
 from nerfnav.errors import InvalidInputError
 from nerfnav.export import OverlayVideo, TrackRecorder, texts_of_track
 from nerfnav.field import FieldInfo, StoredField, load_field
 from nerfnav.tracking import Tracked
+from nerfnav_app.jobs.events import FrameTracked, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.follow_camera import CameraRun, Following
+from nerfnav_app.jobs.track_report import summary_of
+from nerfnav_app.places.place import field_file
+from nerfnav_app.storage.output_files import prepare_folder, write_text
 
 _OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
 _FPS = 15.0

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import torch
 
-from app.jobs.events import JobEvent, JobEvents, JobResult, Progress
-from app.jobs.train_config import config_for, require_room
-from app.jobs.train_neural import learn_networks
-from app.jobs.train_voxels import learn_voxels
-from app.jobs.trained_field import judged, noted, numbers_of, stored
-from app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
-from app.storage.output_files import prepare_file
 from nerfnav.field import TrainStep, VoxelField
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.train_config import config_for, require_room
+from nerfnav_app.jobs.train_neural import learn_networks
+from nerfnav_app.jobs.train_voxels import learn_voxels
+from nerfnav_app.jobs.trained_field import judged, noted, numbers_of, stored
+from nerfnav_app.jobs.training_data.gather import StoppedError, TrainingData, TrainRequest, gather
+from nerfnav_app.storage.output_files import prepare_file
 
 __all__ = ["StoppedError", "TrainRequest", "run"]
 

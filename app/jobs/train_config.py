@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from app.jobs.training_data.gather import TrainingData, TrainRequest
-from app.jobs.training_data.quality import QUALITIES, Quality, pixel_size, voxel_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import TrainConfig
 from nerfnav.geometry import Box
+from nerfnav_app.jobs.training_data.gather import TrainingData, TrainRequest
+from nerfnav_app.jobs.training_data.quality import QUALITIES, Quality, pixel_size, voxel_of
 
 MOST_VOXELS = 30_000_000
 """Training holds a dozen numbers for each voxel and thread."""

@@ -4,13 +4,13 @@ from collections.abc import Generator
 
 import torch
 
-from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.gather import TrainingData
-from app.jobs.training_data.quality import QUALITIES
-from app.jobs.training_data.request import NeuralOptions, TrainRequest
 from nerfnav.errors import InvalidInputError
 from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, train_neural
 from nerfnav.field.neural_blank import blank_field
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.training_data.gather import TrainingData
+from nerfnav_app.jobs.training_data.quality import QUALITIES
+from nerfnav_app.jobs.training_data.request import NeuralOptions, TrainRequest
 
 _LAYERS_BEFORE_SKIP = 5
 

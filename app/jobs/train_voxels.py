@@ -4,10 +4,10 @@ from collections.abc import Generator
 
 import torch
 
-from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.gather import TrainingData
 from nerfnav.field import TrainConfig, VoxelField
 from nerfnav.field.train import train
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.training_data.gather import TrainingData
 
 
 def learn_voxels(

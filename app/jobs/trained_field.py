@@ -7,13 +7,13 @@ from typing import Any
 
 import torch
 
-import scenes
-from app.jobs.training_data.gather import TrainingData, TrainRequest
+import nerfnav_scenes as scenes
 from nerfnav.estimator import ColorNoise, pose_floor, remembered
 from nerfnav.experiments import Freedom, freedom_alone, freedom_noted, freedom_on_depth, freedom_on_mesh, in_words
 from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers.meshes.truth import truth_beside, truth_path
 from nerfnav.world import Scene
+from nerfnav_app.jobs.training_data.gather import TrainingData, TrainRequest
 
 
 def judged(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[VoxelField | NeuralField, Freedom]:

@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import torch
 
-from app.places.place import Place
 from nerfnav.estimator import Belief, FastFilter, FilterStep
 from nerfnav.field import render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import NavigateConfig
 from nerfnav.robots import RigidState
+from nerfnav_app.places.place import Place
 
 
 def first_update(place: Place, state: RigidState) -> Iterator[FilterStep]:

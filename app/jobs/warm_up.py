@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from contextlib import suppress
 
-from app.jobs import plan
-from app.jobs.events import Progress
-from app.jobs.simulated_world import first_picture
-from app.jobs.warm_filter import first_update
-from app.places.ends import opening_ends
-from app.places.place import Place
 from nerfnav.errors import NerfnavError
+from nerfnav_app.jobs import plan
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.simulated_world import first_picture
+from nerfnav_app.jobs.warm_filter import first_update
+from nerfnav_app.places.ends import opening_ends
+from nerfnav_app.places.place import Place
 
 
 def warm_up(place: Place) -> Iterator[Progress]:

@@ -17,12 +17,12 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from app.live.newest import Newest
-from app.security.access import AccessPolicy
-from app.system import TORCH_THREADS
 from nerfnav.errors import NerfnavError
 from nerfnav.live import Answer, Navigator, messages
 from nerfnav.live.pictures import pixels_of
+from nerfnav_app.live.newest import Newest
+from nerfnav_app.security.access import AccessPolicy
+from nerfnav_app.system import TORCH_THREADS
 
 _TAKEN = "another vehicle is connected: one is let in at a time"
 _TRY_AGAIN_LATER = 1013

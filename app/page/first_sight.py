@@ -5,9 +5,9 @@ Imports nothing slow: a surface that was kept is shown while all else is being i
 
 import viser
 
-from app.page.html import heading
-from app.page.layers.field_surface import FieldSurfaceLayer
-from app.page.theme import apply_theme
+from nerfnav_app.page.html import heading
+from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
+from nerfnav_app.page.theme import apply_theme
 
 
 def first_sight(server: viser.ViserServer, surface: bytes | None) -> FieldSurfaceLayer:

@@ -5,7 +5,7 @@ from html import escape
 
 import numpy as np
 
-from app.page.theme import HIT, MUTED, START, Rgb, css, on_scale, readable
+from nerfnav_app.page.theme import HIT, MUTED, START, Rgb, css, on_scale, readable
 
 _PADDING = "padding: 0 0.75em 0.5em 0.75em; font-size: 0.8125em; line-height: 1.45; text-wrap: pretty;"
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 
-from app.page.icon_archive import icons_at_hand
-from app.page.layers.field_surface import FieldSurfaceLayer
-from app.page.layers.scene import layers
-from app.page.panels.panel import Page, Panel
-from app.page.panels.tabs import panels
-from app.page.theme import apply_theme
-from app.places.library import PlaceLibrary
-from app.state.actions import Command
+from nerfnav_app.page.icon_archive import icons_at_hand
+from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
+from nerfnav_app.page.layers.scene import layers
+from nerfnav_app.page.panels.panel import Page, Panel
+from nerfnav_app.page.panels.tabs import panels
+from nerfnav_app.page.theme import apply_theme
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.state.actions import Command
 
 
 def put_up(

@@ -75,7 +75,7 @@ def branded(page: bytes) -> bytes:
 
 def _beside(name: str) -> bytes:
     """A file that lies beside this one."""
-    return (files("app.page") / name).read_bytes()
+    return (files("nerfnav_app.page") / name).read_bytes()
 
 
 def _data_url(image: str) -> str:

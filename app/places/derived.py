@@ -3,11 +3,11 @@
 from dataclasses import replace
 from functools import lru_cache
 
-from app.places.place import Place
 from nerfnav.estimator import ColorNoise, RelocaliseConfig, Searcher
 from nerfnav.field import Unknown, planning_field, unproven_in_words
 from nerfnav.geometry import Camera
 from nerfnav.planner import OccupancyConfig, OccupancyMap
+from nerfnav_app.places.place import Place
 
 
 @lru_cache(maxsize=4)

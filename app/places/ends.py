@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from app.places.place import Place
 from nerfnav.geometry import Box, so3
 from nerfnav.robots import RigidState
 from nerfnav.world import Task
+from nerfnav_app.places.place import Place
 
 Point = tuple[float, float, float]
 _TYPED_M = 0.005

@@ -19,10 +19,10 @@ from pathlib import Path
 
 from platformdirs import user_data_path
 
-from app.places.kept_place import ABOUT, KeptPlace, keep_picture, read_place, write_place
-from app.places.robot_library import RobotLibrary
-from app.places.uploads import check_upload, folder_of, write_upload
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav_app.places.kept_place import ABOUT, KeptPlace, keep_picture, read_place, write_place
+from nerfnav_app.places.robot_library import RobotLibrary
+from nerfnav_app.places.uploads import check_upload, folder_of, write_upload
 
 VARIABLE = "NERFNAV_PLACES"
 """Environment variable with the folder of the library."""

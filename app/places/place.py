@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.errors import NerfnavError, UnknownNameError
 from nerfnav.field import StoredField, load_field
 from nerfnav.geometry import Camera

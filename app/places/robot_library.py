@@ -11,9 +11,9 @@ import re
 import shutil
 from pathlib import Path
 
-from app.places.uploads import UploadError, folder_of, safe_name, write_upload
 from nerfnav.errors import InvalidInputError
 from nerfnav.robots import RobotFile, decoded, load, to_yaml
+from nerfnav_app.places.uploads import UploadError, folder_of, safe_name, write_upload
 
 ROBOTS, MESHES = (".yaml", ".yml"), (".stl", ".obj", ".ply", ".glb")
 """Endings of what is taken: robots' files, and the meshes that they name."""

@@ -3,9 +3,9 @@
 import tempfile
 from pathlib import Path
 
-from app.places.uploads import MOST_BYTES, UploadError, safe_name
 from nerfnav.errors import InvalidInputError
 from nerfnav.importers.suffixes import VIDEOS
+from nerfnav_app.places.uploads import MOST_BYTES, UploadError, safe_name
 
 SUFFIXES = (*VIDEOS, ".zip")
 """Endings of what is taken."""

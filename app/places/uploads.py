@@ -5,9 +5,9 @@ import hashlib
 import re
 from pathlib import Path
 
-from app.places.sources import SUFFIXES
 from nerfnav.errors import NerfnavError
 from nerfnav.files import replacing
+from nerfnav_app.places.sources import SUFFIXES
 
 MOST_BYTES = 512 << 20
 """Largest file that is taken [bytes]."""

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from app.queries import (
+from nerfnav.errors import UnknownNameError
+from nerfnav_app.queries import (
     clearance,
     click_landing,
     density_slice,
@@ -20,9 +21,8 @@ from app.queries import (
     surface_point,
     surface_texture,
 )
-from app.queries.query import Query
-from app.state.session import Session
-from nerfnav.errors import UnknownNameError
+from nerfnav_app.queries.query import Query
+from nerfnav_app.state.session import Session
 
 _KINDS: list[type[Query[Any]]] = [
     first_ends.FirstEndsQuery,  # before it is answered, nothing can be begun

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from app.places.derived import planning_place
-from app.queries.query import Query, Resources
-from app.state.records import PlanRecord
-from app.state.session import Session
 from nerfnav.field import Unknown
 from nerfnav.planner import PlanStep, SafetyConfig, clearance_of, collision_per_step
 from nerfnav.robots import Motion
+from nerfnav_app.places.derived import planning_place
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.session import Session
 
 
 @dataclass(frozen=True)

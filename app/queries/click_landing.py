@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from app.places.derived import occupancy_of, planning_place
-from app.places.ends import End
-from app.places.place import Place
-from app.queries.query import Query, Resources
-from app.reducers.common import moved, noticed
-from app.state.session import Click, Session
 from nerfnav.field import Field, Unknown, render_rays
 from nerfnav.planner import OccupancyConfig, OccupancyMap, fits, nearest_free_pose
+from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.ends import End
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.reducers.common import moved, noticed
+from nerfnav_app.state.session import Click, Session
 
 LEAST_OPACITY = 0.5
 """Of a ray that has met something."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from app.queries.query import Query, Resources
-from app.state.session import Session
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.session import Session
 
 _CELLS = 240
 _DENSITY = 20.0  # [1/m] at which a slice is at its strongest

@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from app.places.derived import occupancy_of, planning_place
-from app.places.ends import End, Which
-from app.queries.query import Query, Resources
-from app.state.session import Session
 from nerfnav.field import Unknown
 from nerfnav.geometry import so3
 from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose, unfit_words
+from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.ends import End, Which
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.session import Session
 
 
 @dataclass(frozen=True)

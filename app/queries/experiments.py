@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from app.queries.query import Query, Resources
-from app.state.session import Session
-from app.storage.experiment_store import ExperimentResult, ExperimentStore
-from app.storage.run_store import RunStore
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.experiment_store import ExperimentResult, ExperimentStore
+from nerfnav_app.storage.run_store import RunStore
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ExperimentsQuery(Query[Experiments]):
     def answer(self, resources: Resources) -> Experiments:
         """List the experiments and the folder of results."""
         # imported when it is asked for: with their figures, experiments take long to import
-        from app.jobs.experiment_catalog import EXPERIMENTS
+        from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS
 
         store = ExperimentStore((resources.runs or RunStore()).folder)
         known = tuple((name, experiment.purpose) for name, experiment in EXPERIMENTS.items())

@@ -8,12 +8,12 @@ import numpy as np
 import torch
 import viser.transforms as tf
 
-from app.queries.click_landing import LEAST_OPACITY
-from app.queries.query import Query, Resources
-from app.state.session import Session
-from app.state.view_settings import Backdrop, Eye
 from nerfnav.field import render_image
 from nerfnav.geometry import Camera, Pose
+from nerfnav_app.queries.click_landing import LEAST_OPACITY
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.view_settings import Backdrop, Eye
 
 WIDTHS = (240, 720)
 """Of the renderings for a tab [pixels]: one at once, one for who looks longer."""

@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from app.places.derived import occupancy_of, planning_place
-from app.places.ends import End, Ends
-from app.places.place import Place
-from app.places.vantage import View, view_of_ends
-from app.queries.query import Query, Resources
-from app.reducers.common import noticed
-from app.state.session import Session
 from nerfnav.errors import NerfnavError
 from nerfnav.field import Unknown
 from nerfnav.planner import OccupancyConfig, threshold_of
 from nerfnav.planner.columns import dense_at
+from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.places.place import Place
+from nerfnav_app.places.vantage import View, view_of_ends
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.state.session import Session
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from app.places.ends import Ends
-from app.queries.query import Query, Resources
-from app.queries.wanted_plan import WantedPlan, drafted, plan_request, planned
-from app.state.records import PlanRecord
-from app.state.session import Session
-from app.state.settings import Choice, PlanSettings
 from nerfnav.planner import planners
 from nerfnav.robots import Motion
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.queries.wanted_plan import WantedPlan, drafted, plan_request, planned
+from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import Choice, PlanSettings
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from app.queries.query import Query, Resources
-from app.queries.wanted_plan import drafted, plan_request
-from app.state.records import PlanRecord
-from app.state.session import Session
-from app.state.settings import LONGEST_S
 from nerfnav.planner import GOOD, PlanOutcome
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.queries.wanted_plan import drafted, plan_request
+from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import LONGEST_S
 
 _GROWTH, _TRIALS = 1.3, 7
 """By how much longer each plan is than the one before, and how many are tried: up to six times as long."""

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from app.places.kept_place import KeptPlace
-from app.places.library import PlaceLibrary
-from app.queries.query import Query, Resources
-from app.state.session import Session
+from nerfnav_app.places.kept_place import KeptPlace
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.session import Session
 
 
 @dataclass(frozen=True)

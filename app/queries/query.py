@@ -9,10 +9,10 @@ from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Self, TypeVar
 
-from app.places.place import Place
-from app.state.session import Session
-from app.storage.run_store import RunStore
 from nerfnav.planner import PlannerConfig
+from nerfnav_app.places.place import Place
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.run_store import RunStore
 
 Result = TypeVar("Result")
 

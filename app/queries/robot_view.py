@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from app.jobs.robot_camera import view_from
-from app.places.ends import End
-from app.queries.query import Query, Resources
-from app.state.records import FlightRecord
-from app.state.session import Session
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState
+from nerfnav_app.jobs.robot_camera import view_from
+from nerfnav_app.places.ends import End
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.session import Session
 
 RobotView = tuple[np.ndarray, ...]
 """One picture for each state, (height, width, 3), sRGB bytes."""

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from app.queries.query import Query, Resources
-from app.state.session import Session
-from app.storage.run_metadata import StoredRun
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.run_metadata import StoredRun
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from enum import Enum
 import numpy as np
 import torch
 
-from app.places.derived import occupancy_of, planning_place
-from app.places.place import Place
-from app.queries.query import Query, Resources
-from app.state.session import Session
 from nerfnav.field import Unknown, VoxelField
 from nerfnav.planner import OccupancyConfig
+from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.session import Session
 
 
 class Space(Enum):

@@ -3,15 +3,15 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from app.queries.query import Query, Resources
-from app.reducers.common import noticed
-from app.reducers.runs import compared, opened
-from app.state.records import FlightRecord
-from app.state.runs import RunRequest, StoredFlight
-from app.state.session import Session
-from app.storage.run_store import RunStore
-from app.text import sentence
 from nerfnav.errors import NerfnavError
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.reducers.runs import compared, opened
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.runs import RunRequest, StoredFlight
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.run_store import RunStore
+from nerfnav_app.text import sentence
 
 
 @dataclass(frozen=True)

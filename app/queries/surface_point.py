@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from app.queries.click_landing import Vector, met_by
-from app.queries.query import Query, Resources
-from app.reducers.common import noticed
-from app.state.placing import Ray
-from app.state.session import Session
+from nerfnav_app.queries.click_landing import Vector, met_by
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.state.placing import Ray
+from nerfnav_app.state.session import Session
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ It takes seconds, and a hand that begins to drag meanwhile must not wait: each a
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 
-from app.queries.query import Query, Resources
-from app.state.job import JobKind
-from app.state.session import Session
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class SurfaceTextureQuery(Query[Baking]):
 
     def answer(self, resources: Resources) -> Baking:
         """Go on with the texture, or take the one that was kept."""
-        from app.jobs.surface import shaping  # slow to import
+        from nerfnav_app.jobs.surface import shaping  # slow to import
 
         going = shaping(resources.place) if self.baking is None else self.baking.going
         try:

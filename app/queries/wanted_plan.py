@@ -3,15 +3,15 @@
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from app.jobs import plan
-from app.jobs.events import JobRun
-from app.places.derived import occupancy_of, planning_place
-from app.places.ends import Ends
-from app.places.place import Place
-from app.state.settings import PlanSettings
 from nerfnav.errors import NerfnavError
 from nerfnav.planner import FollowingPlanner, PlannerConfig, PlanStep, Route, last_step, planners
 from nerfnav.robots import Motion
+from nerfnav_app.jobs import plan
+from nerfnav_app.jobs.events import JobRun
+from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.places.place import Place
+from nerfnav_app.state.settings import PlanSettings
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
-from app.places.ends import End, Ends, Which, opening_ends
-from app.places.place import Place
-from app.places.sources import without_paths
-from app.state.notice import Notice
-from app.state.records import FlightRecord
-from app.state.session import Session
-from app.state.settings import PlanSettings
 from nerfnav.planner.duration import is_hurried
+from nerfnav_app.places.ends import End, Ends, Which, opening_ends
+from nerfnav_app.places.place import Place
+from nerfnav_app.places.sources import without_paths
+from nerfnav_app.state.notice import Notice
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import PlanSettings
 
 Value = TypeVar("Value")
 _NOTICES_KEPT = 5

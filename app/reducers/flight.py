@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from app.state import actions as m
-from app.state.job import Job
-from app.state.session import Session
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import Job
+from nerfnav_app.state.session import Session
 
 Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.CarryAway | m.FindRobot
 

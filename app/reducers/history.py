@@ -3,13 +3,13 @@
 from collections.abc import Hashable
 from dataclasses import replace
 
-from app.places.ends import Which
-from app.reducers.common import moved
-from app.reducers.place import chosen
-from app.state import actions as m
-from app.state.history import History, Moment
-from app.state.plan_actions import AllowTime, RestoreWeights
-from app.state.session import Session
+from nerfnav_app.places.ends import Which
+from nerfnav_app.reducers.common import moved
+from nerfnav_app.reducers.place import chosen
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.history import History, Moment
+from nerfnav_app.state.plan_actions import AllowTime, RestoreWeights
+from nerfnav_app.state.session import Session
 
 _STEPS = m.MoveEnd | m.TypeEnd | m.ChooseTask | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights
 

@@ -2,24 +2,24 @@
 
 from dataclasses import replace
 
-from app.jobs import events as e
-from app.places.place import Place
-from app.places.sources import without_folder
-from app.places.vantage import shows
-from app.reducers import history, jobs, placing
-from app.reducers.common import noticed, settled
-from app.state.downloads import Download
-from app.state.job import Job, JobKind
-from app.state.records import PlanRecord, SearchRecord
-from app.state.session import Session
-from app.state.settings import Choice
-from app.state.view_settings import Backdrop
-from app.text import sentence
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
 from nerfnav.field import TrainStep
 from nerfnav.importers import ONE_UNIT, size_doubt
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
+from nerfnav_app.jobs import events as e
+from nerfnav_app.places.place import Place
+from nerfnav_app.places.sources import without_folder
+from nerfnav_app.places.vantage import shows
+from nerfnav_app.reducers import history, jobs, placing
+from nerfnav_app.reducers.common import noticed, settled
+from nerfnav_app.state.downloads import Download
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.records import PlanRecord, SearchRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import Choice
+from nerfnav_app.state.view_settings import Backdrop
+from nerfnav_app.text import sentence
 
 
 def reported(session: Session, event: e.JobReport) -> Session:

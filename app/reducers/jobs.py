@@ -2,16 +2,16 @@
 
 from dataclasses import replace
 
-from app.reducers.common import noticed
-from app.state import actions as m
-from app.state.downloads import DownloadAction, TakeMap, TakeTrajectory, Wish
-from app.state.experiments import StartExperiment
-from app.state.job import Job, JobKind
-from app.state.plan_actions import AllowTime, PlanAction, RestoreWeights, StayDown
-from app.state.records import FlightRecord, PlanRecord
-from app.state.session import Session
-from app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
 from nerfnav.planner import CostWeights
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.downloads import DownloadAction, TakeMap, TakeTrajectory, Wish
+from nerfnav_app.state.experiments import StartExperiment
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.plan_actions import AllowTime, PlanAction, RestoreWeights, StayDown
+from nerfnav_app.state.records import FlightRecord, PlanRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
 
 JobCommand = (
     m.StartComparison

@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
-from app.jobs.events import JobResult
-from app.reducers.common import noticed
-from app.reducers.jobs import begun
-from app.reducers.place import opening
-from app.state import placing as p
-from app.state.session import JobKind, Session
-from app.text import sentence
 from nerfnav.errors import NerfnavError
+from nerfnav_app.jobs.events import JobResult
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.reducers.jobs import begun
+from nerfnav_app.reducers.place import opening
+from nerfnav_app.state import placing as p
+from nerfnav_app.state.session import JobKind, Session
+from nerfnav_app.text import sentence
 
 
 def placing_commanded(session: Session, command: p.PlacingAction) -> Session:

@@ -2,16 +2,16 @@
 
 from dataclasses import replace
 
-from app.reducers import flight, history, jobs, place, placing, runs
-from app.reducers.common import noticed
-from app.reducers.job_reports import reported
-from app.reducers.settings import adjusted, reset
-from app.state import actions as m
-from app.state.experiments import ListExperiments, ShowResult
-from app.state.placing import PlacingAction
-from app.state.robot_draft import EditRobot, ForgetEdits
-from app.state.run_actions import OpenRun, RunAction
-from app.state.session import Session
+from nerfnav_app.reducers import flight, history, jobs, place, placing, runs
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.reducers.job_reports import reported
+from nerfnav_app.reducers.settings import adjusted, reset
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.experiments import ListExperiments, ShowResult
+from nerfnav_app.state.placing import PlacingAction
+from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
+from nerfnav_app.state.run_actions import OpenRun, RunAction
+from nerfnav_app.state.session import Session
 
 
 def reduce(session: Session, message: m.Action) -> Session:

@@ -5,12 +5,21 @@ from pathlib import Path
 
 import torch
 
-from app.reducers.common import noticed
-from app.state.actions import RunChanged
-from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, RunAction, Scrub
-from app.state.runs import RunChange, Runs, StoredFlight
-from app.state.session import Session
 from nerfnav.errors import NerfnavError
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.state.actions import RunChanged
+from nerfnav_app.state.run_actions import (
+    CompareRun,
+    DeleteRun,
+    ListRuns,
+    OpenRun,
+    PlayBack,
+    RenameRun,
+    RunAction,
+    Scrub,
+)
+from nerfnav_app.state.runs import RunChange, Runs, StoredFlight
+from nerfnav_app.state.session import Session
 
 
 def source_elsewhere(session: Session, name: str) -> str | None:

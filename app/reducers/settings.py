@@ -3,16 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
-from app.places.ends import opening_ends
-from app.places.place import Place
-from app.reducers import jobs
-from app.reducers.common import first_settings, noticed
-from app.state.actions import Settings
-from app.state.session import Session
-from app.state.settings import Choice, FlightSettings, PlanSettings
-from app.state.view_settings import ViewSettings
-from app.text import sentence
 from nerfnav.errors import InvalidInputError
+from nerfnav_app.places.ends import opening_ends
+from nerfnav_app.places.place import Place
+from nerfnav_app.reducers import jobs
+from nerfnav_app.reducers.common import first_settings, noticed
+from nerfnav_app.state.actions import Settings
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
+from nerfnav_app.state.view_settings import ViewSettings
+from nerfnav_app.text import sentence
 
 
 def adjusted(session: Session, settings: Settings, name: str, value: Any) -> Session:

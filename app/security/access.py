@@ -16,8 +16,8 @@ from urllib.parse import parse_qs, urlsplit
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from app.security.address import is_loopback
-from app.security.token_bucket import TokenBucket
+from nerfnav_app.security.address import is_loopback
+from nerfnav_app.security.token_bucket import TokenBucket
 
 _COOKIE = "nerfnav_token"
 _CONNECTIONS_AT_ONCE, _CONNECTIONS_PER_S = 64.0, 16.0

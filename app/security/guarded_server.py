@@ -22,12 +22,12 @@ from dataclasses import dataclass
 
 import viser
 
-from app.security.access import AccessPolicy
-from app.security.message_filter import MessageFilter
-from app.security.token import check_token
-from app.security.upload_limits import limit_uploads
-from app.security.websocket_guard import guarding
 from nerfnav.errors import NerfnavError
+from nerfnav_app.security.access import AccessPolicy
+from nerfnav_app.security.message_filter import MessageFilter
+from nerfnav_app.security.token import check_token
+from nerfnav_app.security.upload_limits import limit_uploads
+from nerfnav_app.security.websocket_guard import guarding
 
 
 @dataclass(frozen=True)

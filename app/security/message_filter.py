@@ -14,8 +14,8 @@ import numpy as np
 import viser
 import viser._messages as viser_messages
 
-from app.security.token_bucket import TokenBucket
-from app.security.widget_values import LARGEST, LONGEST, is_number, may_set
+from nerfnav_app.security.token_bucket import TokenBucket
+from nerfnav_app.security.widget_values import LARGEST, LONGEST, is_number, may_set
 
 MOST_TABS = 32
 """Connections at the same time."""

@@ -2,8 +2,8 @@
 
 import re
 
-from app.security.address import is_loopback
 from nerfnav.errors import NerfnavError
+from nerfnav_app.security.address import is_loopback
 
 
 class TokenError(NerfnavError):

@@ -8,8 +8,8 @@ from typing import Any
 import websockets.asyncio.server
 from websockets.http11 import Request, Response
 
-from app.security.access import AccessPolicy
-from app.security.message_filter import LARGEST_FRAME, MOST_WAITING, MessageFilter
+from nerfnav_app.security.access import AccessPolicy
+from nerfnav_app.security.message_filter import LARGEST_FRAME, MOST_WAITING, MessageFilter
 
 _patching = threading.Lock()
 Responder = Callable[[Any, Request], Response | None]

@@ -4,20 +4,20 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
-from app.jobs.events import JobReport
-from app.places.ends import End, Which
-from app.places.learning import QualityName
-from app.state.downloads import DownloadAction
-from app.state.experiments import ExperimentAction
-from app.state.placing import PlacingAction
-from app.state.plan_actions import PlanAction
-from app.state.robot_draft import EditRobot, ForgetEdits
-from app.state.run_actions import RunAction
-from app.state.runs import RunChange
-from app.state.session import Session, Vector
-from app.state.settings import Choice
-from app.state.tab_actions import TabAction
-from app.state.tracks import TrackAction
+from nerfnav_app.jobs.events import JobReport
+from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.learning import QualityName
+from nerfnav_app.state.downloads import DownloadAction
+from nerfnav_app.state.experiments import ExperimentAction
+from nerfnav_app.state.placing import PlacingAction
+from nerfnav_app.state.plan_actions import PlanAction
+from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
+from nerfnav_app.state.run_actions import RunAction
+from nerfnav_app.state.runs import RunChange
+from nerfnav_app.state.session import Session, Vector
+from nerfnav_app.state.settings import Choice
+from nerfnav_app.state.tab_actions import TabAction
+from nerfnav_app.state.tracks import TrackAction
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ class Reported:
 
 
 class AppliesResult(Protocol):
-    """A query, as far as the session has to know: app.queries.query.Query."""
+    """A query, as far as the session has to know: nerfnav_app.queries.query.Query."""
 
     def apply(self, session: Session, result: Any) -> Session:
         """The session with the result of the query."""

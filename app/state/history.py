@@ -3,9 +3,9 @@
 from collections.abc import Hashable
 from dataclasses import dataclass
 
-from app.places.ends import Ends
-from app.state.settings import Choice, FlightSettings, PlanSettings
-from app.state.view_settings import ViewSettings
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
+from nerfnav_app.state.view_settings import ViewSettings
 
 MOST = 100
 """So many steps can be undone."""

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 from enum import Enum
 
-from app.places.ends import Ends
-from app.state.downloads import Wish
-from app.state.records import PlanRecord
-from app.state.tracks import StartTrack
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.state.downloads import Wish
+from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.tracks import StartTrack
 
 
 class JobKind(Enum):

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from app.places.vantage import View
-from app.state.history import Moment
+from nerfnav_app.places.vantage import View
+from nerfnav_app.state.history import Moment
 
 
 @dataclass(frozen=True)

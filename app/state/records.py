@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from app.places.ends import Ends
-from app.state.settings import PlanSettings
 from nerfnav.estimator import FilterStep, RelocaliseStep
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
 from nerfnav.planner import GOOD, PlanCost, PlanOutcome, PlanStep
 from nerfnav.robots import Motion, RigidState
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.state.settings import PlanSettings
 
 NOWHERE = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
 """Outcomes of plans that are no way from start to goal."""

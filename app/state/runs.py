@@ -4,9 +4,9 @@ from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from typing import TypeVar, cast
 
-from app.state.records import FlightRecord
-from app.state.tracks import TrackRecord
-from app.storage.run_metadata import StoredRun
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.tracks import TrackRecord
+from nerfnav_app.storage.run_metadata import StoredRun
 
 Timed = FlightRecord | TrackRecord
 """What a timeline goes along: at most one of them is on the page."""

@@ -1,7 +1,8 @@
 """The app's whole state as one frozen value.
 
-It says what is wanted of the worker (`job`, and `app.queries`) and all that the page shows. No other place holds state:
-a reloaded page and a second tab show the same. `app.reducers.root` moves it from one action to the next.
+It says what is wanted of the worker (`job`, and `nerfnav_app.queries`) and all that the page shows. No other place
+holds state: a reloaded page and a second tab show the same. `nerfnav_app.reducers.root` moves it from one action to the
+next.
 """
 
 from collections.abc import Hashable, Mapping
@@ -10,24 +11,24 @@ from typing import Any
 
 from torch import Tensor
 
-from app.jobs.events import PlannerResult
-from app.places.ends import End, Ends, Which, opening_ends
-from app.places.learning import USUAL, QualityName
-from app.places.place import Place
-from app.places.vantage import View
-from app.state.downloads import Download
-from app.state.experiments import ExperimentState
-from app.state.history import History, Moment
-from app.state.job import Job, JobKind
-from app.state.left_off import LeftOff
-from app.state.notice import Notice
-from app.state.placing import Placing
-from app.state.records import FlightRecord, PlanRecord, SearchRecord
-from app.state.runs import Runs, Timed
-from app.state.settings import Choice, FlightSettings, PlanSettings
-from app.state.tracks import TrackRecord
-from app.state.view_settings import Eye, ViewSettings
 from nerfnav.robots import RobotFile
+from nerfnav_app.jobs.events import PlannerResult
+from nerfnav_app.places.ends import End, Ends, Which, opening_ends
+from nerfnav_app.places.learning import USUAL, QualityName
+from nerfnav_app.places.place import Place
+from nerfnav_app.places.vantage import View
+from nerfnav_app.state.downloads import Download
+from nerfnav_app.state.experiments import ExperimentState
+from nerfnav_app.state.history import History, Moment
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.left_off import LeftOff
+from nerfnav_app.state.notice import Notice
+from nerfnav_app.state.placing import Placing
+from nerfnav_app.state.records import FlightRecord, PlanRecord, SearchRecord
+from nerfnav_app.state.runs import Runs, Timed
+from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
+from nerfnav_app.state.tracks import TrackRecord
+from nerfnav_app.state.view_settings import Eye, ViewSettings
 
 Vector = tuple[float, float, float]
 
@@ -101,7 +102,7 @@ class Session:
     eyes: Mapping[int, Eye] = field(default_factory=dict)
     """From where each tab looks, where that matters."""
     results: Mapping[Hashable, tuple[Any, Any]] = field(default_factory=dict)
-    """Queries of the place and their results, by slot: see app.queries.query."""
+    """Queries of the place and their results, by slot: see nerfnav_app.queries.query."""
     job: Job | None = None
     """What the worker is to do."""
     jobs_begun: int = 0

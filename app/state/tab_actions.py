@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from app.places.vantage import View
-from app.state.view_settings import Eye
+from nerfnav_app.places.vantage import View
+from nerfnav_app.state.view_settings import Eye
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """What people take away of a session: the flight, else the plan, as export formats take it."""
 
-from app.state.session import Session
 from nerfnav.export import FORMATS, Recording
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import PlanOutcome
+from nerfnav_app.state.session import Session
 
 
 def subject(session: Session) -> str | None:

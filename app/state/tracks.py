@@ -4,9 +4,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from app.jobs.events import FrameTracked
 from nerfnav.geometry import picture_file
 from nerfnav.tracking import Tracked
+from nerfnav_app.jobs.events import FrameTracked
 
 _QUALITY = 85
 """Of the pictures that are kept, as JPEG: a track has thousands."""

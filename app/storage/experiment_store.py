@@ -9,9 +9,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from app.storage.output_files import prepare_folder
-from app.storage.run_store import checked
-from app.text import number
+from nerfnav_app.storage.output_files import prepare_folder
+from nerfnav_app.storage.run_store import checked
+from nerfnav_app.text import number
 
 FOLDER = "experiments"
 """Within the folder of runs."""

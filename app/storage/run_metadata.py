@@ -7,9 +7,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from app.places.ends import End, Ends
-from app.storage.output_files import json_line, write_text
 from nerfnav.errors import InvalidInputError
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.storage.output_files import json_line, write_text
 
 FILE = "run.json"
 FORMAT, VERSION = "nerfnav run", 1

@@ -6,13 +6,13 @@ import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.storage import run_metadata as about
-from app.storage.file_lock import is_held
-from app.storage.output_files import OutputError, prepare_folder
-from app.storage.step_codec import FILE
-from app.storage.stored_steps import count_steps, read_steps
 from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.navigation import NavigationStep
+from nerfnav_app.storage import run_metadata as about
+from nerfnav_app.storage.file_lock import is_held
+from nerfnav_app.storage.output_files import OutputError, prepare_folder
+from nerfnav_app.storage.step_codec import FILE
+from nerfnav_app.storage.stored_steps import count_steps, read_steps
 
 VARIABLE = "NERFNAV_RUNS"
 """Environment variable that names the folder."""

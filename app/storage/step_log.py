@@ -12,13 +12,13 @@ from typing import Any
 
 from filelock import Timeout
 
-from app.places.ends import End
-from app.storage import run_metadata
-from app.storage.file_lock import lock_of
-from app.storage.output_files import OutputError
-from app.storage.step_codec import FILE, PICTURES, content_of, keep_picture
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.robots import RigidState
+from nerfnav_app.places.ends import End
+from nerfnav_app.storage import run_metadata
+from nerfnav_app.storage.file_lock import lock_of
+from nerfnav_app.storage.output_files import OutputError
+from nerfnav_app.storage.step_codec import FILE, PICTURES, content_of, keep_picture
 
 _LEAST_STEPS = 2  # a flight that never left the start is not kept
 

@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
-from app.storage.step_codec import FILE, step_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.navigation import NavigationStep
+from nerfnav_app.storage.step_codec import FILE, step_of
 
 
 def count_steps(folder: Path) -> int:

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import Any
 
-from app.places.place import Place
-from app.queries.query import Query, Resources
-from app.state.actions import RunChanged
-from app.state.runs import RunChange
-from app.text import sentence
-from app.worker.job_starter import JobStarter
 from nerfnav.errors import NerfnavError
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.state.actions import RunChanged
+from nerfnav_app.state.runs import RunChange
+from nerfnav_app.text import sentence
+from nerfnav_app.worker.job_starter import JobStarter
 
 
 @dataclass

@@ -2,13 +2,13 @@
 
 import torch
 
-from app.places.derived import planning_place
-from app.places.place import Place
 from nerfnav.field import Unknown
 from nerfnav.geometry import Pose
 from nerfnav.navigation.carrying import carried_away
 from nerfnav.planner import fits
 from nerfnav.robots import RigidState
+from nerfnav_app.places.derived import planning_place
+from nerfnav_app.places.place import Place
 
 _ROOM = 0.03
 """Around a robot that is put down somewhere else [m]."""

@@ -3,11 +3,11 @@
 from functools import partial
 from pathlib import Path
 
-from app.jobs.events import JobEvents
-from app.jobs.subprocess_job import in_subprocess
-from app.state.session import Session
-from app.storage.experiment_store import ExperimentStore
-from app.storage.run_store import RunStore
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.subprocess_job import in_subprocess
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.experiment_store import ExperimentStore
+from nerfnav_app.storage.run_store import RunStore
 
 
 def begin_experiment(session: Session, runs: RunStore) -> JobEvents:
@@ -20,6 +20,6 @@ def begin_experiment(session: Session, runs: RunStore) -> JobEvents:
 
 def _do_experiment(name: str, trials: int | None, out: Path) -> JobEvents:
     # imported where it is done: with their figures, experiments take long to import
-    from app.jobs import experiment
+    from nerfnav_app.jobs import experiment
 
     return experiment.run(experiment.ExperimentRequest(name, trials=trials, out=out))

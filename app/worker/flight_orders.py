@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import torch
 
-from app.places.ends import Which
-from app.places.place import Place
-from app.state.job import Job
-from app.state.session import Session
-from app.state.settings import GUST
-from app.worker.carrying import elsewhere
 from nerfnav.navigation import Orders
+from nerfnav_app.places.ends import Which
+from nerfnav_app.places.place import Place
+from nerfnav_app.state.job import Job
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import GUST
+from nerfnav_app.worker.carrying import elsewhere
 
 
 class FlightOrders:

@@ -4,24 +4,24 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from app.jobs import compare_planners, export, find_robot, fly, open_place, plan
-from app.jobs import map as map_job
-from app.jobs.events import JobEvents
-from app.jobs.fly_request import FlyRequest
-from app.places.derived import planning_place
-from app.places.learning import QualityName
-from app.places.place import Place
-from app.queries.wanted_plan import plan_request
-from app.state.downloads import MapWish, TrajectoryWish
-from app.state.job import Job, JobKind
-from app.state.session import Session
-from app.state.taken_away import file_name, recording_of
-from app.storage.run_store import RunStore
-from app.worker.experiment_job import begin_experiment
-from app.worker.flight_orders import FlightOrders
-from app.worker.placing_job import PlacedFiles
 from nerfnav.navigation import NavigateConfig
 from nerfnav.planner import PlannerConfig, planners
+from nerfnav_app.jobs import compare_planners, export, find_robot, fly, open_place, plan
+from nerfnav_app.jobs import map as map_job
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.places.derived import planning_place
+from nerfnav_app.places.learning import QualityName
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.wanted_plan import plan_request
+from nerfnav_app.state.downloads import MapWish, TrajectoryWish
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.taken_away import file_name, recording_of
+from nerfnav_app.storage.run_store import RunStore
+from nerfnav_app.worker.experiment_job import begin_experiment
+from nerfnav_app.worker.flight_orders import FlightOrders
+from nerfnav_app.worker.placing_job import PlacedFiles
 
 
 @dataclass
@@ -100,10 +100,10 @@ class JobStarter:
 def _followed(place: Place, job: Job) -> JobEvents:
     """The track of a camera through the place."""
     # slow to import, and seldom needed
-    from app.jobs import track
-    from app.jobs.follow_camera import CameraRun
-    from app.jobs.given_picture import GivenCamera
     from nerfnav.tracking import SourceOptions
+    from nerfnav_app.jobs import track
+    from nerfnav_app.jobs.follow_camera import CameraRun
+    from nerfnav_app.jobs.given_picture import GivenCamera
 
     asked = job.track
     assert asked is not None, "a track is begun by who says of what"

@@ -4,13 +4,13 @@ import logging
 import time
 from typing import Any
 
-from app.queries.catalog import pending_queries
-from app.queries.query import Query
-from app.state.actions import QueryAnswered, Tell
-from app.state.session import Session
-from app.worker.running_job import describe_fault
-from app.worker.work import Work
 from nerfnav.errors import NerfnavError
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.query import Query
+from nerfnav_app.state.actions import QueryAnswered, Tell
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.running_job import describe_fault
+from nerfnav_app.worker.work import Work
 
 _log = logging.getLogger(__name__)
 _ANSWER_EVERY_S = 0.1  # pause between two answers while a job runs, which has the rest of the time

@@ -3,9 +3,9 @@
 import tempfile
 from pathlib import Path
 
-from app.jobs.events import JobEvents
-from app.state.job import Job
-from app.state.session import Session
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.state.job import Job
+from nerfnav_app.state.session import Session
 
 
 class PlacedFiles:
@@ -17,7 +17,7 @@ class PlacedFiles:
 
     def begin(self, session: Session, job: Job) -> JobEvents:
         """The events of a job that puts the session's place right; it keeps its name."""
-        from app.jobs import place_field  # slow to import, and seldom needed
+        from nerfnav_app.jobs import place_field  # slow to import, and seldom needed
 
         if self._folder is None:
             self._folder = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)

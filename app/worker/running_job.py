@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from app.jobs.events import COMPILING, JobEvents, JobFailed, JobFinished, Progress
-from app.state.job import Job
-from app.state.session import Session
-from app.worker.work import Work
 from nerfnav.compiled import telling_compilation
 from nerfnav.errors import NerfnavError
 from nerfnav.navigation import Iteration, NavigationStep
+from nerfnav_app.jobs.events import COMPILING, JobEvents, JobFailed, JobFinished, Progress
+from nerfnav_app.state.job import Job
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.work import Work
 
 _log = logging.getLogger(__name__)
 _ITERATION_S = 1 / 20  # in a flight, iterations that come sooner after what was told last are seen by nobody

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import msgspec
 
-from app.state.left_off import LeftOff
-from app.state.session import Session
 from nerfnav.files import replacing
+from nerfnav_app.state.left_off import LeftOff
+from nerfnav_app.state.session import Session
 
 
 class SessionMemory:

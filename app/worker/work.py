@@ -2,13 +2,13 @@
 
 from typing import Any, Protocol
 
-from app.jobs.events import JobEvents
-from app.places.place import Place
-from app.queries.query import Query
-from app.state.actions import RunChanged
-from app.state.job import Job
-from app.state.runs import RunChange
-from app.state.session import Session
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.query import Query
+from nerfnav_app.state.actions import RunChanged
+from nerfnav_app.state.job import Job
+from nerfnav_app.state.runs import RunChange
+from nerfnav_app.state.session import Session
 
 
 class Work(Protocol):

@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 import torch
 
-from app.jobs.events import COMPILING, Progress
-from app.state.actions import QueryAnswered, Reported, RunChanged, Tell
-from app.state.runs import RunChange
-from app.state.session import Session
-from app.system import TORCH_THREADS, give_back
-from app.worker.open_queries import OpenQueries
-from app.worker.running_job import RunningJob
-from app.worker.work import Work
+from nerfnav_app.jobs.events import COMPILING, Progress
+from nerfnav_app.state.actions import QueryAnswered, Reported, RunChanged, Tell
+from nerfnav_app.state.runs import RunChange
+from nerfnav_app.state.session import Session
+from nerfnav_app.system import TORCH_THREADS, give_back
+from nerfnav_app.worker.open_queries import OpenQueries
+from nerfnav_app.worker.running_job import RunningJob
+from nerfnav_app.worker.work import Work
 
 _GIVE_BACK_EVERY_S = 10.0  # while a job runs, and after each
 

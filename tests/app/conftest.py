@@ -5,16 +5,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import JobFinished, PlaceOpened
-from app.queries.first_ends import FirstEnds, FirstEndsQuery
-from app.queries.place_list import PlaceListQuery
-from app.queries.run_list import RunListQuery
-from app.state import actions as m
-from app.state.session import Session
 from nerfnav.field.checkpoint import save_field
 from nerfnav.field.info import FieldInfo
 from nerfnav.field.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
+from nerfnav_app.jobs.events import JobFinished, PlaceOpened
+from nerfnav_app.queries.first_ends import FirstEnds, FirstEndsQuery
+from nerfnav_app.queries.place_list import PlaceListQuery
+from nerfnav_app.queries.run_list import RunListQuery
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.session import Session
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 

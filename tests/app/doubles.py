@@ -6,25 +6,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress
-from app.places.ends import End, Ends
-from app.places.place import Place
-from app.queries.end_fit import EndFit, EndFitQuery
-from app.queries.experiments import Experiments, ExperimentsQuery
-from app.queries.first_ends import FirstEnds, FirstEndsQuery
-from app.queries.following_plan import FollowingPlanQuery
-from app.queries.place_list import PlaceListQuery
-from app.queries.query import Query, Resources
-from app.queries.robot_view import RobotViewQuery
-from app.queries.run_list import RunListQuery
-from app.queries.stored_run import StoredRunQuery
-from app.queries.wanted_plan import WantedPlan
-from app.state.actions import RunChanged
-from app.state.job import Job, JobKind
-from app.state.runs import RunChange
-from app.state.session import Session
-from app.storage.run_store import RunStore
-from app.worker.backend import NavigationBackend
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.steps import FilterStep
 from nerfnav.field.analytic import BallsField
@@ -38,6 +19,25 @@ from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
+from nerfnav_app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.end_fit import EndFit, EndFitQuery
+from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
+from nerfnav_app.queries.first_ends import FirstEnds, FirstEndsQuery
+from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.place_list import PlaceListQuery
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.queries.robot_view import RobotViewQuery
+from nerfnav_app.queries.run_list import RunListQuery
+from nerfnav_app.queries.stored_run import StoredRunQuery
+from nerfnav_app.queries.wanted_plan import WantedPlan
+from nerfnav_app.state.actions import RunChanged
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.runs import RunChange
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.run_store import RunStore
+from nerfnav_app.worker.backend import NavigationBackend
 
 _BOX = Box.of((-1, -1, 0), (1, 1, 0.8))
 

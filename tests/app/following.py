@@ -1,6 +1,6 @@
 """Jobs run to their end."""
 
-from app.jobs.events import JobEvent, JobEvents, JobResult, JobRun
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, JobRun
 
 
 def followed(job: JobEvents) -> tuple[list[JobEvent], JobResult]:

@@ -1,10 +1,10 @@
 """Sessions that have come some way."""
 
-from app.jobs.events import JobFinished, JobResult
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.session import Session
 from nerfnav.planner.steps import PlanOutcome
+from nerfnav_app.jobs.events import JobFinished, JobResult
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.session import Session
 from tests.app.doubles import plan_step
 
 

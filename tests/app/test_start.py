@@ -13,16 +13,16 @@ import pytest
 import viser
 from viser import _icons
 
-from app.cli.served_place import shown_before
-from app.jobs.events import JobResult
-from app.jobs.surface import first_surface_of, surface_of
-from app.page.icon_archive import icons_at_hand
-from app.places.place import open_place
-from app.places.surface_glb import box_of
-from app.state.job import JobKind
-from app.system import give_back, importing
-from app.worker import worker
 from nerfnav.glb import parts
+from nerfnav_app.cli.served_place import shown_before
+from nerfnav_app.jobs.events import JobResult
+from nerfnav_app.jobs.surface import first_surface_of, surface_of
+from nerfnav_app.page.icon_archive import icons_at_hand
+from nerfnav_app.places.place import open_place
+from nerfnav_app.places.surface_glb import box_of
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.system import give_back, importing
+from nerfnav_app.worker import worker
 from tests.app.doubles import ScriptedWork
 from tests.app.worker.test_worker import Loop
 
@@ -30,9 +30,9 @@ _SLOW = "trimesh", "numba", "scipy.spatial", "scipy.sparse", "skimage", "rosbags
 _AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
-import app.server
-from app.jobs.surface import surface_of
-from app.places.place import open_place
+import nerfnav_app.server
+from nerfnav_app.jobs.surface import surface_of
+from nerfnav_app.places.place import open_place
 place = open_place("stonehenge")
 assert place.tasks and surface_of(place)
 print(json.dumps(sorted(sys.modules)))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.text import capital, sentence
+from nerfnav_app.text import capital, sentence
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.job import Job, JobKind
-from app.state.session import Session
-from app.ui_loop import UiLoop
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.session import Session
+from nerfnav_app.ui_loop import UiLoop
 from tests.app.doubles import flight_step
 from tests.waiting import PATIENCE_S
 
@@ -64,7 +64,7 @@ def test_a_flight_at_full_speed_is_shown_half_as_often(opened: Session, pace: fl
 
 
 def test_a_command_does_not_wait_for_the_frame_of_a_flight(opened: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.ui_loop._HURRYING_S", 3600.0)
+    monkeypatch.setattr("nerfnav_app.ui_loop._HURRYING_S", 3600.0)
     session = flying(opened, 0.0)
     loop, watcher = UiLoop(session), Watcher()
     loop.start((watcher,))

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
 
-from app.server import App
-from app.worker.work import Work
+from nerfnav_app.server import App
+from nerfnav_app.worker.work import Work
 from tests.browser.complaints import complaints_of
 from tests.browser.shown import start_marked
 from tests.browser.tab import Tab

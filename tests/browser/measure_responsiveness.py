@@ -29,9 +29,9 @@ from playwright.sync_api import sync_playwright
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from app.jobs.events import JobEvents
-from app.state.job import Job
-from app.state.session import Session
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.state.job import Job
+from nerfnav_app.state.session import Session
 from tests.app.security.hostile import CAMERA
 from tests.browser.conftest import launch
 from tests.browser.tab import KNOWS_HELP
@@ -61,10 +61,10 @@ _READY = "'/field' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__
 
 def serve(port: int) -> None:
     """The app with one more button, which tells on stdout when it was pressed, and the steps of flights since then."""
-    from app.cli.served_app import _SWITCH_S
-    from app.server import App
-    from app.worker.backend import NavigationBackend
     from nerfnav.navigation import NavigationStep
+    from nerfnav_app.cli.served_app import _SWITCH_S
+    from nerfnav_app.server import App
+    from nerfnav_app.worker.backend import NavigationBackend
 
     steps_ms: list[float] = []
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.waiting import free_port
 
 _ROOT = Path(__file__).parents[2]
-_NERFNAV = (sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())")
+_NERFNAV = (sys.executable, "-c", "import sys; from nerfnav_app.cli.main import main; sys.exit(main())")
 _STOP_S = 120.0
 """How long the end of a running job and of all threads may take on a machine that is busy with other things [s]."""
 _FAULT = re.compile(r"Traceback|ERROR|Exception")

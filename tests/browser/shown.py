@@ -6,8 +6,8 @@ from typing import Any
 
 import viser
 
-from app.server import App
-from app.state.session import Session
+from nerfnav_app.server import App
+from nerfnav_app.state.session import Session
 
 
 class Shown:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Page
 
-from app.places.ends import Which
-from app.server import App
-from app.state.session import Session
+from nerfnav_app.places.ends import Which
+from nerfnav_app.server import App
+from nerfnav_app.state.session import Session
 from tests.browser.in_page import DRAWN, IS_SCENE, POSITION, PROPERTY, VISIBLE, to_screen
 from tests.browser.shown import Shown
 from tests.waiting import PATIENCE_S

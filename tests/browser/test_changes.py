@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.page.layers.ends import GIZMO
-from app.page.layers.plan import room_colors
-from app.page.theme import PLAN, linear
-from app.places.ends import Which
-from app.queries.clearance import ClearanceQuery
-from app.server import App
-from app.state.actions import Choose
-from app.state.settings import Choice
+from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.page.layers.plan import room_colors
+from nerfnav_app.page.theme import PLAN, linear
+from nerfnav_app.places.ends import Which
+from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import Choose
+from nerfnav_app.state.settings import Choice
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 from tests.browser.works import small_work

@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from app.page.layers.ends import GIZMO
-from app.places.ends import Which
-from app.server import App
+from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.places.ends import Which
+from nerfnav_app.server import App
 from tests.app.doubles import ScriptedWork
 from tests.app.security.hostile import CAMERA, NAN, POSE, connect_as_viser
 from tests.browser.tab import Tab

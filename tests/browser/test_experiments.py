@@ -10,14 +10,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from app.jobs.events import JobResult, Progress
-from app.places.place import Place
-from app.queries.experiments import ExperimentsQuery
-from app.queries.query import Query, Resources
-from app.server import App
-from app.state.job import JobKind
-from app.storage.experiment_store import ExperimentStore
-from app.storage.run_store import RunStore
+from nerfnav_app.jobs.events import JobResult, Progress
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.experiments import ExperimentsQuery
+from nerfnav_app.queries.query import Query, Resources
+from nerfnav_app.server import App
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.storage.experiment_store import ExperimentStore
+from nerfnav_app.storage.run_store import RunStore
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 from tests.waiting import PATIENCE_S

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.server import App
-from app.state.actions import Adjust, Settings
 from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.navigation.recovery import Recovery
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab
 from tests.browser.works import small_work
 

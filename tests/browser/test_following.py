@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.page.layers.ends import GIZMO
-from app.page.theme import HIT, PLAN
-from app.places.ends import Which
-from app.queries.following_plan import FollowingPlanQuery
-from app.queries.query import Resources
-from app.queries.wanted_plan import WantedPlan, plan_request, planned
-from app.server import App
-from app.state.actions import Adjust, Settings
+from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.page.theme import HIT, PLAN
+from nerfnav_app.places.ends import Which
+from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.queries.wanted_plan import WantedPlan, plan_request, planned
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab
 from tests.browser.works import small_work
 

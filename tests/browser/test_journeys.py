@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from app.places.learning import BUDGETS_S, USUAL
-from app.places.library import PlaceLibrary
-from app.server import App
-from app.state.session import Session
-from app.worker.backend import NavigationBackend
+from nerfnav_app.places.learning import BUDGETS_S, USUAL
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.server import App
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.jobs.training_data.test_meshes import pillars
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext
 
-from app.places.ends import Which
-from app.server import App
+from nerfnav_app.places.ends import Which
+from nerfnav_app.server import App
 from tests.browser.in_page import to_screen
 from tests.browser.tab import KNOWS_HELP, WITHOUT_COMPLAINT, Tab
 from tests.browser.works import small_work

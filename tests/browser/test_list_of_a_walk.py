@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from app.places.library import PlaceLibrary
-from app.server import App
-from app.state.actions import Adjust, Settings
 from nerfnav.navigation import EpisodeOutcome
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import Adjust, Settings
 from tests.app.doubles import ScriptedWork
 from tests.app.places.test_library import brought
 from tests.browser.tab import Tab

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.server import App
 from nerfnav.field.states import VoxelState, voxel_states
 from nerfnav.planner.scales import threshold_of
+from nerfnav_app.server import App
 from tests.browser.tab import Tab
 from tests.browser.works import roomy_place, small_work
 

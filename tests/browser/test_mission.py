@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.page.layers.ends import GIZMO
-from app.places.ends import Which
-from app.server import App
-from app.state.actions import Adjust, Settings
 from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.places.ends import Which
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab
 from tests.browser.works import small_work
 

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from playwright.sync_api import Locator
 
-from app.jobs.events import JobResult, Progress
-from app.page.layers.ends import GIZMO
-from app.places.ends import Which
-from app.server import App
-from app.state.job import JobKind
 from nerfnav.planner.steps import PlanOutcome
+from nerfnav_app.jobs.events import JobResult, Progress
+from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.places.ends import Which
+from nerfnav_app.server import App
+from nerfnav_app.state.job import JobKind
 from tests.app.doubles import ScriptedWork, flight_step, plan_step
 from tests.browser.tab import Tab
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from app.server import App
-from app.state.robot_draft import NUMBERS
 from nerfnav.robots import DiffDrive, load
+from nerfnav_app.server import App
+from nerfnav_app.state.robot_draft import NUMBERS
 from tests.app.doubles import ScriptedWork
 from tests.browser.tab import Tab
 

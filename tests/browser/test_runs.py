@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from app.jobs.events import JobEvents, JobResult, PlaceOpened
-from app.server import App
-from app.state.actions import Adjust, Settings, StartFlight
-from app.storage.run_store import RunStore
-from app.worker.backend import NavigationBackend
 from nerfnav.export.tum import poses_of_tum
+from nerfnav_app.jobs.events import JobEvents, JobResult, PlaceOpened
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import Adjust, Settings, StartFlight
+from nerfnav_app.storage.run_store import RunStore
+from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import ScriptedWork, balls_place
 from tests.app.storage.stored_runs import put
 from tests.browser.tab import Tab

@@ -21,9 +21,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Error, Locator, sync_playwright
 
-import scenes
-from app.page.layers.ends import GIZMO
-from app.places.ends import Which
+import nerfnav_scenes as scenes
+from nerfnav_app.page.layers.ends import GIZMO
+from nerfnav_app.places.ends import Which
 from tests.browser.complaints import complaints_of
 from tests.browser.conftest import launch
 from tests.browser.process import Served, done, served

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from app.places.place import Place
-from app.server import App
 from nerfnav.field import VoxelField
 from nerfnav.geometry import Camera
+from nerfnav_app.places.place import Place
+from nerfnav_app.server import App
 from tests.app.doubles import balls_place
 from tests.browser.tab import Tab
 from tests.browser.works import small_work

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import torch
 
-from app.jobs import open_place as scene
-from app.places.learning import BUDGETS_S, USUAL
-from app.places.place import Place, open_place
-from app.server import App
-from app.worker.backend import NavigationBackend
 from nerfnav.field.checkpoint import save_field
+from nerfnav_app.jobs import open_place as scene
+from nerfnav_app.places.learning import BUDGETS_S, USUAL
+from nerfnav_app.places.place import Place, open_place
+from nerfnav_app.server import App
+from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place
 from tests.app.jobs.training_data.test_meshes import pillars
 from tests.browser.tab import Tab

@@ -5,15 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from app.jobs.events import JobResult
-from app.places.ends import Which
-from app.queries.density_slice import DensitySliceQuery
-from app.queries.field_view import FieldViewQuery
-from app.server import App
-from app.state.actions import MoveEnd
-from app.state.job import JobKind
-from app.state.settings import FlightSettings
-from app.state.view_settings import Backdrop
+from nerfnav_app.jobs.events import JobResult
+from nerfnav_app.places.ends import Which
+from nerfnav_app.queries.density_slice import DensitySliceQuery
+from nerfnav_app.queries.field_view import FieldViewQuery
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import MoveEnd
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.settings import FlightSettings
+from nerfnav_app.state.view_settings import Backdrop
 from tests.app.doubles import ScriptedWork, flight_step
 from tests.browser.tab import Tab
 from tests.browser.works import small_work

@@ -3,9 +3,6 @@
 from collections.abc import Callable
 from functools import partial
 
-from app.jobs import open_place as scene
-from app.places.place import Place
-from app.worker.backend import NavigationBackend
 from nerfnav.estimator.descent import DescentConfig
 from nerfnav.estimator.filter import FilterConfig
 from nerfnav.estimator.noise import StateNoise
@@ -13,6 +10,9 @@ from nerfnav.estimator.pixels import PixelConfig
 from nerfnav.geometry import Box
 from nerfnav.navigation.mission import NavigateConfig
 from nerfnav.planner.fast import FastPlanConfig
+from nerfnav_app.jobs import open_place as scene
+from nerfnav_app.places.place import Place
+from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place
 
 _CALM = StateNoise(0.002, 0.002, 0.002, 0.002)  # so that a filter of few iterations keeps up

@@ -13,7 +13,7 @@ from math import pi, sin
 import torch
 from torch import Tensor
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.belief import Belief
 from nerfnav.estimator.fast import FastFilter

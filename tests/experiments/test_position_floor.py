@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.position_floor import position_floor
 from nerfnav.field import VoxelField, load_field, save_field
-from scenes.measure import main
+from nerfnav_scenes.measure import main
 
 
 def arena(name: str) -> Arena:
@@ -47,7 +47,7 @@ def test_measuring_changes_nothing_else_in_a_file(tmp_path: Path, monkeypatch: p
     path = tmp_path / "stonehenge.npz"
     save_field(replace(field, info=replace(field.info, position_floor_m=None)), path)
     monkeypatch.setattr(scenes, "trained_path", lambda name: path)
-    monkeypatch.setattr("scenes.measure.position_floor", lambda arena: 0.003)
+    monkeypatch.setattr("nerfnav_scenes.measure.position_floor", lambda arena: 0.003)
     main(["stonehenge"])
     now = load_field(path)
     assert isinstance(now, VoxelField) and (now.values == field.values).all()

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from app.places.surface_glb import unlit_glb
 from nerfnav.errors import InvalidInputError
 from nerfnav.export.formats import FORMATS
 from nerfnav.export.recording import Recording
@@ -16,6 +15,7 @@ from nerfnav.export.replay import replay
 from nerfnav.export.surface import Surface
 from nerfnav.geometry import to_srgb
 from nerfnav.robots.quadrotor import Quadrotor
+from nerfnav_app.places.surface_glb import unlit_glb
 from tests.export.flights import flight, flown, plan
 from tests.field.fields import painted
 

@@ -26,32 +26,7 @@ import numpy as np
 import tyro
 from torch import Tensor
 
-import scenes
-from app.cli.main import _STYLE, COMMANDS, main, parse
-from app.jobs.events import JobEvents, JobResult
-from app.jobs.experiment_catalog import EXPERIMENTS
-from app.jobs.fly import run as fly
-from app.jobs.fly_request import FlyRequest
-from app.jobs.plan import PlanRequest
-from app.jobs.plan import run as plan
-from app.jobs.plan_report import save as save_plan
-from app.jobs.recorded import read_run
-from app.jobs.result_files import save_results, table_text
-from app.places.ends import End, Ends, Which
-from app.places.kept_place import KeptPlace, keep_picture, read_place, write_place
-from app.places.library import PlaceLibrary
-from app.places.place import Place, Truth
-from app.places.robot_library import RobotLibrary
-from app.state.job import JobKind
-from app.state.view_settings import Backdrop, CameraMode
-from app.storage.experiment_store import ExperimentStore
-from app.storage.output_files import json_line
-from app.storage.run_metadata import RunMetadata
-from app.storage.run_store import RunStore
-from app.storage.step_codec import content_of
-from app.storage.step_log import logged
-from app.storage.stored_steps import read_steps
-from app.worker.session_memory import SessionMemory
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.estimator import Belief, FilterConfig, FilterOutcome, RelocaliseOutcome, StateNoise
 from nerfnav.estimator import estimators as _estimators
@@ -98,6 +73,31 @@ from nerfnav.robots import Motion, RigidState, decoded, described, to_yaml
 from nerfnav.tracking import Tracked
 from nerfnav.tracking.status import TrackStatus
 from nerfnav.world import Paint, Scene, Vantage
+from nerfnav_app.cli.main import _STYLE, COMMANDS, main, parse
+from nerfnav_app.jobs.events import JobEvents, JobResult
+from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS
+from nerfnav_app.jobs.fly import run as fly
+from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.jobs.plan import PlanRequest
+from nerfnav_app.jobs.plan import run as plan
+from nerfnav_app.jobs.plan_report import save as save_plan
+from nerfnav_app.jobs.recorded import read_run
+from nerfnav_app.jobs.result_files import save_results, table_text
+from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.kept_place import KeptPlace, keep_picture, read_place, write_place
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.place import Place, Truth
+from nerfnav_app.places.robot_library import RobotLibrary
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.view_settings import Backdrop, CameraMode
+from nerfnav_app.storage.experiment_store import ExperimentStore
+from nerfnav_app.storage.output_files import json_line
+from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.run_store import RunStore
+from nerfnav_app.storage.step_codec import content_of
+from nerfnav_app.storage.step_log import logged
+from nerfnav_app.storage.stored_steps import read_steps
+from nerfnav_app.worker.session_memory import SessionMemory
 
 __all__ = [
     "CODECS",

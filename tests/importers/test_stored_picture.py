@@ -8,7 +8,6 @@ import pytest
 import torch
 from PIL import Image, ImageOps
 
-from app.jobs.given_picture import GivenCamera, read_image
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.importers.captures.pictures import read_pixels
@@ -17,6 +16,7 @@ from nerfnav.importers.stored_picture import read_picture
 from nerfnav.live.messages import Picture
 from nerfnav.live.pictures import pixels_of
 from nerfnav.tracking.sources.open_source import SourceOptions, open_source
+from nerfnav_app.jobs.given_picture import GivenCamera, read_image
 
 UPRIGHT = Camera.from_fov(48, 32, 60)
 PIXELS = np.random.default_rng(0).integers(0, 255, (32, 48, 3), np.uint8)

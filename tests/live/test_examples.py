@@ -37,7 +37,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     camera = tmp_path_factory.mktemp("live") / "camera.yaml"
     camera.write_text(CAMERA_INFO)
     heeds = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    command = [sys.executable, "-c", f"{heeds}; from app.cli.main import main; sys.exit(main())", "live"]
+    command = [sys.executable, "-c", f"{heeds}; from nerfnav_app.cli.main import main; sys.exit(main())", "live"]
     command += [vehicle.PLACE, "--camera", str(camera), "--port", str(port := free_port()), "--token", "T", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stdout is not None

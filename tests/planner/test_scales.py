@@ -2,7 +2,7 @@
 
 import pytest
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.field.checkpoint import load_field
 from nerfnav.planner.occupancy import OccupancyConfig

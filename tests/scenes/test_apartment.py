@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.astar import SearchConfig, find_paths

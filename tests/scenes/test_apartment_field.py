@@ -3,7 +3,7 @@
 import pytest
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.field import VoxelField, load_field
 from nerfnav.planner.problem import PlanProblem

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.robots.state import RigidState
 from nerfnav.world.contact import contact_check

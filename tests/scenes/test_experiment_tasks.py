@@ -2,11 +2,11 @@
 
 import torch
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
 from nerfnav.world.ground import ground
-from scenes.tasks.stonehenge import EXPERIMENT_TASKS
+from nerfnav_scenes.tasks.stonehenge import EXPERIMENT_TASKS
 
 
 def test_there_are_twenty_with_names_of_their_own_and_the_authors_ten_first() -> None:

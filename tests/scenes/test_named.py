@@ -2,8 +2,8 @@
 
 import pytest
 
-from scenes import measure, prove
-from scenes.named import for_named
+from nerfnav_scenes import measure, prove
+from nerfnav_scenes.named import for_named
 
 
 @pytest.mark.parametrize("command", [measure.main, prove.main])

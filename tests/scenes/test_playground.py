@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.robots.state import RigidState
 from nerfnav.world.contact import judge

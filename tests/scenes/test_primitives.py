@@ -3,11 +3,11 @@ import pytest
 import trimesh
 
 from nerfnav.world.solid import winding_number
-from scenes.finishes import masonry, stained, tiles, wood
-from scenes.light import Glass, Light, bake, from_srgb, to_srgb
-from scenes.noise import fractal, noise, smoothstep
-from scenes.primitives import bar, box, cut, disk, fused, panel, place, ring, stone, turned
-from scenes.walls import Opening, Wall, arch, lancet, level, rose
+from nerfnav_scenes.finishes import masonry, stained, tiles, wood
+from nerfnav_scenes.light import Glass, Light, bake, from_srgb, to_srgb
+from nerfnav_scenes.noise import fractal, noise, smoothstep
+from nerfnav_scenes.primitives import bar, box, cut, disk, fused, panel, place, ring, stone, turned
+from nerfnav_scenes.walls import Opening, Wall, arch, lancet, level, rose
 
 
 def test_a_box_is_exact_watertight_and_finely_cut():

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.errors import UnknownNameError
 from nerfnav.estimator import StateNoise
@@ -40,7 +40,7 @@ def test_no_two_tasks_of_a_scene_have_the_same_name(name: str):
 def test_scenes_are_built_once_and_know_where_their_field_lies():
     assert scenes.names()[0] == "stonehenge"
     assert scenes.load("blocks") is scenes.load("blocks")
-    assert scenes.trained_path("blocks").parts[-3:] == ("scenes", "trained", "blocks.npz")
+    assert scenes.trained_path("blocks").parts[-3:] == ("nerfnav_scenes", "trained", "blocks.npz")
 
 
 @pytest.mark.parametrize("name", scenes.names())

@@ -3,7 +3,7 @@ import pytest
 import torch
 from scipy.ndimage import binary_dilation, label
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.robots.body import Body
 from nerfnav.world.contact import contact_check

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from app.cli.main import main
-from app.jobs.given_picture import read_image
 from nerfnav.export.track import OPENCV, placed
 from nerfnav.field import load_field
 from nerfnav.geometry import Camera, so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.tracking import Frame, Tracker, TrackerConfig
+from nerfnav_app.cli.main import main
+from nerfnav_app.jobs.given_picture import read_image
 
 CAMERA = Camera(640, 480, 525.0, 525.0, 320.0, 240.0)
 FRAMES = 25

@@ -6,7 +6,7 @@ import torch
 import trimesh
 from scipy.spatial import KDTree
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry.box import Box
 from nerfnav.world.capture import capture, images_taken, photograph, split

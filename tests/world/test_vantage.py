@@ -4,7 +4,7 @@ import pytest
 import torch
 import trimesh
 
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.geometry.box import Box
 from nerfnav.world.capture_config import CaptureConfig
 from nerfnav.world.capture_poses import capture_poses

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import torch
 
-import scenes
-from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
-from app.jobs.training_data.request import TrainRequest
+import nerfnav_scenes as scenes
 from nerfnav.field import TrainConfig
 from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene, split
 from nerfnav.world.capture import capture
 from nerfnav.world.capture_config import FINE_VOXEL
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.training_data.record import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.training_data.request import TrainRequest
 
 LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
 """Training steps that a field needs: a larger place has more surface to learn."""

@@ -3,13 +3,13 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from app.jobs.events import Progress
-from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
-from app.jobs.training_data.request import TrainRequest
-from app.jobs.training_data.unpacking import capture_unpacked
 from nerfnav.errors import InvalidInputError
 from nerfnav.importers import ImportConfig, ImportedCapture, capture_of_video, import_capture
 from nerfnav.importers.suffixes import VIDEOS
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.training_data.record import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.training_data.request import TrainRequest
+from nerfnav_app.jobs.training_data.unpacking import capture_unpacked
 
 ITERATIONS = 2000
 """Training steps that photographs ask for where nobody gave a number."""

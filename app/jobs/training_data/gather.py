@@ -3,11 +3,11 @@
 import importlib
 from pathlib import Path
 
-import scenes
-from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
-from app.jobs.training_data.request import Photographs, TrainRequest
+import nerfnav_scenes as scenes
 from nerfnav.errors import InvalidInputError
 from nerfnav.importers import SourceKind, source_kind, wrong_kind
+from nerfnav_app.jobs.training_data.record import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.training_data.request import Photographs, TrainRequest
 
 KINDS = {
     SourceKind.SCENE: "bundled",
@@ -27,7 +27,7 @@ def gather(request: TrainRequest) -> Gathering:
     """
     kind = source_kind(request.source, scenes.names())
     if kind in KINDS:
-        return importlib.import_module(f"app.jobs.training_data.{KINDS[kind]}").gather(request)
+        return importlib.import_module(f"nerfnav_app.jobs.training_data.{KINDS[kind]}").gather(request)
     if kind is not SourceKind.MISSING:
         raise wrong_kind(request.source, kind, "a scene, a mesh, a capture or a video")
     if Path(request.source).suffix or len(Path(request.source).parts) > 1:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import torch
 
-from app.jobs.events import JobEvent, Progress
-from app.jobs.training_data.bundled import images_for, iterations_for, photograph
-from app.jobs.training_data.record import Gathering, StoppedError, TrainingData
-from app.jobs.training_data.request import TrainRequest
-from app.jobs.training_data.unpacking import mesh_unpacked
 from nerfnav.field import TrainConfig
 from nerfnav.importers import Imported, SceneConfig, import_mesh
 from nerfnav.world import split
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.training_data.bundled import images_for, iterations_for, photograph
+from nerfnav_app.jobs.training_data.record import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.training_data.request import TrainRequest
+from nerfnav_app.jobs.training_data.unpacking import mesh_unpacked
 
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""

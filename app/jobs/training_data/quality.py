@@ -6,8 +6,8 @@ much more or less than that. A grid finer than the pictures' pixels learns their
 
 from dataclasses import dataclass
 
-from app.places.learning import QualityName
 from nerfnav.geometry import Box, PosedImages
+from nerfnav_app.places.learning import QualityName
 
 
 @dataclass(frozen=True)

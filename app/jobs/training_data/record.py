@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-from app.jobs.events import JobEvent
 from nerfnav.errors import NerfnavError
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.world import Scene
+from nerfnav_app.jobs.events import JobEvent
 
 
 class StoppedError(NerfnavError):

@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.jobs.training_data.quality import QualityName
 from nerfnav.errors import InvalidInputError, require_positive
 from nerfnav.field import TrainConfig
 from nerfnav.importers import MeshOptions, Placement
 from nerfnav.world import CaptureConfig
+from nerfnav_app.jobs.training_data.quality import QualityName
 
 LEAST_HELD_OUT = 10
 """Photographs of a scene or mesh of which one is held out."""

@@ -3,14 +3,14 @@
 import numpy as np
 import viser
 
-from app.page.layers.nodes import Bodies, Line, positions, quaternions
-from app.page.layers.shapes import body_shape, robot_shape
-from app.page.theme import OTHER_PLAN, OTHER_TRUTH
-from app.state.records import FlightRecord
-from app.state.runs import StoredFlight
-from app.state.session import Session
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState
+from nerfnav_app.page.layers.nodes import Bodies, Line, positions, quaternions
+from nerfnav_app.page.layers.shapes import body_shape, robot_shape
+from nerfnav_app.page.theme import OTHER_PLAN, OTHER_TRUTH
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.runs import StoredFlight
+from nerfnav_app.state.session import Session
 
 _NOBODY = np.zeros((0, 3)), np.zeros((0, 4))
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.page.layers.nodes import Fan, drops, yaw_quaternion
-from app.page.layers.shapes import body_shape
-from app.page.theme import GOAL, HIT, START
-from app.places.ends import End, Which
-from app.state.actions import Command, MoveEnd, Point
-from app.state.session import Session
 from nerfnav.robots import Robot
+from nerfnav_app.page.layers.nodes import Fan, drops, yaw_quaternion
+from nerfnav_app.page.layers.shapes import body_shape
+from nerfnav_app.page.theme import GOAL, HIT, START
+from nerfnav_app.places.ends import End, Which
+from nerfnav_app.state.actions import Command, MoveEnd, Point
+from nerfnav_app.state.session import Session
 
 GIZMO = 0.24
 """Size of the arrows in places of the paper's scale [m]."""

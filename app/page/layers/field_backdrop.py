@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.page.theme import night
-from app.queries.field_view import FieldView, FieldViewQuery
-from app.state.actions import Command
-from app.state.session import Session
-from app.state.tab_actions import Left, Looked
-from app.state.view_settings import Backdrop, Eye
+from nerfnav_app.page.theme import night
+from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tab_actions import Left, Looked
+from nerfnav_app.state.view_settings import Backdrop, Eye
 
 
 class FieldBackdropLayer:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import viser
 
-from app.places.surface_glb import Corner, box_of, dressed
-from app.places.vantage import View, view_of_box
-from app.state.view_settings import Backdrop, ViewSettings
+from nerfnav_app.places.surface_glb import Corner, box_of, dressed
+from nerfnav_app.places.vantage import View, view_of_box
+from nerfnav_app.state.view_settings import Backdrop, ViewSettings
 
 if TYPE_CHECKING:
-    from app.state.session import Session
+    from nerfnav_app.state.session import Session
 
 
 class FieldSurfaceLayer:

@@ -3,16 +3,16 @@
 import numpy as np
 import viser
 
-from app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
-from app.page.layers.regions import cone, ellipsoids
-from app.page.layers.shapes import ball, body_shape, robot_shape
-from app.page.theme import BELIEF, HIT, PLAN, TRUTH
-from app.state.records import FlightRecord
-from app.state.session import Session
-from app.text import number
 from nerfnav.estimator import Belief
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState, Robot
+from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
+from nerfnav_app.page.layers.regions import cone, ellipsoids
+from nerfnav_app.page.layers.shapes import ball, body_shape, robot_shape
+from nerfnav_app.page.theme import BELIEF, HIT, PLAN, TRUTH
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import number
 
 _ARROW = 0.2  # length of what stands for a gust [m]
 _LARGEST, _FAINT = 0.15, 0.12  # half axis that is drawn as it is, in edges of the place; opacity of what is larger

@@ -4,9 +4,9 @@ import numpy as np
 import viser
 import viser.transforms as tf
 
-from app.page.layers.shapes import Shape
-from app.page.theme import Rgb, linear
 from nerfnav.robots import Motion, RigidState
+from nerfnav_app.page.layers.shapes import Shape
+from nerfnav_app.page.theme import Rgb, linear
 
 THROUGH = "/through"
 """How the name of a node ends that page.js draws over everything, faintly."""

@@ -2,8 +2,8 @@
 
 import viser
 
-from app.page.theme import START
-from app.state.session import Session
+from nerfnav_app.page.theme import START
+from nerfnav_app.state.session import Session
 
 _SECONDS = 8.0
 

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import viser
 
-from app.page.theme import HIT, STALE, TRUTH
-from app.queries.density_slice import DensitySliceQuery
-from app.queries.space import Space, SpaceQuery, SpaceVoxels
-from app.state.session import Session
+from nerfnav_app.page.theme import HIT, STALE, TRUTH
+from nerfnav_app.queries.density_slice import DensitySliceQuery
+from nerfnav_app.queries.space import Space, SpaceQuery, SpaceVoxels
+from nerfnav_app.state.session import Session
 
 if TYPE_CHECKING:
     from nerfnav.world import Scene  # slow to import

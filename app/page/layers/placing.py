@@ -3,10 +3,10 @@
 import numpy as np
 import viser
 
-from app.page.layers.nodes import Fan
-from app.page.theme import CANDIDATE, GOAL, START, Rgb
-from app.state.placing import Vector
-from app.state.session import Session
+from nerfnav_app.page.layers.nodes import Fan
+from nerfnav_app.page.theme import CANDIDATE, GOAL, START, Rgb
+from nerfnav_app.state.placing import Vector
+from nerfnav_app.state.session import Session
 
 _THICKNESS, _CROSS = 0.005, 0.035
 """Of lines, and half the size of a point's cross, in longest edges of the place."""

@@ -5,15 +5,15 @@ from enum import Enum
 import numpy as np
 import viser
 
-from app.jobs.events import PlannerResult
-from app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
-from app.page.layers.shapes import body_shape, robot_shape
-from app.page.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
-from app.queries.clearance import ClearanceQuery
-from app.state.records import NOWHERE, PlanRecord
-from app.state.session import Session
 from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
 from nerfnav.robots import Motion, Robot
+from nerfnav_app.jobs.events import PlannerResult
+from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
+from nerfnav_app.page.layers.shapes import body_shape, robot_shape
+from nerfnav_app.page.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
+from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.state.records import NOWHERE, PlanRecord
+from nerfnav_app.state.session import Session
 
 _THICKNESS = 0.017  # [m]
 

@@ -3,20 +3,20 @@
 A new layer is a file beside this one and a line here.
 """
 
-from app.page.layers.camera_modes import CameraModesLayer
-from app.page.layers.comparison import ComparisonLayer
-from app.page.layers.ends import EndsLayer
-from app.page.layers.field_backdrop import FieldBackdropLayer
-from app.page.layers.flight import FlightLayer
-from app.page.layers.notices import NoticesLayer
-from app.page.layers.overlays import OverlaysLayer
-from app.page.layers.placing import PlacingLayer
-from app.page.layers.plan import PlanLayer
-from app.page.layers.search import SearchLayer
-from app.page.layers.splats import SplatsLayer
-from app.page.layers.track import TrackLayer
-from app.page.layers.viewpoint import ViewpointLayer
-from app.page.panels.panel import Page, Panel
+from nerfnav_app.page.layers.camera_modes import CameraModesLayer
+from nerfnav_app.page.layers.comparison import ComparisonLayer
+from nerfnav_app.page.layers.ends import EndsLayer
+from nerfnav_app.page.layers.field_backdrop import FieldBackdropLayer
+from nerfnav_app.page.layers.flight import FlightLayer
+from nerfnav_app.page.layers.notices import NoticesLayer
+from nerfnav_app.page.layers.overlays import OverlaysLayer
+from nerfnav_app.page.layers.placing import PlacingLayer
+from nerfnav_app.page.layers.plan import PlanLayer
+from nerfnav_app.page.layers.search import SearchLayer
+from nerfnav_app.page.layers.splats import SplatsLayer
+from nerfnav_app.page.layers.track import TrackLayer
+from nerfnav_app.page.layers.viewpoint import ViewpointLayer
+from nerfnav_app.page.panels.panel import Page, Panel
 
 
 def layers(page: Page) -> tuple[Panel, ...]:

@@ -4,14 +4,14 @@ import numpy as np
 import torch
 import viser
 
-from app.page.layers.nodes import Bodies, Fan
-from app.page.layers.shapes import body_shape, robot_shape
-from app.page.theme import CANDIDATE
-from app.state.records import SearchRecord
-from app.state.session import Session
 from nerfnav.estimator import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry import Pose
 from nerfnav.geometry.so3 import quaternion_from_matrix
+from nerfnav_app.page.layers.nodes import Bodies, Fan
+from nerfnav_app.page.layers.shapes import body_shape, robot_shape
+from nerfnav_app.page.theme import CANDIDATE
+from nerfnav_app.state.records import SearchRecord
+from nerfnav_app.state.session import Session
 
 MOST_CANDIDATES = 5
 """Of the places that a search ends with, so many are told apart at most."""

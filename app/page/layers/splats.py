@@ -3,10 +3,10 @@
 import numpy as np
 import viser
 
-from app.state.session import Session
-from app.state.view_settings import Backdrop
 from nerfnav.importers import Splats
 from nerfnav.importers.splats.splats import in_half_precision
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.view_settings import Backdrop
 
 
 class SplatsLayer:

@@ -6,14 +6,14 @@ import numpy as np
 import torch
 import viser
 
-from app.page.layers.nodes import THROUGH, Bodies, Fan
-from app.page.layers.regions import ellipsoids
-from app.page.layers.search import frusta
-from app.page.layers.shapes import ball
-from app.page.theme import BELIEF
-from app.state.session import Session
-from app.state.tracks import TrackRecord
 from nerfnav.geometry import Pose
+from nerfnav_app.page.layers.nodes import THROUGH, Bodies, Fan
+from nerfnav_app.page.layers.regions import ellipsoids
+from nerfnav_app.page.layers.search import frusta
+from nerfnav_app.page.layers.shapes import ball
+from nerfnav_app.page.theme import BELIEF
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tracks import TrackRecord
 
 _RECENT = 40
 """Frames whose ellipsoids are drawn: more would hide one another."""

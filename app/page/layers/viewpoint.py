@@ -6,11 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.places.vantage import Point, View
-from app.state.actions import Command
-from app.state.session import Session
-from app.state.tab_actions import Viewed
-from app.state.view_settings import CameraMode
+from nerfnav_app.places.vantage import Point, View
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tab_actions import Viewed
+from nerfnav_app.state.view_settings import CameraMode
 
 _REST_S = 0.5
 """A camera that has not moved for so long rests: each frame of a turn would be too much to tell."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import viser
 
-from app.state.actions import Adjust, Command, Settings
+from nerfnav_app.state.actions import Adjust, Command, Settings
 
 
 class Binder:

@@ -3,12 +3,12 @@
 import numpy as np
 import viser
 
-from app.page.panels.camera_images import beside, difference, with_pixels
-from app.queries.robot_view import RobotView, RobotViewQuery
-from app.state.session import Session
-from app.state.tracks import TrackedFrame
 from nerfnav.importers import read_picture
 from nerfnav.navigation import NavigationStep
+from nerfnav_app.page.panels.camera_images import beside, difference, with_pixels
+from nerfnav_app.queries.robot_view import RobotView, RobotViewQuery
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tracks import TrackedFrame
 
 _FLYING = "camera · as believed · difference × 3"
 _FROM_THE_ENDS = "seen from start · from goal"

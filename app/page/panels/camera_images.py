@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.page.theme import BELIEF, HIT
 from nerfnav.estimator import FilterStep
+from nerfnav_app.page.theme import BELIEF, HIT
 
 _GAP = 6  # [pixels] between two pictures
 _DARK = 30  # level of grey of the gap

@@ -4,8 +4,8 @@ import numpy as np
 import viser
 from viser import uplot
 
-from app.page.html import legend
-from app.page.theme import STALE, Rgb, css
+from nerfnav_app.page.html import legend
+from nerfnav_app.page.theme import STALE, Rgb, css
 
 _CURSOR = "#9aa0ae"
 

@@ -9,8 +9,10 @@ from typing import Any
 
 import viser
 
-import scenes
-from app.state.actions import (
+import nerfnav_scenes as scenes
+from nerfnav import robots
+from nerfnav.planner import PLANNERS
+from nerfnav_app.state.actions import (
     Adjust,
     Cancel,
     CarryAway,
@@ -30,12 +32,10 @@ from app.state.actions import (
     StepOnce,
     Undo,
 )
-from app.state.job import JobKind
-from app.state.run_actions import PlayBack, Scrub
-from app.state.session import Session
-from app.state.view_settings import CameraMode
-from nerfnav import robots
-from nerfnav.planner import PLANNERS
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.run_actions import PlayBack, Scrub
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.view_settings import CameraMode
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import viser
 
-from app.page.html import note
+from nerfnav_app.page.html import note
 
 
 def ask_to_delete(client: viser.ClientHandle, what: str, warning: str, really: Callable[[], None]) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import viser
 
-from app.state.actions import Choose, Command
-from app.state.session import Session
-from app.text import capital
 from nerfnav import robots
+from nerfnav_app.state.actions import Choose, Command
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import capital
 
 _LABELS = {
     "planner": {

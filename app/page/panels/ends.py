@@ -6,12 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.page.html import fine, note, warning
-from app.places.ends import End, Which
-from app.places.place import Place
-from app.state.actions import Aim, ChooseTask, Command, MoveEnd, TypeEnd
-from app.state.session import Session
-from app.text import capital, sentence
+from nerfnav_app.page.html import fine, note, warning
+from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.place import Place
+from nerfnav_app.state.actions import Aim, ChooseTask, Command, MoveEnd, TypeEnd
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import capital, sentence
 
 _BY_HAND = "my own"
 _HELD_S = 0.25

@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import viser
 
-from app.page.html import note
-from app.page.panels.binder import Binder
-from app.page.panels.dropdown import ChoiceList
-from app.page.panels.estimate_words import describe, found
-from app.page.panels.flight_charts import ERRORS, FlightChart
-from app.state.actions import CarryAway, Command, FindRobot, Settings
-from app.state.session import Session
 from nerfnav.estimator import estimators
+from nerfnav_app.page.html import note
+from nerfnav_app.page.panels.binder import Binder
+from nerfnav_app.page.panels.dropdown import ChoiceList
+from nerfnav_app.page.panels.estimate_words import describe, found
+from nerfnav_app.page.panels.flight_charts import ERRORS, FlightChart
+from nerfnav_app.state.actions import CarryAway, Command, FindRobot, Settings
+from nerfnav_app.state.session import Session
 
 
 class EstimatePanel:

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from app.page.html import columns, fine, note, table, warning
-from app.page.layers.search import MOST_CANDIDATES
-from app.state.records import FlightRecord
-from app.text import number, sentence
 from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.so3 import yaw_of
 from nerfnav.navigation import NavigationStep, Recovery
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
+from nerfnav_app.page.html import columns, fine, note, table, warning
+from nerfnav_app.page.layers.search import MOST_CANDIDATES
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.text import number, sentence
 
 
 def describe(flight: FlightRecord | None) -> str:

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.page.html import heading, note, table
-from app.queries.experiments import Experiments, ExperimentsQuery
-from app.state.actions import Command
-from app.state.experiments import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
-from app.state.session import Session
-from app.storage.experiment_store import ExperimentResult
-from app.text import capital
+from nerfnav_app.page.html import heading, note, table
+from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.experiments import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.experiment_store import ExperimentResult
+from nerfnav_app.text import capital
 
 _NONE = "none yet"
 _FIGURES = 4

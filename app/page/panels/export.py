@@ -5,14 +5,14 @@ from typing import Any
 
 import viser
 
-from app.page.html import note
-from app.state.actions import Command, Tell
-from app.state.downloads import TakeTrajectory, TrajectoryWish
-from app.state.session import Session
-from app.state.taken_away import ended, file_name, recording_of, subject
-from app.text import sentence
 from nerfnav.errors import NerfnavError
 from nerfnav.export import FORMATS, ExportFormat, unsafe
+from nerfnav_app.page.html import note
+from nerfnav_app.state.actions import Command, Tell
+from nerfnav_app.state.downloads import TakeTrajectory, TrajectoryWish
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.taken_away import ended, file_name, recording_of, subject
+from nerfnav_app.text import sentence
 
 
 class ExportPanel:

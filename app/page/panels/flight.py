@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.page.html import note, table, warning
-from app.page.panels.flight_charts import TIMES, FlightChart
-from app.page.panels.flight_settings import FlyingPanel
-from app.state.actions import Command, Gust, Pause, Resume, StepOnce
-from app.state.records import FlightRecord
-from app.state.session import Session
-from app.text import number, sentence
 from nerfnav.robots import ATTITUDE, POSITION
+from nerfnav_app.page.html import note, table, warning
+from nerfnav_app.page.panels.flight_charts import TIMES, FlightChart
+from nerfnav_app.page.panels.flight_settings import FlyingPanel
+from nerfnav_app.state.actions import Command, Gust, Pause, Resume, StepOnce
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import number, sentence
 
 
 class FlightPanel:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
-from app.page.panels.chart import Chart
-from app.page.theme import BELIEF, HIT, PLAN, TRUTH, Rgb
-from app.state.records import FlightRecord
-from app.state.session import Session
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import POSITION
+from nerfnav_app.page.panels.chart import Chart
+from nerfnav_app.page.theme import BELIEF, HIT, PLAN, TRUTH, Rgb
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.session import Session
 
 _SIGMAS = 3.0
 

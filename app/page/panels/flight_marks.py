@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Iterator
 
-from app.state.runs import Timed
-from app.state.tracks import TrackRecord
 from nerfnav.navigation import NavigationStep, Recovery
 from nerfnav.tracking import TrackStatus
+from nerfnav_app.state.runs import Timed
+from nerfnav_app.state.tracks import TrackRecord
 
 Mark = tuple[float, str]
 _LETTER, _GAP = 0.028, 0.01

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.page.panels.binder import Binder
-from app.state.actions import Command, Settings
-from app.state.session import Session
-from app.state.settings import LARGEST_SEED
 from nerfnav.navigation import WorldName
+from nerfnav_app.page.panels.binder import Binder
+from nerfnav_app.state.actions import Command, Settings
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import LARGEST_SEED
 
 _SPEEDS = {"as fast as it can": 0.0, "real time": 1.0, "half": 0.5, "a quarter": 0.25}
 

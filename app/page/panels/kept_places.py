@@ -8,15 +8,15 @@ import cv2
 import numpy as np
 import viser
 
-from app.page.html import note, table
-from app.page.panels.delete_dialog import ask_to_delete
-from app.places.kept_place import KeptPlace
-from app.places.library import PlaceLibrary
-from app.queries.place_list import PlaceListQuery
-from app.state.actions import Command, ListPlaces, OpenPlace, Tell
-from app.state.session import Session
-from app.text import number, sentence
 from nerfnav.errors import NerfnavError
+from nerfnav_app.page.html import note, table
+from nerfnav_app.page.panels.delete_dialog import ask_to_delete
+from nerfnav_app.places.kept_place import KeptPlace
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.queries.place_list import PlaceListQuery
+from nerfnav_app.state.actions import Command, ListPlaces, OpenPlace, Tell
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import number, sentence
 
 _NONE = "(none yet)"
 _BLANK = np.full((2, 2, 3), 24, np.uint8)

@@ -5,11 +5,11 @@ from typing import Any
 
 import viser
 
-from app.page.html import note
-from app.state.actions import Command
-from app.state.downloads import Download, MapWish, TakeMap
-from app.state.job import JobKind
-from app.state.session import Session
+from nerfnav_app.page.html import note
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.downloads import Download, MapWish, TakeMap
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
 
 MAPS = {"Voxels (.npz)": ".npz", "Collision mesh (.glb)": ".glb", "Map of ROS (.pgm, .yaml)": ".pgm"}
 """What a person chooses, and the ending that stands for it."""

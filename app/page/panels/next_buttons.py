@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import viser
 
-from app.page.panels.next_step import NEXT, next_step
-from app.state.actions import Cancel, Command, StartFlight, StartPlan
-from app.state.job import JobKind
-from app.state.plan_actions import AllowTime, RestoreWeights
-from app.state.session import Session
+from nerfnav_app.page.panels.next_step import NEXT, next_step
+from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.plan_actions import AllowTime, RestoreWeights
+from nerfnav_app.state.session import Session
 
 _OFFERS: tuple[type[Command], ...] = (StartPlan, StartFlight, AllowTime, RestoreWeights, Cancel)
 """All that `next_step` may offer."""

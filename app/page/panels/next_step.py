@@ -1,11 +1,11 @@
 """What a person most likely wants now, as an action with the words of its button."""
 
-from app.queries.more_time import MoreTimeQuery
-from app.state.actions import Cancel, Command, StartFlight, StartPlan
-from app.state.job import JobKind
-from app.state.plan_actions import AllowTime, RestoreWeights
-from app.state.session import Session
 from nerfnav.planner import CostWeights, PlanOutcome
+from nerfnav_app.queries.more_time import MoreTimeQuery
+from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.plan_actions import AllowTime, RestoreWeights
+from nerfnav_app.state.session import Session
 
 NEXT = {JobKind.PLAN: "Plan the way", JobKind.FLY: "Fly it"}
 

@@ -6,9 +6,9 @@ from typing import Protocol
 
 import viser
 
-from app.places.library import PlaceLibrary
-from app.state.actions import Command
-from app.state.session import Session
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.session import Session
 
 
 class Panel(Protocol):

@@ -4,18 +4,18 @@ from collections.abc import Callable
 
 import viser
 
-import scenes
-from app.page.html import note
-from app.page.panels.dropdown import ChoiceList
-from app.places.derived import unproven_of
-from app.places.learning import BUDGETS_S, QualityName
-from app.places.library import PlaceLibrary
-from app.places.sources import SUFFIXES, title_of
-from app.places.uploads import UploadError
-from app.queries.place_list import PlaceListQuery
-from app.state.actions import Cancel, ChooseQuality, Command, OpenPlace, Tell
-from app.state.session import Session
+import nerfnav_scenes as scenes
 from nerfnav import robots
+from nerfnav_app.page.html import note
+from nerfnav_app.page.panels.dropdown import ChoiceList
+from nerfnav_app.places.derived import unproven_of
+from nerfnav_app.places.learning import BUDGETS_S, QualityName
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.sources import SUFFIXES, title_of
+from nerfnav_app.places.uploads import UploadError
+from nerfnav_app.queries.place_list import PlaceListQuery
+from nerfnav_app.state.actions import Cancel, ChooseQuality, Command, OpenPlace, Tell
+from nerfnav_app.state.session import Session
 
 
 class PlacePanel:

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import viser
 
-from app.page.html import note, warning
-from app.places.sources import title_of
-from app.state.actions import Command, Tell
-from app.state.placing import (
+from nerfnav.errors import NerfnavError
+from nerfnav.geometry import Box
+from nerfnav.importers import length_in_words
+from nerfnav_app.page.html import note, warning
+from nerfnav_app.places.sources import title_of
+from nerfnav_app.state.actions import Command, Tell
+from nerfnav_app.state.placing import (
     ApplyPlacing,
     FindFloor,
     ForgetPlacing,
@@ -20,11 +23,8 @@ from app.state.placing import (
     UndoPlacing,
     Vector,
 )
-from app.state.session import Session
-from app.text import sentence
-from nerfnav.errors import NerfnavError
-from nerfnav.geometry import Box
-from nerfnav.importers import length_in_words
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import sentence
 
 _ICON = viser.Icon
 

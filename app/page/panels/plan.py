@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 import viser
 
-from app.page.html import note
-from app.page.panels.dropdown import ChoiceList
-from app.page.panels.plan_charts import PlanCharts
-from app.page.panels.plan_settings import PlanningPanel
-from app.page.panels.plan_words import compared, describe
-from app.state.actions import Command, StartComparison
-from app.state.job import JobKind
-from app.state.session import Session
 from nerfnav.planner import PLANNERS
+from nerfnav_app.page.html import note
+from nerfnav_app.page.panels.dropdown import ChoiceList
+from nerfnav_app.page.panels.plan_charts import PlanCharts
+from nerfnav_app.page.panels.plan_settings import PlanningPanel
+from nerfnav_app.page.panels.plan_words import compared, describe
+from nerfnav_app.state.actions import Command, StartComparison
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
 
 
 class PlanPanel:

@@ -3,12 +3,12 @@
 import numpy as np
 import viser
 
-from app.page.panels.chart import Chart
-from app.page.panels.flight_charts import time_shown
-from app.page.theme import HIT, STALE, START, TRUTH
-from app.queries.clearance import ClearanceQuery
-from app.state.records import CostHistory
-from app.state.session import Session
+from nerfnav_app.page.panels.chart import Chart
+from nerfnav_app.page.panels.flight_charts import time_shown
+from nerfnav_app.page.theme import HIT, STALE, START, TRUTH
+from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.state.records import CostHistory
+from nerfnav_app.state.session import Session
 
 _LEAST_COST = 1e-3  # of what the logarithmic axis shows
 _TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))

@@ -6,12 +6,12 @@ from typing import Any
 
 import viser
 
-from app.page.panels.binder import Binder
-from app.state.actions import Command, Settings
-from app.state.session import Session
-from app.text import capital
 from nerfnav.field import Unknown
 from nerfnav.planner import CostWeights
+from nerfnav_app.page.panels.binder import Binder
+from nerfnav_app.state.actions import Command, Settings
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import capital
 
 _UNITS = {"outside": "1/m²", "margin": "m", "risk": "J"}
 

@@ -3,13 +3,13 @@
 import math
 from typing import Any
 
-from app.jobs.events import PlannerResult
-from app.page.html import legend, note, table, warning
-from app.queries.more_time import MoreTimeQuery
-from app.state.records import NOWHERE, PlanRecord
-from app.state.session import Session
-from app.text import capital, number
 from nerfnav.planner import GOOD, PLANNERS, CostWeights, PlanOutcome
+from nerfnav_app.jobs.events import PlannerResult
+from nerfnav_app.page.html import legend, note, table, warning
+from nerfnav_app.queries.more_time import MoreTimeQuery
+from nerfnav_app.state.records import NOWHERE, PlanRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import capital, number
 
 _IN_WORDS = {
     PlanOutcome.CONVERGED: "The plan cannot be improved any more.",

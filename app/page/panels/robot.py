@@ -8,11 +8,13 @@ from typing import Any
 
 import viser
 
-from app.page.html import note, warning
-from app.places.library import PlaceLibrary
-from app.places.robot_library import MESHES, ROBOTS
-from app.state.actions import Choose, Command, Tell
-from app.state.robot_draft import (
+from nerfnav.errors import NerfnavError
+from nerfnav.robots import Kind, RobotFile, described, robot_of, to_yaml
+from nerfnav_app.page.html import note, warning
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.robot_library import MESHES, ROBOTS
+from nerfnav_app.state.actions import Choose, Command, Tell
+from nerfnav_app.state.robot_draft import (
     KINDS,
     NUMBERS,
     EditRobot,
@@ -23,10 +25,8 @@ from app.state.robot_draft import (
     kind_changed,
     shape_of,
 )
-from app.state.session import Session
-from app.text import sentence
-from nerfnav.errors import NerfnavError
-from nerfnav.robots import Kind, RobotFile, described, robot_of, to_yaml
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import sentence
 
 _ICON = viser.Icon
 _SHAPES = ("box", "cylinder")

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from app.page.html import columns, legend, note, table
-from app.page.panels.dropdown import label_of
-from app.page.theme import OTHER_PLAN, OTHER_TRUTH
-from app.storage.run_metadata import StoredRun
-from app.text import number
+from nerfnav_app.page.html import columns, legend, note, table
+from nerfnav_app.page.panels.dropdown import label_of
+from nerfnav_app.page.theme import OTHER_PLAN, OTHER_TRUTH
+from nerfnav_app.storage.run_metadata import StoredRun
+from nerfnav_app.text import number
 
 
 def describe(entry: StoredRun) -> str:

@@ -6,13 +6,13 @@ from typing import Any
 
 import viser
 
-from app.page.html import note
-from app.page.panels.delete_dialog import ask_to_delete
-from app.page.panels.run_words import comparison, describe
-from app.state.actions import Command
-from app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
-from app.state.session import Session
-from app.storage.run_metadata import StoredRun
+from nerfnav_app.page.html import note
+from nerfnav_app.page.panels.delete_dialog import ask_to_delete
+from nerfnav_app.page.panels.run_words import comparison, describe
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.run_actions import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.run_metadata import StoredRun
 
 _NONE = "(no flights yet)"
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.page.theme import night
-from app.state.actions import Command, Tell
-from app.state.session import Session
 from nerfnav.geometry import picture_file
+from nerfnav_app.page.theme import night
+from nerfnav_app.state.actions import Command, Tell
+from nerfnav_app.state.session import Session
 
 SIZES = {"1280 × 720": (1280, 720), "1920 × 1080": (1920, 1080), "3840 × 2160": (3840, 2160)}
 """Of screenshots: width and height [pixels]."""

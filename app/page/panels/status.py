@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import viser
 
-from app.page.html import heading, legend
-from app.page.panels.next_buttons import NextButtons
-from app.page.panels.status_words import asks, status
-from app.page.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
-from app.places.sources import title_of
-from app.state.actions import Command, Redo, Reset, StartFlight, Undo
-from app.state.plan_actions import StayDown
-from app.state.session import Session
+from nerfnav_app.page.html import heading, legend
+from nerfnav_app.page.panels.next_buttons import NextButtons
+from nerfnav_app.page.panels.status_words import asks, status
+from nerfnav_app.page.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
+from nerfnav_app.places.sources import title_of
+from nerfnav_app.state.actions import Command, Redo, Reset, StartFlight, Undo
+from nerfnav_app.state.plan_actions import StayDown
+from nerfnav_app.state.session import Session
 
 _MEANINGS = (
     (START, "start"),

@@ -3,16 +3,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from app.page.html import fine, note, warning
-from app.page.panels.plan_words import planned, unsafe
-from app.page.panels.track_words import ended as track_ended
-from app.places.ends import Which
-from app.state.job import JobKind
-from app.state.records import FlightRecord, PlanRecord
-from app.state.session import Session
-from app.text import capital, sentence
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import planners
+from nerfnav_app.page.html import fine, note, warning
+from nerfnav_app.page.panels.plan_words import planned, unsafe
+from nerfnav_app.page.panels.track_words import ended as track_ended
+from nerfnav_app.places.ends import Which
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.records import FlightRecord, PlanRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import capital, sentence
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ A new panel is a file beside this one and a line in PANELS; `register` adds one 
 
 import viser
 
-from app.page.panels import (
+from nerfnav.registry import Registry
+from nerfnav_app.page.panels import (
     camera,
     command_palette,
     ends,
@@ -25,10 +26,9 @@ from app.page.panels import (
     track,
     view_settings,
 )
-from app.page.panels import map as map_panel
-from app.page.panels.panel import Page, Panel, PanelEntry
-from app.places.track_sources import TrackSources
-from nerfnav.registry import Registry
+from nerfnav_app.page.panels import map as map_panel
+from nerfnav_app.page.panels.panel import Page, Panel, PanelEntry
+from nerfnav_app.places.track_sources import TrackSources
 
 _ICON = viser.Icon
 

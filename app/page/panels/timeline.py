@@ -6,11 +6,11 @@ from collections.abc import Callable
 import viser
 from viser._messages import GuiSliderMark
 
-from app.page.panels.flight_marks import marks_of, spaced
-from app.state.actions import Command
-from app.state.run_actions import PlayBack, Scrub
-from app.state.runs import Timed
-from app.state.session import Session
+from nerfnav_app.page.panels.flight_marks import marks_of, spaced
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.run_actions import PlayBack, Scrub
+from nerfnav_app.state.runs import Timed
+from nerfnav_app.state.session import Session
 
 _PLAY, _PAUSE = "Play back", "Hold"
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import viser
 
-from app.page.html import note
-from app.page.panels.track_words import describe
-from app.places.track_sources import SUFFIXES, TrackSources
-from app.places.uploads import UploadError
-from app.state.actions import Command, Tell
-from app.state.session import Session
-from app.state.tracks import ForgetTrack, StartTrack
 from nerfnav.export import TRACK_FILES, texts_of_track
+from nerfnav_app.page.html import note
+from nerfnav_app.page.panels.track_words import describe
+from nerfnav_app.places.track_sources import SUFFIXES, TrackSources
+from nerfnav_app.places.uploads import UploadError
+from nerfnav_app.state.actions import Command, Tell
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tracks import ForgetTrack, StartTrack
 
 
 class TrackPanel:

@@ -4,10 +4,10 @@ from collections import Counter
 
 import numpy as np
 
-from app.page.html import fine, note, table, warning
-from app.state.tracks import TrackRecord
-from app.text import number, sentence
 from nerfnav.tracking import TrackStatus
+from nerfnav_app.page.html import fine, note, table, warning
+from nerfnav_app.state.tracks import TrackRecord
+from nerfnav_app.text import number, sentence
 
 
 def describe(track: TrackRecord | None, shown: TrackRecord | None) -> str:

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import viser
 
-from app.page.html import scale
-from app.page.panels.binder import Binder
-from app.page.theme import CLEARANCE_CM, apply_brightness
-from app.state.actions import Command, Settings
-from app.state.session import Session
-from app.state.view_settings import Backdrop, CameraMode
 from nerfnav.field import VoxelField
+from nerfnav_app.page.html import scale
+from nerfnav_app.page.panels.binder import Binder
+from nerfnav_app.page.theme import CLEARANCE_CM, apply_brightness
+from nerfnav_app.state.actions import Command, Settings
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.view_settings import Backdrop, CameraMode
 
 _BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
 _CAMERAS = {mode.value: mode for mode in CameraMode}

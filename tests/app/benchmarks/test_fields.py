@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-import scenes
-from app.benchmarks import render, train_step
+import nerfnav_scenes as scenes
 from nerfnav.experiments.arena import Arena
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.voxel import VoxelField
+from nerfnav_app.benchmarks import render, train_step
 
 
 @pytest.fixture(scope="module")

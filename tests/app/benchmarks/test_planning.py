@@ -5,10 +5,10 @@ import os
 import pytest
 import torch
 
-import scenes
-from app.benchmarks import busy, cold, plan, replan, scaling
+import nerfnav_scenes as scenes
 from nerfnav.experiments.arena import Arena
 from nerfnav.field.checkpoint import load_field
+from nerfnav_app.benchmarks import busy, cold, plan, replan, scaling
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.main import main, parse
-from app.jobs.experiment_catalog import EXPERIMENTS
+from nerfnav_app.cli.main import main, parse
+from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS
 
 
 @pytest.mark.slow

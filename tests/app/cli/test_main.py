@@ -13,10 +13,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from app.cli.main import COMMANDS, main, parse
-from app.jobs.events import JobEvents
-from app.jobs.fly_request import FlyRequest
-from app.places.place import Place
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, NerfnavError
 from nerfnav.navigation.episode import Episode
@@ -24,6 +20,10 @@ from nerfnav.planner import planners
 from nerfnav.planner.planner import RISK
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.planners.paper import PaperPlanner
+from nerfnav_app.cli.main import COMMANDS, main, parse
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.places.place import Place
 from tests.app.doubles import balls_place
 
 Capture = pytest.CaptureFixture[str]
@@ -66,7 +66,10 @@ def test_help_lists_every_command_and_comes_at_once(capsys: Capture) -> None:
     code, out, _ = run(["--help"], capsys)
     assert code == 0
     assert all(f"  {name} " in out for name in COMMANDS)
-    light = "import sys, app.cli.main; app.cli.main.main(['--help']); assert not {'torch', 'viser'} & set(sys.modules)"
+    light = (
+        "import sys; from nerfnav_app.cli.main import main; main(['--help']); "
+        "assert not {'torch', 'viser'} & set(sys.modules)"
+    )
     command, root = [sys.executable, "-c", light], Path(__file__).parents[3]
     done = subprocess.run(command, capture_output=True, text=True, cwd=root)
     assert done.returncode == 0, done.stderr
@@ -90,7 +93,7 @@ def test_what_a_collision_by_noise_costs_in_flight_is_what_its_option_says(capsy
 def test_without_a_command_the_app_opens_stonehenge() -> None:
     for words in ([], ["serve"], ["serve", "stonehenge"]):
         command, arguments = parse(words)
-        assert command.__name__ == "app.cli.serve"
+        assert command.__name__ == "nerfnav_app.cli.serve"
         assert (arguments.place, arguments.host, arguments.port) == ("stonehenge", "127.0.0.1", 8080)
     assert parse(["--open", "--port", "8090"])[1].open
 
@@ -212,7 +215,7 @@ def test_a_flight_is_planned_as_the_command_line_says(
         raise InvalidInputError("enough")
         yield
 
-    monkeypatch.setattr("app.cli.fly.run_job", remembered)
+    monkeypatch.setattr("nerfnav_app.cli.fly.run_job", remembered)
     assert main(["fly", str(field_file), *FROM, *TO, *words]) == 2
     (route,) = (request.route for request in asked)
     field, entry = balls_place().field, planners.load(route.planner)
@@ -422,7 +425,8 @@ def test_a_taken_port_is_refused(capsys: Capture) -> None:
 
 @pytest.mark.slow
 def test_as_a_process_it_ends_with_the_exit_code_and_one_sentence() -> None:
-    words = [sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())", "plan", "atlantis"]
+    program = "import sys; from nerfnav_app.cli.main import main; sys.exit(main())"
+    words = [sys.executable, "-c", program, "plan", "atlantis"]
     ran = subprocess.run(words, capture_output=True, text=True, cwd=Path(__file__).parents[3], env=os.environ)
     assert ran.returncode == 2
     assert ran.stdout == ""

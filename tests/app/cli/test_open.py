@@ -9,15 +9,15 @@ import pytest
 import torch
 from PIL import Image
 
-from app.cli import main as cli
-from app.jobs import make_field, open_place
-from app.jobs.events import JobEvent, PlaceOpened
-from app.jobs.import_field import run as run_import
-from app.jobs.import_request import ImportRequest
-from app.jobs.make_field import field_path, made_before
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.box import Box
+from nerfnav_app.cli import main as cli
+from nerfnav_app.jobs import make_field, open_place
+from nerfnav_app.jobs.events import JobEvent, PlaceOpened
+from nerfnav_app.jobs.import_field import run as run_import
+from nerfnav_app.jobs.import_request import ImportRequest
+from nerfnav_app.jobs.make_field import field_path, made_before
 from tests.app.following import result_of
 from tests.importers.captures.synthetic import write_transforms
 from tests.importers.meshes.places import quad, write

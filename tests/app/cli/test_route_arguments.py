@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-import scenes
-from app.cli.route_arguments import Route
-from app.places.place import Place, Truth
+import nerfnav_scenes as scenes
 from nerfnav.planner import FastPlanConfig
 from nerfnav.robots import load
+from nerfnav_app.cli.route_arguments import Route
+from nerfnav_app.places.place import Place, Truth
 from tests.experiments.places import column
 
 

@@ -34,7 +34,7 @@ def test_it_tells_its_address_answers_there_and_ends_when_it_is_asked_to(
     port = free_port()
     # whoever runs the tests in the background has interrupts ignored, and children inherit that
     heeds = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    command = [sys.executable, "-c", f"{heeds}; from app.cli.main import main; sys.exit(main())"]
+    command = [sys.executable, "-c", f"{heeds}; from nerfnav_app.cli.main import main; sys.exit(main())"]
     command += ["serve", str(field_file), "--port", str(port), "--json"]
     root = Path(__file__).parents[3]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=root) as process:
@@ -52,8 +52,8 @@ def test_it_tells_its_address_answers_there_and_ends_when_it_is_asked_to(
 _IN_A_LONG_STEP = """
 import os, signal, sys, threading, time
 import torch
-from app.cli.main import main
-from app.worker.worker import Worker
+from nerfnav_app.cli.main import main
+from nerfnav_app.worker.worker import Worker
 
 begun = threading.Event()
 

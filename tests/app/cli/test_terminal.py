@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.progress import follow, tell
-from app.cli.terminal import show
-from app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.cli.progress import follow, tell
+from nerfnav_app.cli.terminal import show
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from tests.waiting import PATIENCE_S
 
 
@@ -107,7 +107,8 @@ def until(stream: int, word: str) -> Generator[str, None, None]:
 def test_a_training_that_is_interrupted_keeps_what_it_learned(tmp_path: Path) -> None:
     out = tmp_path / "field.npz"
     words = ["train", "blocks", "--out", str(out), "--iterations", "1000000", "--images", "10", "--voxel", "0.05"]
-    command = [sys.executable, "-c", "import sys; from app.cli.main import main; sys.exit(main())", *words, "--json"]
+    program = "import sys; from nerfnav_app.cli.main import main; sys.exit(main())"
+    command = [sys.executable, "-c", program, *words, "--json"]
     terminal, stderr = pty.openpty()
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, cwd=Path(__file__).parents[3]) as process:
         os.close(stderr)

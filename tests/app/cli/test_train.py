@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.main import main, parse
 from nerfnav.errors import NerfnavError
 from nerfnav.importers.placement import Placement
+from nerfnav_app.cli.main import main, parse
 from tests.importers.captures.synthetic import changed, write_transforms
 
 Capture = pytest.CaptureFixture[str]

@@ -9,14 +9,14 @@ import pytest
 import torch
 from PIL import Image
 
-from app.jobs import bench
-from app.jobs.arena import open_arena
-from app.jobs.bench import BenchRequest
-from app.jobs.bench_chart import picture
-from app.jobs.bench_files import save_bench
-from app.jobs.bench_training import Row, measure_training
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.render import render_image
+from nerfnav_app.jobs import bench
+from nerfnav_app.jobs.arena import open_arena
+from nerfnav_app.jobs.bench import BenchRequest
+from nerfnav_app.jobs.bench_chart import picture
+from nerfnav_app.jobs.bench_files import save_bench
+from nerfnav_app.jobs.bench_training import Row, measure_training
 from tests.app.following import result_of
 from tests.field.fields import ball, photographs_of_ball
 from tests.importers.captures.synthetic import matrices

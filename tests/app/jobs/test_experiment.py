@@ -11,18 +11,18 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from app.benchmarks.comparison import Comparison
-from app.jobs import bench, bench_measures, experiment, experiment_catalog
-from app.jobs.arena import open_arena
-from app.jobs.bench import BenchRequest
-from app.jobs.events import Progress
-from app.jobs.experiment import ExperimentRequest
-from app.jobs.experiment_catalog import EXPERIMENTS, Experiment
-from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, MissingExtraError, NerfnavError, UnknownNameError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import panels
 from nerfnav.experiments.study import ExperimentStep, Results, Study, TrialDone
+from nerfnav_app.benchmarks.comparison import Comparison
+from nerfnav_app.jobs import bench, bench_measures, experiment, experiment_catalog
+from nerfnav_app.jobs.arena import open_arena
+from nerfnav_app.jobs.bench import BenchRequest
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.experiment import ExperimentRequest
+from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS, Experiment
+from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import result_of
 
 

@@ -7,12 +7,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.cli.main import main
-from app.jobs.events import FileMade
-from app.jobs.export import ExportRequest, download, run
-from app.jobs.recorded import read_run
-from app.storage.run_store import VARIABLE, RunStore
-from app.storage.step_log import FILE
 from nerfnav import robots
 from nerfnav.errors import InvalidInputError, NameTakenError
 from nerfnav.export import formats
@@ -26,6 +20,12 @@ from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import Box
 from nerfnav.robots.state import Motion
+from nerfnav_app.cli.main import main
+from nerfnav_app.jobs.events import FileMade
+from nerfnav_app.jobs.export import ExportRequest, download, run
+from nerfnav_app.jobs.recorded import read_run
+from nerfnav_app.storage.run_store import VARIABLE, RunStore
+from nerfnav_app.storage.step_log import FILE
 from tests.app.following import result_of
 from tests.app.storage.stored_runs import put
 from tests.export.flights import flown, hover_to_hover

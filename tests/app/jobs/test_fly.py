@@ -6,21 +6,21 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import JobEvent, JobEvents, JobResult
-from app.jobs.fly import run
-from app.jobs.fly_request import FlyRequest
-from app.jobs.plan import PlanRequest
-from app.jobs.plan import run as plan_job
-from app.places.ends import End, Ends
-from app.places.place import Place, open_place
-from app.storage.run_metadata import RunMetadata
-from app.storage.stored_steps import read_steps
 from nerfnav.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult
+from nerfnav_app.jobs.fly import run
+from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.jobs.plan import PlanRequest
+from nerfnav_app.jobs.plan import run as plan_job
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.places.place import Place, open_place
+from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.stored_steps import read_steps
 from tests.app.following import followed, result_of
 
 ENDS = Ends(End((-0.6, -0.6, 0.5)), End((0.6, -0.6, 0.5)))

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 import torch
 
-from app.cli import main as cli
-from app.jobs import make_field as adopt
-from app.jobs.events import Progress
-from app.jobs.import_field import imports, run
-from app.jobs.import_request import ImportRequest
-from app.places.place import open_place
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.neural import NeuralField
 from nerfnav.field.voxel import VoxelField
 from nerfnav.importers.placement import Placement
+from nerfnav_app.cli import main as cli
+from nerfnav_app.jobs import make_field as adopt
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.import_field import imports, run
+from nerfnav_app.jobs.import_request import ImportRequest
+from nerfnav_app.places.place import open_place
 from tests.app.following import followed, result_of
 from tests.importers.splat_files import ball_of_splats, write_inria
 from tests.importers.test_nerf_pytorch import Flexible, saved

@@ -10,11 +10,6 @@ import PIL.Image
 import pytest
 import torch
 
-from app.jobs.events import Progress
-from app.jobs.find_robot import find
-from app.jobs.given_picture import GivenCamera, camera_of, read_image
-from app.jobs.localize import LocalizeRequest, run
-from app.places.derived import searcher_of
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseStep
 from nerfnav.field.checkpoint import save_field
@@ -23,6 +18,11 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.robots import CAMERA as ROBOTS_CAMERA
 from nerfnav.robots.state import RigidState
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.find_robot import find
+from nerfnav_app.jobs.given_picture import GivenCamera, camera_of, read_image
+from nerfnav_app.jobs.localize import LocalizeRequest, run
+from nerfnav_app.places.derived import searcher_of
 from tests.app.doubles import balls_place
 from tests.app.following import followed
 from tests.estimator.places import voxel_balls

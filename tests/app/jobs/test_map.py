@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from app.cli.main import BAD_INPUT, main
-from app.jobs.events import FileMade
-from app.jobs.map import MapRequest, download, run
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.states import VoxelState
 from nerfnav.planner.scales import threshold_of
+from nerfnav_app.cli.main import BAD_INPUT, main
+from nerfnav_app.jobs.events import FileMade
+from nerfnav_app.jobs.map import MapRequest, download, run
 from tests.app.doubles import balls_place
 from tests.app.following import result_of
 from tests.field.test_neural import random_field

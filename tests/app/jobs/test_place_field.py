@@ -7,11 +7,6 @@ import numpy as np
 import pytest
 import torch
 
-from app.jobs.import_field import ImportRequest
-from app.jobs.import_field import run as import_run
-from app.jobs.place_field import PlaceRequest, run
-from app.places.place import open_place
-from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field, save_field
 from nerfnav.field.info import FieldInfo
@@ -19,6 +14,11 @@ from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.importers.correction import Correction
 from nerfnav.importers.placement import rotation_to_z
+from nerfnav_app.jobs.import_field import ImportRequest
+from nerfnav_app.jobs.import_field import run as import_run
+from nerfnav_app.jobs.place_field import PlaceRequest, run
+from nerfnav_app.places.place import open_place
+from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import result_of
 from tests.field.moves import after, change, freed, likeness, room
 from tests.importers.splat_files import ball_of_splats, write_dot_splat

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.events import Progress
-from app.jobs.plan import PlanRequest, run
-from app.places.ends import End, Ends
-from app.places.place import Place, open_place
 from nerfnav.errors import InvalidInputError, OccupiedError, UnknownNameError
 from nerfnav.planner.optimize import PlanConfig
 from nerfnav.planner.steps import PlanStep
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.plan import PlanRequest, run
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.places.place import Place, open_place
 from tests.app.following import followed, result_of
 
 QUICK = PlanConfig(iterations=7)

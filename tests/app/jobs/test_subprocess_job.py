@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.events import JobEvents, JobResult, Progress
-from app.jobs.subprocess_job import in_subprocess
 from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.subprocess_job import in_subprocess
 from tests.app.following import followed
 from tests.waiting import PATIENCE_S
 

@@ -10,12 +10,12 @@ import cv2
 import pytest
 import torch
 
-from app.cli.main import main
 from nerfnav.export.track import OPENCV
 from nerfnav.export.tum import poses_of_tum
 from nerfnav.field import save_field
 from nerfnav.geometry import Camera, so3
 from nerfnav.geometry.similarity import Similarity
+from nerfnav_app.cli.main import main
 from tests.tracking.walks import CAMERA, DT, every, field, pose, walk
 
 PLACED = Similarity(so3.exp(torch.tensor([0.3, -0.2, 0.5]).double()), torch.tensor([1.0, 2.0, 3.0]).double(), 2.0)

@@ -5,18 +5,18 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import Progress
-from app.jobs.train import run
-from app.jobs.training_data.bundled import images_for, iterations_for
-from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
-from app.jobs.training_data.request import NeuralOptions
-from app.places.place import NoTrainedFieldError, field_file, open_place
-from app.storage.output_files import OutputError
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train import TrainStep
 from nerfnav.field.train_config import TrainConfig
 from nerfnav.world.capture_config import CaptureConfig
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.train import run
+from nerfnav_app.jobs.training_data.bundled import images_for, iterations_for
+from nerfnav_app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
+from nerfnav_app.jobs.training_data.request import NeuralOptions
+from nerfnav_app.places.place import NoTrainedFieldError, field_file, open_place
+from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import followed, result_of
 
 SMALL = {
@@ -131,6 +131,6 @@ def test_a_file_that_cannot_be_written_is_refused_before_work(tmp_path: Path) ->
 def test_a_scene_without_a_trained_field_says_how_to_make_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenes.trained_path", lambda name: tmp_path / f"{name}.npz")
+    monkeypatch.setattr("nerfnav_scenes.trained_path", lambda name: tmp_path / f"{name}.npz")
     with pytest.raises(NoTrainedFieldError, match=r"run `nerfnav train blocks --out blocks\.npz`"):
         field_file("blocks")

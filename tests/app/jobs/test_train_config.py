@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.train_config import config_for
-from app.jobs.training_data.quality import QualityName
-from app.jobs.training_data.record import TrainingData
-from app.jobs.training_data.request import TrainRequest
 from nerfnav.field.train_config import TrainConfig
+from nerfnav_app.jobs.train_config import config_for
+from nerfnav_app.jobs.training_data.quality import QualityName
+from nerfnav_app.jobs.training_data.record import TrainingData
+from nerfnav_app.jobs.training_data.request import TrainRequest
 from tests.field.fields import BOX, black_photographs
 
 PICTURES = black_photographs(12, size=200)  # pixels of a centimetre or two at the box

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import main as cli
-from app.jobs.training_data.request import NeuralOptions
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.neural import NeuralField
+from nerfnav_app.cli import main as cli
+from nerfnav_app.jobs.training_data.request import NeuralOptions
 
 
 @pytest.mark.slow

@@ -15,11 +15,11 @@ from torch import Tensor
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from app.live.server import LiveServer
 from nerfnav.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.live import Answer, Goal, Guidance, LiveClient, LiveError, Order, Setpoint
 from nerfnav.live.messages import MOST_BYTES, Size, Welcome
+from nerfnav_app.live.server import LiveServer
 from tests.waiting import PATIENCE_S, free_port, until
 
 TOKEN = "sesame"

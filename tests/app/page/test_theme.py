@@ -5,7 +5,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
-from app.page import theme
+from nerfnav_app.page import theme
 
 # simulation of deuteranopia in linear RGB: Machado, Oliveira, Fernandes, IEEE TVCG 2009, severity 1
 _DEUTERANOPIA = np.array(

@@ -12,16 +12,16 @@ import pytest
 import trimesh
 import viser._messages as viser_messages
 
-from app.jobs.events import JobResult, PlaceOpened, Progress, SurfaceShaped
-from app.page.layers.field_surface import FieldSurfaceLayer
-from app.page_server import page_server
-from app.places.surface_glb import unlit_glb
-from app.server import App
-from app.state.actions import StartFlight, StartPlan, Tick
-from app.state.job import JobKind
-from app.state.session import Session
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanOutcome
+from nerfnav_app.jobs.events import JobResult, PlaceOpened, Progress, SurfaceShaped
+from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
+from nerfnav_app.page_server import page_server
+from nerfnav_app.places.surface_glb import unlit_glb
+from nerfnav_app.server import App
+from nerfnav_app.state.actions import StartFlight, StartPlan, Tick
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
 from tests.field.fields import painted
 from tests.waiting import PATIENCE_S, free_port, until

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from app.places.library import PlaceLibrary, PlaceNameError
-from app.places.uploads import UploadError
 from nerfnav.errors import UnknownNameError
+from nerfnav_app.places.library import PlaceLibrary, PlaceNameError
+from nerfnav_app.places.uploads import UploadError
 
 
 def brought(library: PlaceLibrary, name: str = "moon.splat", content: bytes = b"splats") -> Path:

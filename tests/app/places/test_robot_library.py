@@ -6,10 +6,10 @@ import pytest
 import trimesh
 from trimesh.exchange.stl import export_stl
 
-from app.places.robot_library import RobotLibrary
-from app.places.uploads import UploadError
 from nerfnav.errors import InvalidInputError
 from nerfnav.robots import described, load, names, to_yaml
+from nerfnav_app.places.robot_library import RobotLibrary
+from nerfnav_app.places.uploads import UploadError
 
 _MESH = b"name: hull\nkind: quadrotor\nmass: 1\nbody: {mesh: hull.stl}\n"
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from app.places.sources import without_paths
-from app.reducers.common import noticed
-from app.state.session import Session
+from nerfnav_app.places.sources import without_paths
+from nerfnav_app.reducers.common import noticed
+from nerfnav_app.state.session import Session
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ import zipfile
 
 import pytest
 
-from app.places.track_sources import TrackSources
-from app.places.uploads import UploadError
+from nerfnav_app.places.track_sources import TrackSources
+from nerfnav_app.places.uploads import UploadError
 
 
 def zipped(*names: str) -> bytes:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from app.places import uploads
-from app.places.sources import title_of, without_folder
-from app.places.uploads import UploadError, check_upload, safe_name
+from nerfnav_app.places import uploads
+from nerfnav_app.places.sources import title_of, without_folder
+from nerfnav_app.places.uploads import UploadError, check_upload, safe_name
 
 
 @pytest.mark.parametrize(

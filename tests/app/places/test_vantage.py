@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.places.vantage import View, shows, view_of_box, view_of_ends
+from nerfnav_app.places.vantage import View, shows, view_of_box, view_of_ends
 
 _BOX = ((-5.0, -5.0, 0.0), (5.0, 5.0, 3.0))
 

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 import torch
 
-from app.places.ends import End, Ends, Which
-from app.places.place import Place
-from app.queries.clearance import ClearanceQuery
-from app.queries.click_landing import ClickLandingQuery
-from app.queries.density_slice import DensitySliceQuery
-from app.queries.end_fit import EndFitQuery
-from app.queries.field_view import FieldViewQuery
-from app.queries.query import Resources
-from app.queries.space import Space, SpaceQuery
-from app.state.session import Click
-from app.state.view_settings import Eye
 from nerfnav.field.evidence import states_of_unseen
 from nerfnav.field.voxel import VoxelField
 from nerfnav.planner.ends import fits
 from nerfnav.robots.state import Motion, RigidState
+from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.place import Place
+from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.queries.click_landing import ClickLandingQuery
+from nerfnav_app.queries.density_slice import DensitySliceQuery
+from nerfnav_app.queries.end_fit import EndFitQuery
+from nerfnav_app.queries.field_view import FieldViewQuery
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.queries.space import Space, SpaceQuery
+from nerfnav_app.state.session import Click
+from nerfnav_app.state.view_settings import Eye
 from tests.app.doubles import balls_place, plan_step
 
 PLACE = balls_place()

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from app.jobs.events import JobFinished, JobResult
-from app.places.ends import End, Ends
-from app.queries.query import Resources
-from app.queries.robot_view import RobotViewQuery
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.session import Session
+from nerfnav_app.jobs.events import JobFinished, JobResult
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.queries.robot_view import RobotViewQuery
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.session import Session
 from tests.app.doubles import balls_place, flight_step
 from tests.app.sessions import after, reports
 

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.open_place import run
-from app.jobs.surface import shaping
-from app.places.place import open_place
-from app.queries.query import Resources
-from app.queries.surface_texture import Baking, SurfaceTextureQuery
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.job import JobKind
-from app.state.session import Session
 from nerfnav.glb import parts
+from nerfnav_app.jobs.open_place import run
+from nerfnav_app.jobs.surface import shaping
+from nerfnav_app.places.place import open_place
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.queries.surface_texture import Baking, SurfaceTextureQuery
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 

@@ -2,23 +2,23 @@
 
 from dataclasses import replace
 
-import scenes
-from app.jobs.events import JobFinished, PlaceOpened
-from app.places.ends import End, Ends, Which
-from app.places.place import Place, Truth
-from app.queries.catalog import pending_queries
-from app.queries.end_fit import EndFitQuery
-from app.queries.experiments import Experiments, ExperimentsQuery
-from app.queries.first_ends import FirstEnds, FirstEndsQuery
-from app.queries.query import Resources
-from app.state import actions as m
-from app.state.experiments import ListExperiments
-from app.state.session import Session
-from app.state.settings import Choice
+import nerfnav_scenes as scenes
 from nerfnav.field import Unknown, planning_field
 from nerfnav.planner import fits
 from nerfnav.robots import load
 from nerfnav.world.task import Task
+from nerfnav_app.jobs.events import JobFinished, PlaceOpened
+from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.place import Place, Truth
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.end_fit import EndFitQuery
+from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
+from nerfnav_app.queries.first_ends import FirstEnds, FirstEndsQuery
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.experiments import ListExperiments
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import Choice
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, planned, reports
 

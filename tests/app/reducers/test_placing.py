@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.events import JobFinished, JobResult, PlaceOpened
-from app.queries.surface_point import SurfacePointQuery
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state import placing as p
-from app.state.session import JobKind, Session
 from nerfnav.importers.correction import Correction
+from nerfnav_app.jobs.events import JobFinished, JobResult, PlaceOpened
+from nerfnav_app.queries.surface_point import SurfacePointQuery
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state import placing as p
+from nerfnav_app.state.session import JobKind, Session
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 

@@ -7,26 +7,26 @@ import numpy as np
 import pytest
 import torch
 
-import scenes
-from app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
-from app.places.ends import End, Ends, Which
-from app.places.place import Truth
-from app.queries.catalog import pending_queries
-from app.queries.end_fit import EndFit, EndFitQuery
-from app.queries.field_view import FieldView, FieldViewQuery
-from app.queries.robot_view import RobotViewQuery
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.job import JobKind
-from app.state.records import CostHistory, PlanRecord
-from app.state.session import Session
-from app.state.settings import GUST, Choice
-from app.state.tab_actions import Left, Looked
-from app.state.view_settings import Eye
-from app.worker.flight_orders import FlightOrders
+import nerfnav_scenes as scenes
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.task import Task
+from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
+from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.place import Truth
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.end_fit import EndFit, EndFitQuery
+from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
+from nerfnav_app.queries.robot_view import RobotViewQuery
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.records import CostHistory, PlanRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import GUST, Choice
+from nerfnav_app.state.tab_actions import Left, Looked
+from nerfnav_app.state.view_settings import Eye
+from nerfnav_app.worker.flight_orders import FlightOrders
 from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
 from tests.app.sessions import after, planned, reports
 

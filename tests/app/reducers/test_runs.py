@@ -6,15 +6,17 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import JobFinished, JobResult, PlaceOpened
-from app.queries.catalog import pending_queries
-from app.queries.query import Resources
-from app.queries.run_list import RunListQuery
-from app.queries.stored_run import StoredRunQuery
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.job import JobKind
-from app.state.run_actions import (
+from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
+from nerfnav.robots.state import RigidState
+from nerfnav_app.jobs.events import JobFinished, JobResult, PlaceOpened
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.queries.run_list import RunListQuery
+from nerfnav_app.queries.stored_run import StoredRunQuery
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.run_actions import (
     CompareRun,
     DeleteRun,
     ListRuns,
@@ -23,11 +25,9 @@ from app.state.run_actions import (
     RenameRun,
     Scrub,
 )
-from app.state.session import Session
-from app.storage.run_store import RunStore
-from app.worker.backend import NavigationBackend
-from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
-from nerfnav.robots.state import RigidState
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.run_store import RunStore
+from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place, flight_step
 from tests.app.storage.stored_runs import ENDS, put
 

@@ -6,24 +6,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.jobs import compare_planners as compare
-from app.jobs.events import JobFinished, PlannerCompared, PlannerResult
-from app.jobs.plan import PlanRequest
-from app.page.panels.plan_charts import chart_data
-from app.page.panels.plan_words import compared, describe
-from app.places.ends import End, Ends
-from app.queries.catalog import pending_queries
-from app.queries.clearance import ClearanceQuery
-from app.queries.query import Resources
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.job import JobKind
-from app.state.records import CostHistory
-from app.state.session import Session
-from app.state.settings import PlanSettings
-from app.worker.backend import NavigationBackend
 from nerfnav.planner.costs import CostWeights
 from nerfnav.planner.fast import FastPlanConfig
+from nerfnav_app.jobs import compare_planners as compare
+from nerfnav_app.jobs.events import JobFinished, PlannerCompared, PlannerResult
+from nerfnav_app.jobs.plan import PlanRequest
+from nerfnav_app.page.panels.plan_charts import chart_data
+from nerfnav_app.page.panels.plan_words import compared, describe
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.records import CostHistory
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import PlanSettings
+from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place, plan_step
 from tests.app.following import followed, result_of
 from tests.app.sessions import after, planned, reports

@@ -6,20 +6,20 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs.events import FrameTracked, JobFinished, JobResult
-from app.page.panels.camera import tracked_pictures
-from app.page.panels.flight_marks import marks_of
-from app.page.panels.timeline import nearest
-from app.page.panels.track_words import describe, ended
-from app.state import actions as m
-from app.state.job import JobKind
-from app.state.run_actions import PlayBack, Scrub
-from app.state.session import Session
-from app.state.tracks import ForgetTrack, StartTrack
 from nerfnav.estimator import Belief, StateNoise
 from nerfnav.geometry import FORWARD_MOUNT
 from nerfnav.robots import RigidState
 from nerfnav.tracking import Tracked, TrackStatus
+from nerfnav_app.jobs.events import FrameTracked, JobFinished, JobResult
+from nerfnav_app.page.panels.camera import tracked_pictures
+from nerfnav_app.page.panels.flight_marks import marks_of
+from nerfnav_app.page.panels.timeline import nearest
+from nerfnav_app.page.panels.track_words import describe, ended
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.run_actions import PlayBack, Scrub
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tracks import ForgetTrack, StartTrack
 from tests.app.sessions import after, planned, reports
 
 START = StartTrack(Path("walk.mp4"), "walk.mp4", fps=5.0)

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 from websockets.sync.client import ClientConnection
 
-from app.page_server import page_server
+from nerfnav_app.page_server import page_server
 from tests.app.security.hostile import CAMERA, Page, connect_as_viser, update
 from tests.waiting import free_port, until
 

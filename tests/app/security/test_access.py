@@ -12,9 +12,9 @@ import pytest
 import viser
 from websockets.exceptions import InvalidStatus
 
-from app.page_server import page_server
-from app.security.token import TokenError
-from app.security.token_bucket import TokenBucket
+from nerfnav_app.page_server import page_server
+from nerfnav_app.security.token import TokenError
+from nerfnav_app.security.token_bucket import TokenBucket
 from tests.app.security.hostile import address, connect_as_viser
 from tests.waiting import PATIENCE_S, free_port, until
 
@@ -101,7 +101,7 @@ def test_a_token_that_cannot_travel_in_an_address_is_refused(token: str) -> None
 def test_too_many_connections_in_a_moment_are_refused_and_a_moment_later_they_are_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("app.security.access._CONNECTIONS_PER_S", 1.0)  # however slowly the crowd is answered
+    monkeypatch.setattr("nerfnav_app.security.access._CONNECTIONS_PER_S", 1.0)  # however slowly the crowd is answered
     server = page_server("127.0.0.1", free_port(), None)
     upgrade = "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     upgrade += "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.security.address import AddressError, check_address, is_loopback
+from nerfnav_app.security.address import AddressError, check_address, is_loopback
 
 
 @pytest.fixture

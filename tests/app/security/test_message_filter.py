@@ -9,7 +9,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from app.security.message_filter import MOST_TABS, understood
+from nerfnav_app.security.message_filter import MOST_TABS, understood
 from tests.app.security.hostile import (
     CAMERA,
     INF,

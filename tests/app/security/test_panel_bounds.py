@@ -5,16 +5,16 @@ from typing import Any
 
 import pytest
 
-from app.page.panels.ends import EndsPanel
-from app.page.panels.estimate import EstimatePanel
-from app.page.panels.export import ExportPanel
-from app.page.panels.flight_settings import FlyingPanel
-from app.page.panels.place import PlacePanel
-from app.page.panels.timeline import TimelinePanel
-from app.page.panels.view_settings import ViewSettingsPanel
-from app.security.widget_values import may_set
-from app.state.actions import Command
-from app.state.session import Session
+from nerfnav_app.page.panels.ends import EndsPanel
+from nerfnav_app.page.panels.estimate import EstimatePanel
+from nerfnav_app.page.panels.export import ExportPanel
+from nerfnav_app.page.panels.flight_settings import FlyingPanel
+from nerfnav_app.page.panels.place import PlacePanel
+from nerfnav_app.page.panels.timeline import TimelinePanel
+from nerfnav_app.page.panels.view_settings import ViewSettingsPanel
+from nerfnav_app.security.widget_values import may_set
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.session import Session
 from tests.app.security.hostile import INF, NAN, Page
 
 

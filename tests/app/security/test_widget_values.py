@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from websockets.sync.client import ClientConnection
 
-from app.security.widget_values import may_set
+from nerfnav_app.security.widget_values import may_set
 from tests.app.security.hostile import (
     INF,
     NAN,

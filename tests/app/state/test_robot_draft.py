@@ -6,7 +6,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from app.state.robot_draft import (
+from nerfnav.errors import InvalidInputError
+from nerfnav.robots import LIMITS, BodyFile, CouchConfig, Kind, QuadrotorConfig, described, names, robot_of
+from nerfnav_app.state.robot_draft import (
     KINDS,
     NUMBERS,
     EditRobot,
@@ -16,9 +18,7 @@ from app.state.robot_draft import (
     kind_changed,
     shape_of,
 )
-from app.state.session import Session
-from nerfnav.errors import InvalidInputError
-from nerfnav.robots import LIMITS, BodyFile, CouchConfig, Kind, QuadrotorConfig, described, names, robot_of
+from nerfnav_app.state.session import Session
 from tests.app.sessions import after
 
 

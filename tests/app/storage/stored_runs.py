@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from app.places.ends import End, Ends
-from app.storage.run_metadata import RunMetadata
-from app.storage.run_store import RunStore
-from app.storage.step_log import logged
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.steps import NavigationStep
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.run_store import RunStore
+from nerfnav_app.storage.step_log import logged
 from tests.export.flights import flown
 
 ENDS = Ends(End((1.0, 0.0, 0.3), 3.0), End((0.0, 0.9, 0.5)))

@@ -8,18 +8,18 @@ import cv2
 import numpy as np
 import pytest
 
-from app.jobs.events import JobFailed, JobFinished, JobResult, Progress
-from app.places.ends import Ends
-from app.queries.catalog import pending_queries
-from app.queries.experiments import Experiments, ExperimentsQuery
-from app.queries.query import Resources
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.experiments import ListExperiments, ShowResult, StartExperiment
-from app.state.job import JobKind
-from app.state.session import Session
-from app.storage.experiment_store import FOLDER, ExperimentResult, ExperimentStore, lines
-from app.storage.run_store import RunStore
+from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult, Progress
+from nerfnav_app.places.ends import Ends
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
+from nerfnav_app.queries.query import Resources
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.experiments import ListExperiments, ShowResult, StartExperiment
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.experiment_store import FOLDER, ExperimentResult, ExperimentStore, lines
+from nerfnav_app.storage.run_store import RunStore
 from tests.app.doubles import balls_place
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from app.storage.output_files import OutputError, json_line, prepare_file, prepare_folder, write_text
+from nerfnav_app.storage.output_files import OutputError, json_line, prepare_file, prepare_folder, write_text
 
 
 def test_missing_folders_are_made(tmp_path: Path) -> None:

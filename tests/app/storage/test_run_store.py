@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from app.storage.output_files import OutputError
-from app.storage.run_store import RunNameError, RunStore, checked
-from app.storage.step_log import FILE, StepLog
 from nerfnav.errors import InvalidInputError, UnknownNameError
 from nerfnav.navigation.episode import Episode
+from nerfnav_app.storage.output_files import OutputError
+from nerfnav_app.storage.run_store import RunNameError, RunStore, checked
+from nerfnav_app.storage.step_log import FILE, StepLog
 from tests.app.storage.stored_runs import about, put
 from tests.export.flights import flown
 from tests.waiting import PATIENCE_S
@@ -135,7 +135,7 @@ def test_a_program_that_is_killed_in_flight_leaves_all_steps_so_far(shelf: RunSt
         "fly", str(field_file), "--start", "-0.6", "-0.6", "0.5", "--goal", "0.6", "-0.6", "0.5",
         "--config.filter.descent.iterations", "40",  # so that it is still in flight when it is looked at
     ]  # fmt: skip
-    command = [sys.executable, "-c", f"from app.cli.main import main; main({words!r})"]
+    command = [sys.executable, "-c", f"from nerfnav_app.cli.main import main; main({words!r})"]
     environment = {**os.environ, "NERFNAV_RUNS": str(shelf.folder), "OMP_NUM_THREADS": "1"}
     program = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     try:

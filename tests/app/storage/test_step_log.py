@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from app.storage import step_log as log_module
-from app.storage.file_lock import is_held
-from app.storage.output_files import OutputError
-from app.storage.run_metadata import RunMetadata
-from app.storage.step_log import StepLog, logged
-from app.storage.stored_steps import count_steps, read_steps
 from nerfnav.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import NavigationStep
+from nerfnav_app.storage import step_log as log_module
+from nerfnav_app.storage.file_lock import is_held
+from nerfnav_app.storage.output_files import OutputError
+from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.step_log import StepLog, logged
+from nerfnav_app.storage.stored_steps import count_steps, read_steps
 from tests.app.storage.stored_runs import about
 from tests.export.flights import flown
 

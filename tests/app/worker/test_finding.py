@@ -6,16 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from app.jobs.events import JobFinished, JobResult, Progress
-from app.jobs.find_robot import find
-from app.page.layers.search import frusta
-from app.page.panels import estimate_words
-from app.state import actions as m
-from app.state.job import JobKind
-from app.state.records import SearchRecord
-from app.state.session import Session
-from app.worker.backend import NavigationBackend
-from app.worker.flight_orders import FlightOrders
 from nerfnav.errors import InvalidInputError
 from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
@@ -23,6 +13,16 @@ from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.ends import fits
 from nerfnav.robots.state import RigidState
+from nerfnav_app.jobs.events import JobFinished, JobResult, Progress
+from nerfnav_app.jobs.find_robot import find
+from nerfnav_app.page.layers.search import frusta
+from nerfnav_app.page.panels import estimate_words
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.records import SearchRecord
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.backend import NavigationBackend
+from nerfnav_app.worker.flight_orders import FlightOrders
 from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 

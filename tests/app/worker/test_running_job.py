@@ -4,13 +4,13 @@ from typing import Any
 
 import pytest
 
-from app.jobs.events import JobFinished, JobResult, Progress
-from app.places.ends import End, Ends
-from app.state.job import Job, JobKind
-from app.state.session import Session
-from app.worker import running_job
-from app.worker.running_job import RunningJob
 from nerfnav.navigation import NavigationStep
+from nerfnav_app.jobs.events import JobFinished, JobResult, Progress
+from nerfnav_app.places.ends import End, Ends
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker import running_job
+from nerfnav_app.worker.running_job import RunningJob
 from tests.app.doubles import ScriptedWork, filter_step, flight_step, plan_step
 
 _ENDS = Ends(End((-0.7, 0.0, 0.4)), End((0.7, 0.0, 0.4)))

@@ -3,13 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-from app.jobs.events import PlaceOpened
-from app.places.ends import End, Which
-from app.state import actions as m
-from app.state.session import Session
-from app.state.tab_actions import Viewed
-from app.worker.session_memory import SessionMemory
 from nerfnav.field import Unknown
+from nerfnav_app.jobs.events import PlaceOpened
+from nerfnav_app.places.ends import End, Which
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tab_actions import Viewed
+from nerfnav_app.worker.session_memory import SessionMemory
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
 

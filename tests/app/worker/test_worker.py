@@ -10,18 +10,18 @@ from typing import Any, ClassVar
 import numba.core.event
 import pytest
 
-from app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
-from app.queries.catalog import pending_queries
-from app.queries.robot_view import RobotViewQuery
-from app.reducers.root import reduce
-from app.state import actions as m
-from app.state.job import Job, JobKind
-from app.state.session import Session
-from app.worker.open_queries import OpenQueries
-from app.worker.worker import Worker
 from nerfnav.compiled import Kernel
 from nerfnav.errors import NerfnavError
 from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav_app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
+from nerfnav_app.queries.catalog import pending_queries
+from nerfnav_app.queries.robot_view import RobotViewQuery
+from nerfnav_app.reducers.root import reduce
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.session import Session
+from nerfnav_app.worker.open_queries import OpenQueries
+from nerfnav_app.worker.worker import Worker
 from tests.app.doubles import ScriptedWork, balls_place, flight_step, plan_step
 from tests.waiting import PATIENCE_S
 

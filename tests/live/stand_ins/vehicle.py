@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import nerfnav
-import scenes
+import nerfnav_scenes as scenes
 from nerfnav.field import render_image
 from nerfnav.geometry import so3
 from nerfnav.live.answer import Guidance

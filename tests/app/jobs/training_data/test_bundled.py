@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 import torch
 
-import scenes
-from app.jobs.events import JobEvent
-from app.jobs.training_data import bundled
-from app.jobs.training_data.record import StoppedError
-from app.jobs.training_data.request import TrainRequest
+import nerfnav_scenes as scenes
 from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene
+from nerfnav_app.jobs.events import JobEvent
+from nerfnav_app.jobs.training_data import bundled
+from nerfnav_app.jobs.training_data.record import StoppedError
+from nerfnav_app.jobs.training_data.request import TrainRequest
 
 
 def asked_for(name: str, depth: bool | None, monkeypatch: pytest.MonkeyPatch) -> int:

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.jobs import make_field as adopt
-from app.jobs.events import Progress
-from app.jobs.train import run
-from app.jobs.training_data.captures import NODES, gather
-from app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
-from app.places.learning import BUDGETS_S, USUAL
 from nerfnav.errors import InvalidInputError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train_config import TrainConfig
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.meshes.config import MeshOptions
 from nerfnav.importers.placement import Placement
+from nerfnav_app.jobs import make_field as adopt
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.train import run
+from nerfnav_app.jobs.training_data.captures import NODES, gather
+from nerfnav_app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
+from nerfnav_app.places.learning import BUDGETS_S, USUAL
 from tests.app.following import followed, result_of
 from tests.importers.captures.synthetic import changed, write_transforms
 

@@ -10,11 +10,6 @@ import pytest
 import torch
 import trimesh
 
-from app.cli.main import main
-from app.jobs.events import Progress
-from app.jobs.train import StoppedError, TrainRequest, run
-from app.jobs.training_data.gather import Photographs, TrainingData, gather
-from app.places.place import open_place
 from nerfnav.errors import FieldFileError, InvalidInputError, NerfnavError
 from nerfnav.field.checkpoint import load_field
 from nerfnav.field.train_config import TrainConfig
@@ -24,6 +19,11 @@ from nerfnav.importers.placement import Placement
 from nerfnav.robots.state import RigidState
 from nerfnav.world.capture_config import CaptureConfig
 from nerfnav.world.contact import judge
+from nerfnav_app.cli.main import main
+from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.train import StoppedError, TrainRequest, run
+from nerfnav_app.jobs.training_data.gather import Photographs, TrainingData, gather
+from nerfnav_app.places.place import open_place
 from tests.app.following import followed, result_of
 from tests.importers.meshes.places import two_textures, write
 

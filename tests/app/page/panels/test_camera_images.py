@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from app.page.panels.camera import compose
-from app.page.panels.camera_images import beside, difference, with_pixels
-from app.page.panels.flight_charts import FlightRows, error_curves, time_curves
-from app.page.theme import BELIEF, HIT
-from app.queries.robot_view import RobotViewQuery
-from app.state.records import FlightRecord
 from nerfnav.navigation import NavigationStep
+from nerfnav_app.page.panels.camera import compose
+from nerfnav_app.page.panels.camera_images import beside, difference, with_pixels
+from nerfnav_app.page.panels.flight_charts import FlightRows, error_curves, time_curves
+from nerfnav_app.page.theme import BELIEF, HIT
+from nerfnav_app.queries.robot_view import RobotViewQuery
+from nerfnav_app.state.records import FlightRecord
 from tests.app.doubles import filter_step, flight_step
 from tests.app.page.test_panels_and_layers import ENDS
 

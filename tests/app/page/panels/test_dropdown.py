@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import viser
 
-from app.page.panels.dropdown import ChoiceList
-from app.state.session import Session
-from app.state.settings import Choice
 from nerfnav import robots
+from nerfnav_app.page.panels.dropdown import ChoiceList
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.settings import Choice
 
 
 @pytest.fixture

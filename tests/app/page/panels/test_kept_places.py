@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import viser
 
-from app.page.panels.kept_places import KeptPlacesPanel
-from app.places.library import PlaceLibrary
-from app.queries.place_list import PlaceListQuery
-from app.state.session import Session
+from nerfnav_app.page.panels.kept_places import KeptPlacesPanel
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.queries.place_list import PlaceListQuery
+from nerfnav_app.state.session import Session
 from tests.app.places.test_library import brought
 
 

@@ -6,10 +6,10 @@ import msgspec
 import pytest
 import viser
 
-from app.page.panels.next_buttons import NextButtons
-from app.page_server import page_server
-from app.state.actions import Cancel, Command, StartFlight, StartPlan
-from app.state.session import Session
+from nerfnav_app.page.panels.next_buttons import NextButtons
+from nerfnav_app.page_server import page_server
+from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
+from nerfnav_app.state.session import Session
 from tests.app.security.hostile import CAMERA, connect_as_viser, update
 from tests.app.sessions import after, planned
 from tests.waiting import free_port, until

@@ -3,8 +3,8 @@
 import msgspec
 import pytest
 
-from app.page.panels.screenshot import ScreenshotPanel
-from app.page_server import page_server
+from nerfnav_app.page.panels.screenshot import ScreenshotPanel
+from nerfnav_app.page_server import page_server
 from tests.app.security.hostile import CAMERA, connect_as_viser, messages_in, update
 from tests.waiting import PATIENCE_S, free_port, until
 

@@ -6,14 +6,14 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from app.page.panels.chart import with_cursor
-from app.page.panels.command_palette import entries
-from app.page.panels.flight_marks import marks_of, spaced
-from app.places.ends import End, Ends, Which
-from app.state import actions as m
-from app.state.records import FlightRecord
-from app.state.session import Session
 from nerfnav.navigation import Recovery
+from nerfnav_app.page.panels.chart import with_cursor
+from nerfnav_app.page.panels.command_palette import entries
+from nerfnav_app.page.panels.flight_marks import marks_of, spaced
+from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.state import actions as m
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.session import Session
 from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 
@@ -68,7 +68,7 @@ def test_the_cursor_of_a_chart_stands_at_its_time_and_leaves_the_lines_alone() -
 
 
 def test_help_lists_every_key() -> None:
-    help = (files("app.page") / "page.html").read_text()
+    help = (files("nerfnav_app.page") / "page.html").read_text()
     for entry in entries():
         if entry.key is not None:
             assert str(_WORD_OF_KEY.get(entry.key, entry.key)) in help.split("<dl>")[1], entry.label
