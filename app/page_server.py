@@ -2,7 +2,7 @@
 
 import viser
 
-from nerfnav_app.page.theme import branded
+from nerfnav_app.page.kit.theme import branded
 from nerfnav_app.places.uploads import MOST_BYTES
 from nerfnav_app.security.address import check_address
 from nerfnav_app.security.guarded_server import PagePolicy, guarded_server

@@ -5,7 +5,7 @@ tabs --commands--> inbox --> UI loop: session = reduce(session, message) --> lay
                      +-- events --+--> worker: the job that the session wants
 """
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
 from nerfnav_app.page.page import put_up
 from nerfnav_app.page_server import page_server

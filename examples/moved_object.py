@@ -4,7 +4,7 @@ import torch
 
 import nerfnav
 import nerfnav_scenes as scenes
-from nerfnav.field.analytic import BallsField
+from nerfnav.field.models.analytic import BallsField
 from nerfnav.geometry.box import Box
 
 RADIUS = 0.12  # [m]

@@ -14,7 +14,7 @@ from PIL import Image
 import nerfnav
 import nerfnav_scenes as scenes
 from nerfnav.importers.captures.capture import import_capture
-from nerfnav.importers.captures.imported import ImportConfig
+from nerfnav.importers.captures.config import ImportConfig
 from nerfnav.world.capture import capture
 from nerfnav.world.capture_config import CaptureConfig
 

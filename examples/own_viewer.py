@@ -7,7 +7,7 @@ import viser
 
 import nerfnav
 import nerfnav_scenes as scenes
-from nerfnav.field.meshing import field_mesh
+from nerfnav.field.surface.mesh import field_mesh
 
 START = (0.39, -0.67, 0.2)
 

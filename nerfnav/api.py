@@ -1,7 +1,7 @@
 """Plan and fly in one call each, with the settings of `nerfnav plan` and `nerfnav fly`.
 
-Whoever wants every iteration takes the generators that these run to their end: `nerfnav.planner.fast.plan_fast` and
-`nerfnav.navigation.replan.navigate`.
+Whoever wants every iteration takes the generators that these run to their end: `nerfnav.planner.solvers.fast.plan_fast`
+and `nerfnav.navigation.loop.navigate`.
 """
 
 from collections.abc import Iterator
@@ -46,9 +46,9 @@ def plan(
     """The trajectory that minimises paper Eq. 2, by the fast planner: its last step, which has the outcome.
 
     The problem says how long the robot takes, which is the paper's 2 s unless it says otherwise; with the duration
-    "auto", the shortest plan is found that keeps the robot's limits (see planner/duration.py), as places of other sizes
-    need it. Space that no camera saw counts as solid. Raises InvalidInputError, OutsideBoxError or OccupiedError for
-    ends that cannot be planned between; look at `outcome` before flying what comes back.
+    "auto", the shortest plan is found that keeps the robot's limits (see planner/solvers/duration.py), as places of
+    other sizes need it. Space that no camera saw counts as solid. Raises InvalidInputError, OutsideBoxError or
+    OccupiedError for ends that cannot be planned between; look at `outcome` before flying what comes back.
     """
     problem = _careful(problem)
     if duration is None:

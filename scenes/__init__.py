@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import nerfnav
-from nerfnav.cached import code_of, kept
-from nerfnav.errors import UnknownNameError
+from nerfnav.core.cache import code_of, kept
+from nerfnav.core.errors import UnknownNameError
 from nerfnav.world import Task
 
 if TYPE_CHECKING:

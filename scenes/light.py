@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from trimesh.visual.color import ColorVisuals
 
-from nerfnav.geometry import srgb
+from nerfnav.geometry import color as srgb
 from nerfnav.world import RayCaster
 
 Color = tuple[float, float, float]

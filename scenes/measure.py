@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import nerfnav_scenes as scenes
 from nerfnav.experiments import Arena
-from nerfnav.experiments.position_floor import position_floor
+from nerfnav.experiments.map_error import position_floor
 from nerfnav.field import VoxelField, load_field, save_field
 from nerfnav_scenes.named import for_named
 

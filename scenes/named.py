@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable
 
 import nerfnav_scenes as scenes
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 
 
 def for_named(does: Callable[[list[str]], None]) -> None:

@@ -16,7 +16,7 @@ import torch
 import nerfnav_scenes as scenes
 from nerfnav.experiments import Freedom, freedom_noted, freedom_on_mesh, in_words
 from nerfnav.field import VoxelField, load_field, save_field, states_of
-from nerfnav.field.fusion import fused
+from nerfnav.field.proof.fusion import fused
 from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene, images_taken, split
 from nerfnav.world.capture import capture

@@ -11,11 +11,11 @@ import json
 import os
 from pathlib import Path
 
-from nerfnav.errors import NerfnavError
-from nerfnav.steps import returned
+from nerfnav.core.errors import NerfnavError
+from nerfnav.core.steps import returned
 from nerfnav_app.jobs.bench_chart import picture
 from nerfnav_app.jobs.bench_training import SECONDS, Row, check_capture, measure_training
-from nerfnav_app.jobs.result_files import png_of
+from nerfnav_app.jobs.measure.results import png_of
 
 NUMBERS = Path(__file__).with_name("learning.json")
 

@@ -54,7 +54,7 @@ def name_in(cell: str) -> str:
     return name
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize("document", [name for name in DOCUMENTS if name != "CHANGELOG.md"])  # it tells of the past
 def test_every_path_that_a_document_names_exists(document: str) -> None:
     missing = [path for path in paths_in(document) if not (ROOT / path).exists()]
     assert not missing

@@ -14,24 +14,24 @@ import viser
 from torch import Tensor
 
 from nerfnav import robots
-from nerfnav.errors import FieldFileError, InvalidInputError, NameTakenError, UnknownNameError
+from nerfnav.core.errors import FieldFileError, InvalidInputError, NameTakenError, UnknownNameError
 from nerfnav.export import formats
 from nerfnav.export.formats import FORMATS, ExportFormat
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.field import checkpoint
-from nerfnav.field.checkpoint import CODECS, load_field, save_field
-from nerfnav.field.codec import Encoded, FieldCodec
-from nerfnav.field.field import RaySamples, uniform_samples
-from nerfnav.field.info import FieldInfo
+from nerfnav.field.core.codec import Encoded, FieldCodec
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.protocol import RaySamples, uniform_samples
+from nerfnav.field.storage import checkpoint
+from nerfnav.field.storage.checkpoint import CODECS, load_field, save_field
 from nerfnav.geometry.box import Box
 from nerfnav.planner import planners, terms
-from nerfnav.planner.astar import waypoints_along
-from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.follow import step_along
+from nerfnav.planner.baselines.waypoint_following import step_along
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.planners import PLANNERS
+from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
+from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.route import Route
+from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.robots import ROBOTS, RobotEntry
@@ -40,8 +40,8 @@ from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav_app.cli.main import main
 from nerfnav_app.jobs.events import JobFinished, PlaceOpened
+from nerfnav_app.page.kit.panel import Page, PanelEntry
 from nerfnav_app.page.panels import tabs
-from nerfnav_app.page.panels.panel import Page, PanelEntry
 from nerfnav_app.queries import catalog
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.server import App

@@ -9,11 +9,11 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LEVELS = (
-    ("errors", "kernel_cache", "kernel_locator"),
-    ("structs", "steps", "compiled", "files", "extras", "glb", "memory"),
-    ("geometry", "cached", "registry"),
+    ("core",),
+    ("geometry",),
     ("world", "field", "robots"),
     ("importers", "planner", "estimator"),
+    ("inertial",),
     ("navigation", "tracking"),
     ("export", "live"),
     ("experiments",),
@@ -25,11 +25,11 @@ BESIDE = {("world", "robots")}
 WALL = ("planner", "estimator", "navigation", "tracking")
 """They plan and estimate on the field alone: planned on the field, judged on the mesh."""
 ROOMS: dict[str, tuple[str, ...]] = {
-    "cli": ("server", "live", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
+    "cli": ("server", "live_server", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
     "server": ("page", "page_server", "worker", "ui_loop", "state", "places", "security"),
-    "live": ("security", "system"),
+    "live_server": ("security", "system"),
     "ui_loop": ("reducers", "state"),
-    "page_server": ("page.theme", "places", "security"),
+    "page_server": ("page.kit.theme", "places", "security"),
     "worker": ("queries", "state", "jobs", "storage", "places", "text", "system"),
     "page": (
         "queries", "state", "places", "jobs.events", "storage.run_metadata", "storage.experiment_store",
@@ -48,11 +48,11 @@ ROOMS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Rooms of app/, the highest floor first, and what each may import of app/ besides itself."""
 ONLY_IN = {
-    "viser": ("nerfnav_app.page", "nerfnav_app.page_server", "nerfnav_app.security", "nerfnav_app.cli.serve"),
-    "threading": ("nerfnav_app.worker", "nerfnav_app.ui_loop", "nerfnav_app.security", "nerfnav_app.cli.served_app"),
+    "viser": tuple(f"nerfnav_app.{name}" for name in ("page", "page_server", "security", "cli.commands.serve")),
+    "threading": tuple(f"nerfnav_app.{name}" for name in ("worker", "ui_loop", "security", "cli.commands.serve")),
 }
 """Modules of app/ that may import these."""
-SETTING_THREADS = ("nerfnav_app.worker", "nerfnav_app.live", "nerfnav_app.cli.progress", "nerfnav_app.benchmarks")
+SETTING_THREADS = tuple(f"nerfnav_app.{name}" for name in ("worker", "live_server", "cli.progress", "benchmarks"))
 """Modules of app/ that may tell torch how many threads it has."""
 IMPORT_NAMES = {"app": "nerfnav_app", "scenes": "nerfnav_scenes"}
 """Folders that are imported under a name of nerfnav's own, by links in packaging/: others have an app/, too."""

@@ -71,7 +71,7 @@ def test_the_filter_alone_follows_a_camera(capsys: pytest.CaptureFixture[str]) -
     (block,) = blocks("py")
     pictures = 2
     camera = (
-        "from nerfnav.field.render import render_image\n"
+        "from nerfnav.field.render.volume_rendering import render_image\n"
         "from nerfnav.geometry.camera import FORWARD_MOUNT\n"
         "from nerfnav.robots.state import RigidState\n"
         "def your_camera():\n"

@@ -7,22 +7,22 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
-from nerfnav.estimator.descent import DescentConfig
-from nerfnav.estimator.filter import FilterConfig, PoseFilter
+from nerfnav.estimator.paper.adam import DescentConfig
+from nerfnav.estimator.paper.pose_filter import FilterConfig, PoseFilter
 from nerfnav.export.table_text import csv_text, table_of_csv
 from nerfnav.export.tables import episode_table
-from nerfnav.field.checkpoint import load_field, save_field
-from nerfnav.field.train import train
-from nerfnav.field.train_config import TrainConfig
+from nerfnav.field.storage.checkpoint import load_field, save_field
+from nerfnav.field.train.config import TrainConfig
+from nerfnav.field.train.loop import train
 from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
-from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
-from nerfnav.planner.optimize import PlanConfig, plan
+from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners.paper import PaperPlanner
-from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.solvers.adam import PlanConfig, plan
 from nerfnav.world.capture import capture, split
 from nerfnav.world.capture_config import CaptureConfig
 from nerfnav.world.contact import contact_check, judge

@@ -1,4 +1,4 @@
-"""How much faster one way is than another, both timed in one run."""
+"""Comparison: the speed-up of one method over another, both timed in one run."""
 
 import statistics
 import time

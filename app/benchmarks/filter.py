@@ -10,19 +10,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from nerfnav.estimator import (
-    Belief,
-    Estimator,
-    FastFilter,
-    FilterConfig,
-    PixelConfig,
-    PoseFilter,
-    PyramidConfig,
-    StateNoise,
-)
+from nerfnav.estimator import Belief, Estimator, FastFilter, FilterConfig, PixelConfig, PoseFilter, PyramidConfig
 from nerfnav.experiments import Arena
-from nerfnav.experiments.views import SUPERSAMPLE, held_out_poses, take_picture
-from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState
+from nerfnav.experiments.held_out_views import SUPERSAMPLE, held_out_poses, take_picture
+from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState, StateNoise
 from nerfnav.world import MeshRenderer
 from nerfnav_app.benchmarks.comparison import Comparison, interleaved, milliseconds
 from nerfnav_app.benchmarks.plan import both_threads

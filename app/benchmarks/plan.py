@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import torch
 
 from nerfnav import robots
-from nerfnav.compiled import threads
+from nerfnav.core.jit import threads
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, last_step, plan, plan_fast
 from nerfnav_app.benchmarks.comparison import Comparison, interleaved

@@ -18,7 +18,7 @@ from nerfnav.planner import (
     plan_fast,
     replan,
 )
-from nerfnav.planner.hot_start import hot_start
+from nerfnav.planner.solvers.warm_start import hot_start
 from nerfnav.robots import Motion
 from nerfnav_app.benchmarks.comparison import Comparison, interleaved
 from nerfnav_app.benchmarks.plan import both_threads, problems_of

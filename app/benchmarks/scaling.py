@@ -1,4 +1,4 @@
-"""What an iteration of the fast planner costs for motions and bodies of several sizes, and what more starts cost."""
+"""Scaling: the cost of an iteration of the fast planner by size of motion and body, and the cost of more starts."""
 
 import itertools
 from dataclasses import dataclass, replace

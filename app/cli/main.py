@@ -1,4 +1,4 @@
-"""The command `nerfnav`. Each subcommand is a file in this folder, imported only when it is asked for.
+"""The command `nerfnav`. Each subcommand is a file in app/cli/commands, imported only when it is asked for.
 
 So help comes at once, although the commands that compute need seconds to import their libraries.
 """
@@ -14,7 +14,7 @@ from typing import Any
 import tyro
 
 from nerfnav import __version__
-from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav_app.cli.number_arguments import require_finite
 from nerfnav_app.system import importing
 
@@ -83,7 +83,7 @@ def parse(words: Sequence[str]) -> tuple[Any, Any]:
     if name not in COMMANDS:
         raise UnknownNameError("command", name, COMMANDS)
     with importing():
-        command = importlib.import_module(f"nerfnav_app.cli.{name}{'_' if iskeyword(name) else ''}")
+        command = importlib.import_module(f"nerfnav_app.cli.commands.{name}{'_' if iskeyword(name) else ''}")
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):

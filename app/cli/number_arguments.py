@@ -8,7 +8,7 @@ from typing import Any
 
 from tyro.constructors import PrimitiveConstructorSpec
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 
 
 def numbers(words: list[str], what: str) -> tuple[float, ...]:

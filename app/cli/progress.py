@@ -8,7 +8,7 @@ import rich.progress
 import torch
 from rich.console import Console
 
-from nerfnav.compiled import telling_compilation
+from nerfnav.core.jit import telling_compilation
 from nerfnav.field import TrainStep
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep

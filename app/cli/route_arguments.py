@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
-from nerfnav.errors import InvalidInputError, require_not_negative
+from nerfnav.core.errors import InvalidInputError, require_not_negative
 from nerfnav.field import Unknown
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
-from nerfnav.planner.duration import is_hurried
+from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav_app.cli.number_arguments import in_words, numbers
-from nerfnav_app.jobs.plan import PlanRequest
+from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
 

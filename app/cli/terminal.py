@@ -1,4 +1,4 @@
-"""What a terminal shows of a command: its numbers on stdout when it is done, remarks on stderr."""
+"""Terminal output of a command: its numbers on stdout when it is done, remarks on stderr."""
 
 import sys
 from collections.abc import Iterator

@@ -1,8 +1,8 @@
-"""What jobs tell their consumers (the command line, the browser): frozen values, in the order in which they happen.
+"""Events of jobs for their consumers (command line, browser): frozen values, in the order in which they happen.
 
 A job is a generator: it yields events and returns a JobResult, so a job inside another one is `yield from`. Library
-steps (PlanStep, FilterStep, NavigationStep, TrainStep) are events as they are; what else a job has to say stands here.
-How a job ended (JobFinished, JobFailed) is an event of whoever runs it: the worker.
+steps (PlanStep, FilterStep, NavigationStep, TrainStep) are events as they are; all other events are defined here.
+The consumer that runs a job, the worker, adds the event of its end (JobFinished, JobFailed).
 """
 
 from collections.abc import Generator, Iterator

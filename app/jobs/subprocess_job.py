@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, JobRun, Progress
 
 _BEAT_S = 0.25

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
+from nerfnav_app.page.catalog import layers
 from nerfnav_app.page.icon_archive import icons_at_hand
+from nerfnav_app.page.kit.panel import Page, Panel
+from nerfnav_app.page.kit.theme import apply_theme
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
-from nerfnav_app.page.layers.scene import layers
-from nerfnav_app.page.panels.panel import Page, Panel
 from nerfnav_app.page.panels.tabs import panels
-from nerfnav_app.page.theme import apply_theme
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.state.actions import Command
 

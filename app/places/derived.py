@@ -1,4 +1,4 @@
-"""What is derived from a place and cached: the field as planners see it, its occupancy map, its searcher."""
+"""Derived data of a place, cached: the field as planners see it, its occupancy map, its searcher."""
 
 from dataclasses import replace
 from functools import lru_cache

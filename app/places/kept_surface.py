@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 
 import nerfnav
-from nerfnav import cached
+from nerfnav.core import cache
 
 _KIND = "surfaces"  # in the cache
 _APP, _LIBRARY = Path(__file__).parent.parent, Path(nerfnav.__file__).parent
@@ -16,13 +16,13 @@ _CODE = _APP / "places", _APP / "jobs", _LIBRARY / "field"  # which surfaces dep
 
 def kept_surface(field: Path) -> bytes | None:
     """The surface of a field's file that was shaped on this machine; None where none was, empty where there is none."""
-    return cached.found(_KIND, _key(field))
+    return cache.found(_KIND, _key(field))
 
 
 def keep_surface(field: Path, glb: bytes) -> None:
     """Keep the surface of a field's file."""
-    cached.keep(_KIND, _key(field), glb)
+    cache.keep(_KIND, _key(field), glb)
 
 
 def _key(field: Path) -> bytes:
-    return cached.code_of(*_CODE) + hashlib.sha256(field.read_bytes()).digest()
+    return cache.code_of(*_CODE) + hashlib.sha256(field.read_bytes()).digest()

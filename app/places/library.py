@@ -19,7 +19,7 @@ from pathlib import Path
 
 from platformdirs import user_data_path
 
-from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav_app.places.kept_place import ABOUT, KeptPlace, keep_picture, read_place, write_place
 from nerfnav_app.places.robot_library import RobotLibrary
 from nerfnav_app.places.uploads import check_upload, folder_of, write_upload

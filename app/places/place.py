@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import nerfnav_scenes as scenes
-from nerfnav.errors import NerfnavError, UnknownNameError
+from nerfnav.core.errors import NerfnavError, UnknownNameError
 from nerfnav.field import StoredField, load_field
 from nerfnav.geometry import Camera
 from nerfnav.importers import SourceKind, Splats, load_splats, source_kind, splats_beside, wrong_kind
-from nerfnav.importers.suffixes import FIELD
+from nerfnav.importers.core.kinds import FIELD
 from nerfnav.robots import Robot, load
 from nerfnav.world import Task
 

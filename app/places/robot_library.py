@@ -11,7 +11,7 @@ import re
 import shutil
 from pathlib import Path
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots import RobotFile, decoded, load, to_yaml
 from nerfnav_app.places.uploads import UploadError, folder_of, safe_name, write_upload
 

@@ -4,7 +4,7 @@ import os
 import re
 from pathlib import Path
 
-from nerfnav.importers.suffixes import UPLOADS as SUFFIXES
+from nerfnav.importers.core.kinds import UPLOADS as SUFFIXES
 
 __all__ = ["SUFFIXES", "title_of", "without_folder", "without_paths"]
 

@@ -1,4 +1,4 @@
-"""A mesh made ready for a browser: cleaned, and as bytes that are shown as they are (binary glTF without light).
+"""Surface GLB: clean a mesh for a browser, and encode it as binary glTF without light, to be shown as it is.
 
 Imports nothing slow: a surface that was kept is shown while all else is being imported.
 """
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
+from nerfnav.core.glb import packed, parts
 from nerfnav.geometry import before_tone_mapping, to_linear, to_srgb
-from nerfnav.glb import packed, parts
 
 if TYPE_CHECKING:
     import trimesh  # slow to import, and surfaces are seldom made
 
-    from nerfnav.field.texture import TexturedMesh
+    from nerfnav.field.surface.texture import TexturedMesh
 
 _VERTICES, _INDICES = 34962, 34963  # buffer targets of glTF
 _FLOAT, _UINT32, _UINT16 = 5126, 5125, 5123  # component types of glTF

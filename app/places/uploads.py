@@ -5,8 +5,8 @@ import hashlib
 import re
 from pathlib import Path
 
-from nerfnav.errors import NerfnavError
-from nerfnav.files import replacing
+from nerfnav.core.errors import NerfnavError
+from nerfnav.core.files import replacing
 from nerfnav_app.places.sources import SUFFIXES
 
 MOST_BYTES = 512 << 20

@@ -1,4 +1,4 @@
-"""From where a place is looked at first.
+"""Vantage point: the eye and target from which a place is looked at first.
 
 Imports nothing slow: a surface that was kept is shown while all else is being imported.
 """

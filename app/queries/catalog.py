@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from nerfnav.errors import UnknownNameError
+from nerfnav.core.errors import UnknownNameError
 from nerfnav_app.queries import (
     clearance,
     click_landing,

@@ -46,7 +46,7 @@ class ExperimentsQuery(Query[Experiments]):
     def answer(self, resources: Resources) -> Experiments:
         """List the experiments and the folder of results."""
         # imported when it is asked for: with their figures, experiments take long to import
-        from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS
+        from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
 
         store = ExperimentStore((resources.runs or RunStore()).folder)
         known = tuple((name, experiment.purpose) for name, experiment in EXPERIMENTS.items())

@@ -13,7 +13,7 @@ from nerfnav.geometry import Camera, Pose
 from nerfnav_app.queries.click_landing import LEAST_OPACITY
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view_settings import Backdrop, Eye
+from nerfnav_app.state.view import Backdrop, Eye
 
 WIDTHS = (240, 720)
 """Of the renderings for a tab [pixels]: one at once, one for who looks longer."""

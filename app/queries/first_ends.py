@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav.field import Unknown
 from nerfnav.planner import OccupancyConfig, threshold_of
-from nerfnav.planner.columns import dense_at
+from nerfnav.planner.space.occupancy import dense_at
 from nerfnav_app.places.derived import occupancy_of, planning_place
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place
@@ -45,7 +45,7 @@ class FirstEndsQuery(Query[FirstEnds]):
 
     def answer(self, resources: Resources) -> FirstEnds:
         """Look in the free space that planners see."""
-        from nerfnav.planner.first_ends import first_ends  # slow to import, and bundled places have tasks
+        from nerfnav.planner.objective.default_ends import first_ends  # slow to import, and bundled places have tasks
 
         place = resources.place
         seen = planning_place(place, Unknown.OCCUPIED)

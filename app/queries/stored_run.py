@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import noticed
 from nerfnav_app.reducers.runs import compared, opened

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from nerfnav_app.queries.click_landing import Vector, met_by
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import noticed
-from nerfnav_app.state.placing import Ray
+from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.session import Session
 
 

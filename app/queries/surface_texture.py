@@ -47,7 +47,7 @@ class SurfaceTextureQuery(Query[Baking]):
 
     def answer(self, resources: Resources) -> Baking:
         """Go on with the texture, or take the one that was kept."""
-        from nerfnav_app.jobs.surface import shaping  # slow to import
+        from nerfnav_app.jobs.export.surface import shaping  # slow to import
 
         going = shaping(resources.place) if self.baking is None else self.baking.going
         try:

@@ -1,11 +1,11 @@
-"""Changes of the session that several messages bring about."""
+"""Shared reductions: changes of the session that several messages bring about."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
-from nerfnav.planner.duration import is_hurried
+from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav_app.places.ends import End, Ends, Which, opening_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_paths

@@ -18,7 +18,7 @@ from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.records import PlanRecord, SearchRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice
-from nerfnav_app.state.view_settings import Backdrop
+from nerfnav_app.state.view import Backdrop
 from nerfnav_app.text import sentence
 
 

@@ -2,15 +2,15 @@
 
 from dataclasses import replace
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import title_of
 from nerfnav_app.reducers.common import moved, noticed, settled, typed
 from nerfnav_app.reducers.jobs import emptied
 from nerfnav_app.state import actions as m
+from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.job import Job, JobKind
-from nerfnav_app.state.placing import Ray
 from nerfnav_app.state.session import Click, Session, Vector
 from nerfnav_app.state.settings import Choice
 from nerfnav_app.state.tab_actions import Left, Looked, TabAction, Viewed

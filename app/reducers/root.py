@@ -7,8 +7,8 @@ from nerfnav_app.reducers.common import noticed
 from nerfnav_app.reducers.job_reports import reported
 from nerfnav_app.reducers.settings import adjusted, reset
 from nerfnav_app.state import actions as m
+from nerfnav_app.state.alignment import PlacingAction
 from nerfnav_app.state.experiments import ListExperiments, ShowResult
-from nerfnav_app.state.placing import PlacingAction
 from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
 from nerfnav_app.state.run_actions import OpenRun, RunAction
 from nerfnav_app.state.session import Session

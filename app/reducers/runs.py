@@ -5,7 +5,7 @@ from pathlib import Path
 
 import torch
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.reducers.common import noticed
 from nerfnav_app.state.actions import RunChanged
 from nerfnav_app.state.run_actions import (

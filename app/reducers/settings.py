@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav_app.places.ends import opening_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.reducers import jobs
@@ -11,7 +11,7 @@ from nerfnav_app.reducers.common import first_settings, noticed
 from nerfnav_app.state.actions import Settings
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
-from nerfnav_app.state.view_settings import ViewSettings
+from nerfnav_app.state.view import ViewSettings
 from nerfnav_app.text import sentence
 
 

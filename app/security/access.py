@@ -1,8 +1,8 @@
-"""Who may ask for a page or a connection.
+"""Access policy: decide which requests get a page or a connection.
 
-    token: `/?token=T` sets a cookie; without it, or with a wrong one, there is neither page nor connection
-    Host and Origin: only names of this server, so that no page of another site can talk to it (DNS rebinding included)
-    connections: so many in a moment, for each of them is sent the whole scene
+token: `/?token=T` sets a cookie; without it, or with a wrong one, there is neither page nor connection
+Host and Origin: only names of this server, so that no page of another site can talk to it (DNS rebinding included)
+connections: so many in a moment, for each of them is sent the whole scene
 """
 
 import gzip

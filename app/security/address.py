@@ -7,7 +7,7 @@ import errno
 import ipaddress
 import socket
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 
 
 class AddressError(NerfnavError):

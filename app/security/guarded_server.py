@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import viser
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.security.access import AccessPolicy
 from nerfnav_app.security.message_filter import MessageFilter
 from nerfnav_app.security.token import check_token

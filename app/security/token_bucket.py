@@ -1,4 +1,4 @@
-"""How much of something may happen: so much at once, and so much each second (a token bucket)."""
+"""Token bucket: a rate limit of so much at once, and so much each second."""
 
 import time
 from collections.abc import Callable

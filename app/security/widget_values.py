@@ -1,4 +1,7 @@
-"""What a tab may set a widget to: viser takes any value, and neither `min`, `max` nor `options` hold on the server."""
+"""Widget values: validate what a tab sets a widget to.
+
+viser takes any value, and neither `min`, `max` nor `options` hold on the server.
+"""
 
 import math
 from collections.abc import Callable, Sequence

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 from nerfnav_app.jobs.events import JobReport
 from nerfnav_app.places.ends import End, Which
 from nerfnav_app.places.learning import QualityName
+from nerfnav_app.state.alignment import PlacingAction
 from nerfnav_app.state.downloads import DownloadAction
 from nerfnav_app.state.experiments import ExperimentAction
-from nerfnav_app.state.placing import PlacingAction
 from nerfnav_app.state.plan_actions import PlanAction
 from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
 from nerfnav_app.state.run_actions import RunAction

@@ -1,4 +1,4 @@
-"""What the session holds of experiments, and the actions of a person on them."""
+"""Experiments in the session, and the actions of a person on them."""
 
 from dataclasses import dataclass, replace
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
-from nerfnav_app.state.view_settings import ViewSettings
+from nerfnav_app.state.view import ViewSettings
 
 MOST = 100
 """So many steps can be undone."""

@@ -1,4 +1,4 @@
-"""Numbers of a robot as a person reads and changes them, each with its unit, and the actions on them."""
+"""Draft of a robot: its numbers as a person reads and changes them, each with its unit, and the actions on them."""
 
 import math
 from dataclasses import dataclass

@@ -17,18 +17,18 @@ from nerfnav_app.places.ends import End, Ends, Which, opening_ends
 from nerfnav_app.places.learning import USUAL, QualityName
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.vantage import View
+from nerfnav_app.state.alignment import Placing
 from nerfnav_app.state.downloads import Download
 from nerfnav_app.state.experiments import ExperimentState
 from nerfnav_app.state.history import History, Moment
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.left_off import LeftOff
 from nerfnav_app.state.notice import Notice
-from nerfnav_app.state.placing import Placing
 from nerfnav_app.state.records import FlightRecord, PlanRecord, SearchRecord
 from nerfnav_app.state.runs import Runs, Timed
 from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
 from nerfnav_app.state.tracks import TrackRecord
-from nerfnav_app.state.view_settings import Eye, ViewSettings
+from nerfnav_app.state.view import Eye, ViewSettings
 
 Vector = tuple[float, float, float]
 

@@ -1,13 +1,14 @@
-"""What a person may change: what moves, plans and estimates; how plans are made; how flights are flown."""
+"""Settings: the choice of robot, planner and estimator, the settings of plans, the settings of flights."""
 
 from dataclasses import dataclass, field, fields, replace
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import StateNoise, estimators
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import estimators
 from nerfnav.field import Unknown
 from nerfnav.navigation import WorldName
 from nerfnav.planner import CostWeights, PlannerConfig, planners
+from nerfnav.robots import StateNoise
 
 GUST = StateNoise(position_m=0.05, velocity_mps=0.3, attitude_rad=0.05, body_rate_radps=0.3)
 """What one gust of wind does to the robot."""

@@ -1,4 +1,4 @@
-"""What the app keeps of a camera that is followed: a track as far as it has come, and a person's actions on it."""
+"""Camera tracks: the track of a camera as far as it has come, and a person's actions on it."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Whether a file is being written: a lock file beside it, which the system frees when a program is killed."""
+"""File lock: a lock file beside a file that is being written, which the system frees when a program is killed."""
 
 from pathlib import Path
 

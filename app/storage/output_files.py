@@ -1,4 +1,4 @@
-"""Where jobs write: checked before long work, and no half file is ever seen."""
+"""Output files of jobs: checked before long work, and written whole or not at all."""
 
 import json
 import math
@@ -6,8 +6,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from nerfnav.errors import NerfnavError
-from nerfnav.files import replacing
+from nerfnav.core.errors import NerfnavError
+from nerfnav.core.files import replacing
 
 
 class OutputError(NerfnavError):

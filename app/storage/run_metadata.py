@@ -1,4 +1,5 @@
-"""What is known of a flight besides its steps: run.json in its folder, written at take-off and again at the end."""
+"""Run metadata: all that is known of a flight besides its steps (run.json), written at take-off and again at the
+end."""
 
 import json
 import math
@@ -7,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.storage.output_files import json_line, write_text
 

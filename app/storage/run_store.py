@@ -6,7 +6,7 @@ import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
-from nerfnav.errors import InvalidInputError, NerfnavError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.navigation import NavigationStep
 from nerfnav_app.storage import run_metadata as about
 from nerfnav_app.storage.file_lock import is_held

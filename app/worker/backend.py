@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.actions import RunChanged

@@ -4,7 +4,7 @@ import logging
 import time
 from typing import Any
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.query import Query
 from nerfnav_app.state.actions import QueryAnswered, Tell

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from nerfnav.compiled import telling_compilation
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
+from nerfnav.core.jit import telling_compilation
 from nerfnav.navigation import Iteration, NavigationStep
 from nerfnav_app.jobs.events import COMPILING, JobEvents, JobFailed, JobFinished, Progress
 from nerfnav_app.state.job import Job

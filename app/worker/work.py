@@ -1,4 +1,4 @@
-"""What the worker can do: the protocol of its work."""
+"""Protocol of the worker's work: begin a job, answer a query, change a stored run, follow the session."""
 
 from typing import Any, Protocol
 

@@ -1,12 +1,12 @@
-"""The estimators: the one table that every choice of an estimator reads."""
+"""Registry of estimators: the one table that every choice of an estimator reads."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nerfnav.estimator.estimator import Estimator
-from nerfnav.estimator.fast import FastFilter, inerf
-from nerfnav.estimator.filter import PoseFilter
-from nerfnav.registry import Registry
+from nerfnav.core.registry import Registry
+from nerfnav.estimator.core.protocol import Estimator
+from nerfnav.estimator.gauss_newton.fast_filter import FastFilter, inerf
+from nerfnav.estimator.paper.pose_filter import PoseFilter
 
 
 @dataclass(frozen=True)

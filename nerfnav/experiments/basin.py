@@ -15,9 +15,9 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.basin_results import SIZES, picture, summary_of
 from nerfnav.experiments.basin_trial import corrected
 from nerfnav.experiments.disturbed import disturbed_flight
-from nerfnav.experiments.flights import Trial, over_flights
+from nerfnav.experiments.disturbed_flights import Trial, over_flights
+from nerfnav.experiments.held_out_views import renderer_of, take_picture
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study
-from nerfnav.experiments.views import renderer_of, take_picture
 
 
 def run(study: Study) -> Iterator[ExperimentStep]:

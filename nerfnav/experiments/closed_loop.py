@@ -10,7 +10,7 @@ first ones stay.
 from collections.abc import Iterator
 from functools import partial
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.experiments.closed_loop_results import picture, summary_of
 from nerfnav.experiments.study import ExperimentStep, Results, Study, run_trials
 from nerfnav.experiments.whole_flight import FlightTrial, fly

@@ -31,7 +31,7 @@ from nerfnav.planner import (
     collision_per_step,
     replan,
 )
-from nerfnav.planner.astar import find_path, smooth_path, waypoints_along
+from nerfnav.planner.space.astar import find_path, smooth_path, waypoints_along
 from nerfnav.robots import Motion, Quadrotor, QuadrotorConfig
 from nerfnav.world import Task, judge
 

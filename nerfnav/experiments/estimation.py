@@ -9,15 +9,16 @@ from functools import lru_cache, partial
 
 import torch
 
-from nerfnav.estimator import Belief, Estimator, FilterOutcome, StateNoise, inerf
+from nerfnav.estimator import Belief, Estimator, FilterOutcome, inerf
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.disturbed import DT, STEPS, disturbed_flight
+from nerfnav.experiments.disturbed_flights import Trial, over_flights
 from nerfnav.experiments.estimation_errors import errors_of
 from nerfnav.experiments.estimation_results import METHODS, picture, summary_of
 from nerfnav.experiments.fast_filter import fast_filter
-from nerfnav.experiments.flights import Trial, over_flights
+from nerfnav.experiments.held_out_views import renderer_of, take_picture
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study
-from nerfnav.experiments.views import renderer_of, take_picture
+from nerfnav.robots import StateNoise
 
 _FIRST = StateNoise.isotropic(0.01**2)  # spread of the first belief: 1 cm, 0.01 rad
 

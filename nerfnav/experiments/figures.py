@@ -1,9 +1,9 @@
-"""Pictures of results, drawn without a screen."""
+"""Figures of results, drawn without a screen."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from nerfnav.extras import from_extra
+from nerfnav.core.extras import from_extra
 
 if TYPE_CHECKING:
     import matplotlib.axes

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from nerfnav.errors import require_not_negative
+from nerfnav.core.errors import require_not_negative
 from nerfnav.navigation import WorldName
 
 EndsChoice = Literal["tasks", "random", "both"]

@@ -18,7 +18,7 @@ from nerfnav.experiments.contenders import ROBOT, contender_for, missing
 from nerfnav.experiments.planners_results import PLANNERS, picture, summary_of
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.planner import PlanOutcome, PlanStep, Route, collision_per_step
-from nerfnav.planner.costs import control
+from nerfnav.planner.risk.costs import control
 from nerfnav.world import Task, judge
 
 _STEPS, _DT = 20, 0.1

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.contenders import ROBOT, contender_for
 from nerfnav.experiments.reflight_results import picture, summary_of

@@ -16,9 +16,9 @@ from functools import partial
 import torch
 
 from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.held_out_views import renderer_of, searcher_of
 from nerfnav.experiments.relocalisation_results import KINDS, picture, summary_of
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.experiments.views import renderer_of, searcher_of
 from nerfnav.geometry import Pose, so3
 from nerfnav.robots import CAMERA
 from nerfnav.world import CaptureConfig, capture_poses

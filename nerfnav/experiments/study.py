@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.extras import from_extra
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.flight_options import FlightOptions
 from nerfnav.experiments.journal import Journal
-from nerfnav.extras import from_extra
 from nerfnav.world import Task
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from nerfnav.estimator import DescentConfig
-from nerfnav.estimator.descent import descend
-from nerfnav.estimator.retraction import retract
+from nerfnav.estimator.paper.adam import descend
+from nerfnav.estimator.paper.retraction import retract
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.experiments.tangent_guess import first_guess

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.curves import Curve, curve_of, quadrotor_of, slower
-from nerfnav.export.limits import Room, asked, within
+from nerfnav.export.flatness import Room, asked, within
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.splines import ORDER, Samples, fit
 from nerfnav.planner import PiecewisePolynomial

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.export.limits import Room, within
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.export.flatness import Room, within
 from nerfnav.export.recording import Recording
 from nerfnav.export.splines import Samples, fit
 from nerfnav.geometry import so3

@@ -1,25 +1,25 @@
-"""All formats in which a plan or a flight can be taken away: name, ending, what it is for, and what makes it."""
+"""Export formats: name, ending, purpose and writer of each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.registry import Registry
 from nerfnav.export.ardupilot import ardupilot
 from nerfnav.export.crazyflie import crazyflie
+from nerfnav.export.curve_safety import judged
 from nerfnav.export.curves import quadrotor_of
 from nerfnav.export.gltf import gltf
-from nerfnav.export.judged import judged
 from nerfnav.export.px4 import px4, px4_odometry
 from nerfnav.export.qgroundcontrol import qgroundcontrol
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.replay import replay
-from nerfnav.export.ros.mcap import mcap
 from nerfnav.export.ros.rosbag2 import rosbag2
+from nerfnav.export.ros_bags import mcap
 from nerfnav.export.table_text import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import GOOD, PiecewisePolynomial, PlanOutcome
-from nerfnav.registry import Registry
 
 _HURT = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)
 """Outcomes of flights that no vehicle should repeat."""

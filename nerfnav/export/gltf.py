@@ -1,7 +1,7 @@
-"""The way and the robot on it as binary glTF, for Blender and every viewer of models.
+"""glTF animation: the path and the robot on it as binary glTF, for Blender and every viewer of models.
 
 glTF is Y-up, the library Z-up: the root node turns the world by -90 degrees about x, so what stands below it keeps
-the library's numbers. Below it are the way (lines; of a flight also the believed way), and a box of the
+the library's numbers. Below it are the path (lines; of a flight also the believed path), and a box of the
 body's size whose translation [m] and rotation (x, y, z, w) are animated in real time.
 """
 
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from nerfnav.core.glb import packed
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.glb import packed
 
 _FLOAT, _UINT16 = 5126, 5123
 _LINES, _TRIANGLES = 1, 4

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.export.occupancy_meshes import mesh_files
 from nerfnav.field import StateGrid, VoxelState
 

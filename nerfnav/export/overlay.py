@@ -1,4 +1,4 @@
-"""A video of a track: the picture, what the field shows from the tracked pose, and their difference, side by side."""
+"""Overlay video of a track: the picture, what the field shows from the tracked pose, and their difference."""
 
 from pathlib import Path
 from types import TracebackType
@@ -9,7 +9,7 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.tracking import Tracked
 
 _GAIN = 3.0

@@ -12,7 +12,7 @@ The world is taken for NED (see nerfnav.export.setpoints), the body for FRD (x f
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.setpoints import RATE_HZ, csv_of, ned_of_enu, ned_rows, setpoints_of, told
 from nerfnav.geometry import so3

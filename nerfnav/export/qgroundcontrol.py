@@ -16,7 +16,7 @@ import math
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.curves import Curve, curve_of
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.setpoints import yaw_ned_of_enu

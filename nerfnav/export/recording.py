@@ -1,4 +1,4 @@
-"""What is exported: a plan or a flight as a table, and for richer formats the time steps and the place around them."""
+"""Recording: a plan or a flight as a table and, for richer formats, its time steps and its place."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -11,7 +11,7 @@ replay.html is the page; what it shows is put in its place as JSON:
 import json
 from importlib.resources import files
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.replay_data import replay_data
 

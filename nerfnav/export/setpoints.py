@@ -20,7 +20,7 @@ from torch import Tensor
 
 from nerfnav.export.crazyflie import demands_of
 from nerfnav.export.curves import Curve, curve_of, quadrotor_of
-from nerfnav.export.limits import Room
+from nerfnav.export.flatness import Room
 from nerfnav.export.recording import Recording
 
 RATE_HZ = 50

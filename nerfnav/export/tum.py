@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
 
 _HEAD = "# timestamp tx ty tz qx qy qz qw"

@@ -12,6 +12,8 @@ from .colmap_cameras import ColmapCamera as ColmapCamera
 from .colmap_cameras import colmap_cameras as colmap_cameras
 from .colmap_cameras import colmap_lines as colmap_lines
 from .colmap_cameras import colmap_rows as colmap_rows
+from .color import to_linear as to_linear
+from .color import to_srgb as to_srgb
 from .directions import spiral as spiral
 from .ellipsoid import ellipsoid_95 as ellipsoid_95
 from .fisheye import fisheye_points as fisheye_points
@@ -28,7 +30,5 @@ from .images import psnr_db as psnr_db
 from .images import reduced as reduced
 from .sightings import Sightings as Sightings
 from .similarity import Similarity as Similarity
-from .srgb import to_linear as to_linear
-from .srgb import to_srgb as to_srgb
 from .tone import before_tone_mapping as before_tone_mapping
 from .tone import tone_mapped as tone_mapped

@@ -1,4 +1,4 @@
-"""An axis-aligned box in the world: where a field is defined and where a robot may be."""
+"""Axis-aligned box in the world: the domain of a field, and the space in which a robot may be."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.structs import TensorStruct
+from nerfnav.core.structs import TensorStruct
 
 
 @dataclass(frozen=True)

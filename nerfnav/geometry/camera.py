@@ -1,4 +1,4 @@
-"""Cameras: where a pixel looks. The one place that says which way a camera's axes point.
+"""Camera models: project points into pixels, and pixels into rays. Only here is it said how a camera's axes point.
 
 Cameras are OpenGL: x right, y up, looking along -z. Pixel (u, v) has its centre at (u + 0.5, v + 0.5), u to the
 right and v down, so rays of an H x W image are those of pixels v = 0..H-1, u = 0..W-1.
@@ -11,10 +11,10 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.geometry.distortion import COUNTS, undistorted
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.structs import TensorStruct
 from nerfnav.geometry.fisheye import fisheye_directions
-from nerfnav.structs import TensorStruct
+from nerfnav.geometry.lens import COUNTS, undistorted
 
 R_BODY_CAMERA = torch.tensor([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Attitude of a camera that looks along the body's x axis (FLU) with its top towards the body's z axis."""
@@ -56,7 +56,7 @@ class Camera:
     cy: float
     """Principal point along v [pixels]."""
     distortion: tuple[float, ...] = ()
-    """OpenCV's k1, k2, p1, p2 and perhaps k3 (see geometry/distortion.py); none: straight lines stay straight.
+    """OpenCV's k1, k2, p1, p2 and perhaps k3 (see geometry/lens.py); none: straight lines stay straight.
     Of a fisheye, k1, k2, k3, k4 (see geometry/fisheye.py)."""
     fisheye: bool = False
     """Whether the lens is a fisheye: a pixel tells an angle, not a point of a plane."""

@@ -1,4 +1,4 @@
-"""Calibrations of cameras as other programs write them: ROS, OpenCV, nerfstudio and instant-ngp, COLMAP.
+"""Camera calibration files: read those of ROS, OpenCV, nerfstudio and instant-ngp, and COLMAP.
 
     ROS's camera_info (.yaml)      image_width, camera_matrix.data, distortion_model, distortion_coefficients.data
     OpenCV's FileStorage (.yaml)   image_width, camera_matrix, distortion_coefficients
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera
 from nerfnav.geometry.colmap_cameras import colmap_cameras
 

@@ -1,4 +1,4 @@
-"""Directions that are spread evenly."""
+"""Fibonacci spiral: unit directions that are spread evenly over the sphere, or over a part of it."""
 
 import math
 

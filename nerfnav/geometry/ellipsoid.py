@@ -1,4 +1,4 @@
-"""The region that holds 95 % of a normal distribution in space.
+"""Confidence ellipsoid: the region that holds 95 % of a normal distribution in space.
 
 A covariance V diag(l) V' has the axes V, and half lengths sqrt(l) times the root of the 95 % quantile of the
 chi-squared distribution with three degrees of freedom.

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 
 _LINE = 0.02
 """Height of a triangle, relative to its longest side, below which its corners count as lying on a line."""

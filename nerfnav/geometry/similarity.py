@@ -10,10 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.structs import TensorStruct
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
-from nerfnav.structs import TensorStruct
 
 _RIGID = 1e-4
 """How far R R' may be from the identity."""

@@ -1,13 +1,13 @@
-"""Kinds of folders, archives and files whose endings leave it open: told by what is in them.
+"""Content inspection: the kind of folders, archives and files whose endings leave it open.
 
-Most places are fields, and somebody waits for them: this, with what reads the other kinds, is imported when one comes.
+Imported only when needed, with the readers of all kinds: most places are fields, and somebody waits for them.
 """
 
 from pathlib import Path
 
 from nerfnav.importers.captures.formats import is_capture
+from nerfnav.importers.core.magic import head_of, magic_of
 from nerfnav.importers.kinds import SourceKind
-from nerfnav.importers.magic import head_of, magic_of
 from nerfnav.importers.meshes.folders import mesh_in, meshes_in_archive
 from nerfnav.importers.nerf_pytorch_files import is_checkpoint
 from nerfnav.importers.splats.layouts import holds_splats

@@ -1,4 +1,4 @@
-"""What a navigator is asked and answers: plain numbers, for vehicles near and far. Nothing slow is imported here.
+"""Records of a navigator: goals in, answers and setpoints out, as plain numbers. Nothing slow is imported here.
 
 The world is the field's frame, ENU and z-up, in metres; the body is FLU. Times are those of the vehicle's own clock.
 """

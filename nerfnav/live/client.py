@@ -14,7 +14,7 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 from websockets.sync.client import connect
 
-from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.live.answer import Answer, Goal
 from nerfnav.live.messages import Error, Picture, Size, Told, Welcome, check_version, encoded, said
 

@@ -1,12 +1,12 @@
 """Guidance: from a belief to the next setpoints on the way to a goal, or to what else is safe.
 
 The plan is redone from each belief by the planner of flights, with the risk that it counts there, and judged on the
-field as planners see it, where unproven space is solid; so is the curve through the setpoints. A plan that is not good
-is never told: the vehicle is to brake along a backup (navigation/backup.py), or, where that is not safe either, to
-hold.
+field as planners see it, where unproven space is solid; so is the curve through the setpoints. A plan that is not
+good is never sent: the vehicle is to brake along a fallback trajectory (navigation/fallback.py), or, where that is
+not safe either, to hold.
 
-A plan is followed for one of its steps before it is redone, unless the vehicle has strayed from it: a quadrotor's first
-two accelerations are given by how it leans, and one that began anew more often would never come to lean.
+A plan is followed for one of its steps before it is redone, unless the vehicle has strayed from it: a quadrotor's
+first two accelerations are given by how it leans, and one that began anew more often would never come to lean.
 """
 
 import math
@@ -16,14 +16,14 @@ from functools import cached_property
 
 import torch
 
-from nerfnav.errors import NerfnavError
-from nerfnav.estimator import Belief, StateNoise
+from nerfnav.core.errors import NerfnavError
+from nerfnav.estimator import Belief
 from nerfnav.field import Field, Unknown, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
-from nerfnav.live.curve import half_a_step_back, on_curve, setpoints_of
 from nerfnav.live.guided import expected
+from nerfnav.live.setpoints import half_a_step_back, on_curve, setpoints_of
 from nerfnav.navigation import NavigateConfig, guarded
-from nerfnav.navigation.backup import Backup, Guard
+from nerfnav.navigation.fallback import Backup, Guard
 from nerfnav.planner import (
     GOOD,
     FastPlanConfig,
@@ -44,7 +44,7 @@ from nerfnav.planner import (
     way_length,
     with_risk,
 )
-from nerfnav.robots import Motion, RigidState, Robot
+from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
 _STEP = 0.9
 """Share of a step after which a plan is redone: pictures do not come exactly in time."""

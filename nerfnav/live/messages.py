@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.live.answer import Answer, Goal, Vector
 
 VERSION = 1

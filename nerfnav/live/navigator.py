@@ -1,13 +1,13 @@
-"""A navigator: pictures and their times in, the vehicle's pose and the next setpoints of its plan out.
+"""Navigator: pictures and their times in, the vehicle's pose and the next setpoints of its plan out.
 
     navigator = Navigator(field, robot, camera)
     navigator.prepare()                                       # seconds, once
     answer = navigator.see(picture, time)                     # pose with covariance
     answer = navigator.see(picture, time, Goal((1, 2, 1)))    # and guidance
 
-It begins by looking everywhere; the vehicle had better stay where it is meanwhile. A picture that is not newer than the
-one before it is refused: the answer says so, and changes nothing. One that is older than `LiveConfig.oldest_s` by the
-vehicle's clock is used at its own time, but nothing is planned from it.
+It begins by looking everywhere; the vehicle had better stay where it is meanwhile. A picture that is not newer than
+the one before it is refused: the answer says so, and changes nothing. One that is older than `LiveConfig.oldest_s`
+by the vehicle's clock is used at its own time, but nothing is planned from it.
 """
 
 import math
@@ -19,14 +19,14 @@ from dataclasses import field as dataclass_field
 import torch
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, FastFilter, StateNoise
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import Belief, FastFilter
 from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.live.answer import Answer, Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
 from nerfnav.live.guided import Guided, change
-from nerfnav.robots import RigidState, Robot
+from nerfnav.robots import RigidState, Robot, StateNoise
 from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
 
 OLD = "old"

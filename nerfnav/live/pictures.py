@@ -1,4 +1,4 @@
-"""Pictures out of messages. They come from outside: nothing is unpacked before its size is known."""
+"""Decode the pictures of messages. They come from outside: nothing is unpacked before its size is known."""
 
 import io
 
@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 from PIL import Image
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.live.messages import Picture
 from nerfnav.tracking.sources.decoded import decoded

@@ -1,12 +1,14 @@
 from .episode import Episode as Episode
 from .guarding import guarded as guarded
+from .loop import navigate as navigate
 from .mission import Mission as Mission
 from .mission import NavigateConfig as NavigateConfig
 from .mission import Pilot as Pilot
 from .orders import Orders as Orders
 from .physical.config import PhysicalConfig as PhysicalConfig
-from .recovery import Recovery as Recovery
-from .replan import navigate as navigate
+from .physical.worlds import WORLDS as WORLDS
+from .physical.worlds import WorldName as WorldName
+from .physical.worlds import with_late_pictures as with_late_pictures
 from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction
 from .simulator import Simulator as Simulator
@@ -15,6 +17,4 @@ from .steps import EpisodeOutcome as EpisodeOutcome
 from .steps import Iteration as Iteration
 from .steps import LoopEvent as LoopEvent
 from .steps import NavigationStep as NavigationStep
-from .worlds import WORLDS as WORLDS
-from .worlds import WorldName as WorldName
-from .worlds import with_late_pictures as with_late_pictures
+from .supervisor import Recovery as Recovery

@@ -18,11 +18,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.files import replacing, write_npz
 from nerfnav.estimator import Belief
-from nerfnav.files import replacing, write_npz
-from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.supervisor import Recovery
 from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 
 _STATE = tuple(field.name for field in fields(RigidState))

@@ -7,11 +7,11 @@ import torch
 
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.orders import Course, Orders
-from nerfnav.navigation.recovery import Lookout
 from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.supervisor import Lookout
 from nerfnav.planner import fits
-from nerfnav.planner.headings import Watch, turned_to_see, watching
-from nerfnav.planner.sight import seeing
+from nerfnav.planner.active_yaw import Watch, turned_to_see, watching
+from nerfnav.planner.visibility import seeing
 from nerfnav.robots import Motion, RigidState
 
 

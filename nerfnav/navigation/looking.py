@@ -1,4 +1,4 @@
-"""Where a robot looks that holds, for it sees too little: quickly to where its field shows something, then around."""
+"""Active looking: turn a robot that holds and sees too little, first to what its field shows, then all around."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,9 +7,9 @@ from torch import Tensor
 
 from nerfnav.geometry import so3
 from nerfnav.navigation.flight import Flight
-from nerfnav.navigation.recovery import Recovery, come_to_rest
 from nerfnav.navigation.steps import Doubt, NavigationStep
-from nerfnav.planner.headings import turning_rate, wrapped
+from nerfnav.navigation.supervisor import Recovery, come_to_rest
+from nerfnav.planner.active_yaw import turning_rate, wrapped
 from nerfnav.robots import Motion, RigidState
 
 _ARRIVING = 0.8

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import torch
 
 from nerfnav.estimator import Estimator, LastingError
-from nerfnav.navigation.recovery import RecoveryConfig, come_to_rest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
+from nerfnav.navigation.supervisor import RecoveryConfig, come_to_rest
 from nerfnav.robots import Motion, RigidState, Robot
 
 Clock = Callable[[], float]

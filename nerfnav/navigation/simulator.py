@@ -11,9 +11,8 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator import StateNoise
 from nerfnav.geometry import FORWARD_MOUNT, Pose
-from nerfnav.robots import Motion, RigidState, Robot
+from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
 CameraFunction = Callable[[Pose], UInt8[Tensor, "height width 3"]]
 """The picture that is taken at T_world_camera."""

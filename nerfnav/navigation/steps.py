@@ -1,4 +1,4 @@
-"""What the loop yields: every iteration of planner and filter, and a record of each completed time step."""
+"""Steps of a flight: every iteration of planner and filter, and a record of each completed time step."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -8,8 +8,8 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.estimator import Belief, FilterStep, RelocaliseStep
-from nerfnav.navigation.backup import Backup
-from nerfnav.navigation.recovery import Recovery
+from nerfnav.navigation.fallback import Backup
+from nerfnav.navigation.supervisor import Recovery
 from nerfnav.planner import PlanStep, timing_of
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, Robot
@@ -63,10 +63,10 @@ class NavigationStep:
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
     hits_expected: float | None = None
-    """Collisions to be expected of noise along the first plan, at index 0, by planner/spread.py: mostly more than there
-    will be, for what is near counts anew in each step. No bound: plans made on the way may dare more, and a quick step
-    counts by the mean over its way. Of 2,000 flights between the church's tasks with the state known, 61 touched
-    something where 148 had been expected. None where nobody guards the flight."""
+    """Collisions to be expected of noise along the first plan, at index 0, by planner/risk/tracking_error.py: mostly
+    more than there will be, for what is near counts anew in each step. No bound: plans made on the way may dare more,
+    and a quick step counts by the mean over its way. Of 2,000 flights between the church's tasks with the state known,
+    61 touched something where 148 had been expected. None where nobody guards the flight."""
     backup: Backup | None = None
     """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
     apparent: Belief | None = None

@@ -1,4 +1,4 @@
-"""Piecewise polynomials in time, with the rows of linear systems that say things about them.
+"""Piecewise polynomials in time, with the rows of linear systems that constrain them.
 
 Notation: segment i spans [t_i, t_{i+1}] of length T_i, u = (t - t_i) / T_i in [0, 1], and on it
 

@@ -1,4 +1,4 @@
-"""What a planner yields: a frozen record of every iteration, the last of which carries the outcome."""
+"""Planning steps: a frozen record of every iteration of a planner, the last of which carries the outcome."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.structs import TensorStruct
 from nerfnav.planner.route import Route
 from nerfnav.robots import Motion, RigidState, Robot
-from nerfnav.structs import TensorStruct
 
 
 @dataclass(frozen=True)

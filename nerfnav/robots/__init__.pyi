@@ -14,6 +14,10 @@ from .ground import wrapped as wrapped
 from .handheld import HandHeld as HandHeld
 from .headings import unwrapped as unwrapped
 from .limits import limit_uses as limit_uses
+from .noise import MeasuredNoise as MeasuredNoise
+from .noise import ProcessNoise as ProcessNoise
+from .noise import RandomAcceleration as RandomAcceleration
+from .noise import StateNoise as StateNoise
 from .quadrotor import Quadrotor as Quadrotor
 from .quadrotor_config import QuadrotorConfig as QuadrotorConfig
 from .robot import CAMERA as CAMERA
@@ -38,7 +42,4 @@ from .state import TANGENT as TANGENT
 from .state import VELOCITY as VELOCITY
 from .state import Motion as Motion
 from .state import RigidState as RigidState
-from .strapdown import Increments as Increments
-from .strapdown import advanced as advanced
-from .strapdown import moved_on as moved_on
 from .thrust import thrust_and_attitude as thrust_and_attitude

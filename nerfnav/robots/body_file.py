@@ -1,4 +1,4 @@
-"""The shape of a robot, as its file describes it [m]. One of:
+"""Shape of a robot, as its file describes it [m]. One of:
 
     box: [0.25, 0.25, 0.08]                       # edge lengths along x (forward), y, z (up)
     cylinder: {radius: 0.2, height: 0.1}          # upright
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.extras import from_extra
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.extras import from_extra
 from nerfnav.robots.body import Body
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Robots as files: what describes a robot, all its numbers told, and as YAML again."""
+"""Describe a robot as a file with all its numbers, change its kind, and write it as YAML."""
 
 from pathlib import Path
 

@@ -22,7 +22,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.arcs import EXACT, TYPICAL_SPEED, TYPICAL_TURN, Path, chord, closed, displacements, unit
 from nerfnav.robots.diffdrive_config import DiffDriveConfig

@@ -1,4 +1,4 @@
-"""A robot's flatness map between fixed ends as a fast function with an adjoint: arrays in, arrays out, float64.
+"""Flatness map between fixed ends as a fast function with an adjoint: arrays in, arrays out, float64.
 
     forward:  free numbers -> positions, attitudes, actions
     backward: what a cost changes with those -> what it changes with the free numbers

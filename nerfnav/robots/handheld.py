@@ -1,17 +1,17 @@
-"""A camera that a person carries: it keeps its velocities but for what the hand does, which nobody tells.
+"""Handheld camera: it keeps its velocities but for what the hand does, which nothing reports.
 
 Notation as in robots/state.py. Constant-velocity model over a step dt, without any action:
 
     p' = p + v dt,   v' = v,   R' = R Exp(w dt),   w' = w
 
-What the hand does is process noise (`RandomAcceleration`, see estimator/noise.py).
+What the hand does is process noise (`RandomAcceleration`, see noise.py).
 """
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
 from nerfnav.robots.robot import Robot

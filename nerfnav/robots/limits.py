@@ -1,4 +1,4 @@
-"""What a robot can do at most, and what a motion asks of it."""
+"""Limits of a robot: its bounds, how much of each a motion uses, and the penalty on their excess."""
 
 from dataclasses import dataclass
 

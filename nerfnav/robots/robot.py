@@ -1,4 +1,4 @@
-"""What every robot can do: turn flat waypoints into motion, and take a step.
+"""Robot protocol: turn flat waypoints into motion, and take a step of the dynamics.
 
 Discrete differential flatness: a robot names its free numbers (`free`), such that any value of them gives a motion
 that starts at `start`, ends at `goal` and obeys the discrete dynamics of `step`, all exactly. A planner may then

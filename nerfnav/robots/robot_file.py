@@ -20,7 +20,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots.body_file import BodyFile, Vector, body_of
 from nerfnav.robots.camera_file import CameraFile, seen_with
 from nerfnav.robots.couch import Couch

@@ -1,11 +1,11 @@
-"""Robots by name, as users choose them: the paper's in code, all others in files."""
+"""Registry of robots by name: the paper's in code, all others in files."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from nerfnav.registry import Registry
+from nerfnav.core.registry import Registry
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.handheld import HandHeld

@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.structs import TensorStruct
 from nerfnav.geometry import Pose, so3
-from nerfnav.structs import TensorStruct
 
 TANGENT = 12
 """Length of a tangent vector of RigidState."""

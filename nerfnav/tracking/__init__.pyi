@@ -2,9 +2,9 @@ from .frame import Frame as Frame
 from .frame import FrameSource as FrameSource
 from .frame import Inertial as Inertial
 from .motions import InertialMotion as InertialMotion
-from .sources.open_source import SourceOptions as SourceOptions
-from .sources.open_source import open_source as open_source
-from .status import TrackStatus as TrackStatus
+from .sources.registry import SourceOptions as SourceOptions
+from .sources.registry import open_source as open_source
 from .tracked import Tracked as Tracked
+from .tracked_frame import TrackStatus as TrackStatus
 from .tracker import Tracker as Tracker
 from .tracker_config import TrackerConfig as TrackerConfig

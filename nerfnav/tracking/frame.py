@@ -1,4 +1,4 @@
-"""What is tracked: pictures and inertial measurements, each with the time at which it was taken."""
+"""Frames and inertial measurements, each with its time, and the protocol of their sources."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -9,9 +9,9 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import ImuNoise
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, Pose
+from nerfnav.inertial import ImuNoise
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,15 @@
-"""How a camera gets from one picture to the next: by its robot's dynamics, or by an inertial measurement unit."""
+"""Motion models of a camera between two pictures: its robot's dynamics, or an inertial measurement unit."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, ImuConfig, MeasuredNoise, ProcessNoise, RandomAcceleration, inertial_motion
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import Belief
 from nerfnav.estimator.predict import predict
-from nerfnav.robots import Robot
+from nerfnav.inertial import ImuConfig, inertial_motion
+from nerfnav.robots import MeasuredNoise, ProcessNoise, RandomAcceleration, Robot
 from nerfnav.tracking.frame import Inertial
 from nerfnav.tracking.preintegration import preintegrated
 from nerfnav.tracking.tracker_config import TrackerConfig

@@ -1,4 +1,4 @@
-"""Preintegration: what an inertial measurement unit has measured between two pictures, whatever the state was.
+"""Preintegration of an IMU's measurements between two pictures, independent of the state.
 
 (Forster, Carlone, Dellaert and Scaramuzza, "On-manifold preintegration for real-time visual-inertial odometry", 2017,
 Eqs. 33 and 59-63.) With measurements w_i, a_i over steps dt_i, and biases bg, ba of gyroscope and accelerometer, from
@@ -14,11 +14,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import ImuConfig
-from nerfnav.estimator.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots import Increments, advanced
+from nerfnav.inertial import ImuConfig, Increments, advanced
+from nerfnav.inertial.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
 from nerfnav.tracking.frame import Inertial
 
 

@@ -4,12 +4,12 @@
     for frame in source.frames():
         tracked = tracker.observe(frame)              # -> Tracked: status, pose, covariance 6 x 6, ms
 
-Until the camera is known a search looks everywhere (estimator/relocalise.py). From then on a robot's dynamics or an
-inertial measurement unit predicts over the time since the last frame, however long (motions.py), and a filter corrects
-(corrections.py). A picture that fits much worse than those before it is looked for around the prediction, and if it
-fits nowhere there, everywhere. Where no other place fits it better, the pose that shows most of it is believed; where
-the pose does not, no pose is told. Pictures in a row that contradict, or say nothing, end the track: then the search
-begins again.
+Until the camera is known a search looks everywhere (estimator/relocalize/global_localization.py). From then on a
+robot's dynamics or an inertial measurement unit predicts over the time since the last frame, however long (motions.py),
+and a filter corrects (corrections.py). A picture that fits much worse than those before it is looked for around the
+prediction, and if it fits nowhere there, everywhere. Where no other place fits it better, the pose that shows most of
+it is believed; where the pose does not, no pose is told. Pictures in a row that contradict, or say nothing, end the
+track: then the search begins again.
 
 A `Tracker` is one object for one run, with a little state: the belief and its time, how many pictures in a row were
 of no use, and how well pictures fitted so far.
@@ -29,25 +29,23 @@ from nerfnav.estimator import (
     FilterOutcome,
     FilterStep,
     LastingError,
-    ProcessNoise,
-    RandomAcceleration,
     RelocaliseOutcome,
     RelocaliseStep,
     Searcher,
     comparable,
     resized,
 )
-from nerfnav.estimator.apparent import apparent, true_state
+from nerfnav.estimator.schmidt_kalman import apparent, true_state
 from nerfnav.estimator.verdict import contrast
 from nerfnav.field import Field
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
-from nerfnav.robots import HandHeld, RigidState, Robot
+from nerfnav.robots import HandHeld, ProcessNoise, RandomAcceleration, RigidState, Robot
 from nerfnav.tracking.corrections import Correction, correction
 from nerfnav.tracking.frame import Frame
-from nerfnav.tracking.likeness import Likeness, Usual
 from nerfnav.tracking.motions import CarrierMotion, InertialMotion, ModelMotion
-from nerfnav.tracking.status import TrackStatus
+from nerfnav.tracking.photometric_consistency import Likeness, Usual
 from nerfnav.tracking.tracked import Tracked
+from nerfnav.tracking.tracked_frame import TrackStatus
 from nerfnav.tracking.tracker_config import TrackerConfig
 
 _USED = (FilterOutcome.UPDATED, FilterOutcome.WEAK)

@@ -1,11 +1,12 @@
-"""How a camera is tracked: numbers that suit photographs of real places."""
+"""Configuration of a tracker: numbers that suit photographs of real places."""
 
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 
-from nerfnav.estimator import AlignConfig, FilterConfig, RelocaliseConfig, StateNoise
+from nerfnav.estimator import AlignConfig, FilterConfig, RelocaliseConfig
 from nerfnav.estimator.looks import LooksConfig
 from nerfnav.field import FieldInfo
+from nerfnav.robots import StateNoise
 
 
 @dataclass(frozen=True)
@@ -15,8 +16,9 @@ class TrackerConfig:
     filter: FilterConfig = dataclass_field(default_factory=FilterConfig)
     """What a posterior is made of; its process noise is not used, and pixels and descents only without `align`."""
     align: AlignConfig | None = dataclass_field(default_factory=AlignConfig)
-    """How they are laid over what the field shows; None: they are not, the filter of flights (estimator/fast.py) is
-    taken, which goes further astray in fields of photographs, but follows more abrupt motion in rendered ones."""
+    """How they are laid over what the field shows; None: they are not, the filter of flights
+    (estimator/gauss_newton/fast_filter.py) is taken, which goes further astray in fields of photographs, but follows
+    more abrupt motion in rendered ones."""
     search: RelocaliseConfig = dataclass_field(
         default_factory=lambda: RelocaliseConfig(
             looks=LooksConfig(spacing=0.03, most_places=2500),
@@ -28,7 +30,7 @@ class TrackerConfig:
     )
     """How it is looked for: sooner done than `localize`, and sooner in doubt, for the next picture comes soon."""
     floor: tuple[float, ...] = ()
-    """What does not average out, 6 x 6, see estimator/pose_error.py; none: `filter.floor` alone."""
+    """What does not average out, 6 x 6, see estimator/map_error.py; none: `filter.floor` alone."""
     longest: int = 320
     """Larger pictures are made smaller until their longer edge has no more pixels than this: a field shows no more."""
     linear: float = 0.11

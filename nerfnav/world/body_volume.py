@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from manifold3d import Manifold
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots import Body
 from nerfnav.world.manifold import manifold_of
-from nerfnav.world.triangles import TriangleIndex, Vector, boxes_touch_triangles
+from nerfnav.world.triangle_index import TriangleIndex, Vector, boxes_touch_triangles
 
 _CELLS_PER_EDGE = 8
 _PAIRS_AT_ONCE = 40_000

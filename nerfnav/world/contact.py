@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots import Body, RigidState
-from nerfnav.world.ground import ground
+from nerfnav.world.collision import ground
 from nerfnav.world.interpolation import ContactConfig, interpolate_poses, interpolated
 from nerfnav.world.scene import Scene
 

@@ -1,7 +1,7 @@
-"""Photographs of a mesh: what each ray hits first is found, the mesh says which colour it has there.
+"""Ray caster and renderer of meshes: find what each ray hits first, and take the mesh's colour there.
 
-No light is computed: the colours of a mesh hold sun and shadow already. Rays that go anywhere are embree's, and so are
-those of lenses; the rays of a pinhole camera, of which nearly all pictures are made, are found together.
+No light is computed: the colours of a mesh hold sun and shadow already. Rays that go anywhere are embree's, and so
+are those of lenses; the rays of a pinhole camera, of which nearly all pictures are made, are found together.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, Pose
 from nerfnav.world.hits import Hits
 from nerfnav.world.kernels.pictures import average

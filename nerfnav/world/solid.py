@@ -1,4 +1,4 @@
-"""How much of a body lies inside solids.
+"""Solids: the volume that a body shares with them, and tests of points inside.
 
 Volumes are exact for watertight solids (booleans). For meshes that bound no volume they are the share of the body's
 cells whose middles have a generalised winding number above one half, times the body's volume (Jacobson, Kavan,
@@ -16,7 +16,7 @@ from manifold3d import Manifold
 from nerfnav.world.body_volume import BodyVolume
 from nerfnav.world.manifold import manifold_of
 from nerfnav.world.raycast import RayCaster
-from nerfnav.world.triangles import Triangles, Vector
+from nerfnav.world.triangle_index import Triangles, Vector
 
 Points = Float[np.ndarray, "n 3"]
 

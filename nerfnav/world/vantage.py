@@ -1,4 +1,4 @@
-"""Rooms and open ground: where a camera belongs, told from how much of a mesh lies around it.
+"""Vantage points: tell rooms from open ground, and where a camera belongs, by how much of a mesh lies around a point.
 
 Which way faces look is not asked: in many files they look anywhere.
 """

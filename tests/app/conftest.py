@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from nerfnav.field.checkpoint import save_field
-from nerfnav.field.info import FieldInfo
-from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.storage.checkpoint import save_field
 from nerfnav.geometry.box import Box
 from nerfnav_app.jobs.events import JobFinished, PlaceOpened
 from nerfnav_app.queries.first_ends import FirstEnds, FirstEndsQuery

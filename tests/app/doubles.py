@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.steps import FilterStep
-from nerfnav.field.analytic import BallsField
-from nerfnav.field.info import FieldInfo
-from nerfnav.field.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
+from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.filter_step import FilterStep
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.models.analytic import BallsField
+from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep

@@ -13,10 +13,10 @@ import pytest
 import viser
 from viser import _icons
 
-from nerfnav.glb import parts
-from nerfnav_app.cli.served_place import shown_before
+from nerfnav.core.glb import parts
+from nerfnav_app.cli.commands.serve import shown_before
 from nerfnav_app.jobs.events import JobResult
-from nerfnav_app.jobs.surface import first_surface_of, surface_of
+from nerfnav_app.jobs.export.surface import first_surface_of, surface_of
 from nerfnav_app.page.icon_archive import icons_at_hand
 from nerfnav_app.places.place import open_place
 from nerfnav_app.places.surface_glb import box_of
@@ -31,7 +31,7 @@ _AUTOLOAD = "TORCH_DEVICE_BACKEND_AUTOLOAD"
 _OPENED = """
 import json, sys
 import nerfnav_app.server
-from nerfnav_app.jobs.surface import surface_of
+from nerfnav_app.jobs.export.surface import surface_of
 from nerfnav_app.places.place import open_place
 place = open_place("stonehenge")
 assert place.tasks and surface_of(place)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from nerfnav_app.page.kit.theme import PLAN, linear
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.page.layers.plan import room_colors
-from nerfnav_app.page.theme import PLAN, linear
 from nerfnav_app.places.ends import Which
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.server import App

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from nerfnav.estimator.relocalise import RelocaliseStep
-from nerfnav.navigation.recovery import Recovery
+from nerfnav.estimator.relocalize.global_localization import RelocaliseStep
+from nerfnav.navigation.supervisor import Recovery
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab

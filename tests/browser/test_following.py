@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from nerfnav_app.page.kit.theme import HIT, PLAN
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.page.theme import HIT, PLAN
 from nerfnav_app.places.ends import Which
 from nerfnav_app.queries.following_plan import FollowingPlanQuery
 from nerfnav_app.queries.query import Resources

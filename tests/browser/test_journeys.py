@@ -13,7 +13,7 @@ from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.server import App
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.backend import NavigationBackend
-from tests.app.jobs.training_data.test_meshes import pillars
+from tests.app.jobs.field.test_meshes import pillars
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work
 from tests.importers.captures.test_depths import write_depths

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext
 
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobResult, Progress
 from nerfnav_app.page.layers.ends import GIZMO

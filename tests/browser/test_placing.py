@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nerfnav.field.checkpoint import save_field
+from nerfnav.field.storage.checkpoint import save_field
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.places.ends import End, Which
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import MoveEnd
-from nerfnav_app.state.placing import Placing
+from nerfnav_app.state.alignment import Placing
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work
 from tests.field.moves import room

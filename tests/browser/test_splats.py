@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from nerfnav.importers.splats.splats import splats_beside
+from nerfnav.importers.splats.gaussians import splats_beside
 from nerfnav_app.server import App
-from nerfnav_app.state.view_settings import Backdrop
+from nerfnav_app.state.view import Backdrop
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work
 from tests.importers.splat_files import ball_of_splats, write_dot_splat

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.checkpoint import save_field
+from nerfnav.field.storage.checkpoint import save_field
 from nerfnav_app.jobs import open_place as scene
 from nerfnav_app.places.learning import BUDGETS_S, USUAL
 from nerfnav_app.places.place import Place, open_place
 from nerfnav_app.server import App
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place
-from tests.app.jobs.training_data.test_meshes import pillars
+from tests.app.jobs.field.test_meshes import pillars
 from tests.browser.tab import Tab
 from tests.importers.captures.test_depths import write_depths
 from tests.importers.splat_files import ball_of_splats, write_spz

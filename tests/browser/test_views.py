@@ -13,7 +13,7 @@ from nerfnav_app.server import App
 from nerfnav_app.state.actions import MoveEnd
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.settings import FlightSettings
-from nerfnav_app.state.view_settings import Backdrop
+from nerfnav_app.state.view import Backdrop
 from tests.app.doubles import ScriptedWork, flight_step
 from tests.browser.tab import Tab
 from tests.browser.works import small_work

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from functools import partial
 
-from nerfnav.estimator.descent import DescentConfig
-from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.pixels import PixelConfig
+from nerfnav.estimator.paper.adam import DescentConfig
+from nerfnav.estimator.paper.pose_filter import FilterConfig
+from nerfnav.estimator.photometric.pixel_selection import PixelConfig
 from nerfnav.geometry import Box
 from nerfnav.navigation.mission import NavigateConfig
-from nerfnav.planner.fast import FastPlanConfig
+from nerfnav.planner.solvers.fast import FastPlanConfig
+from nerfnav.robots import StateNoise
 from nerfnav_app.jobs import open_place as scene
 from nerfnav_app.places.place import Place
 from nerfnav_app.worker.backend import NavigationBackend

@@ -14,20 +14,19 @@ import torch
 from torch import Tensor
 
 import nerfnav_scenes as scenes
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.fast import FastFilter
-from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
+from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.disturbed import DT, disturbed_flight
+from nerfnav.experiments.disturbed_flights import Trial
 from nerfnav.experiments.estimation_errors import errors_of
-from nerfnav.experiments.flights import Trial
+from nerfnav.experiments.held_out_views import renderer_of, take_picture
 from nerfnav.experiments.study import Row
-from nerfnav.experiments.views import renderer_of, take_picture
-from nerfnav.field.checkpoint import load_field
-from nerfnav.field.voxel import VoxelField
-from nerfnav.robots import CAMERA
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.storage.checkpoint import load_field
+from nerfnav.robots import CAMERA, StateNoise
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
 from nerfnav.world import MeshRenderer

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import torch
 
-from nerfnav.estimator.fast import FastFilter
-from nerfnav.estimator.filter import FilterConfig
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.pyramid import PyramidConfig, SearchConfig
+from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
+from nerfnav.estimator.paper.pose_filter import FilterConfig
+from nerfnav.estimator.photometric.pyramid import PyramidConfig, SearchConfig
+from nerfnav.estimator.photometric.residuals import ColorNoise
+from nerfnav.robots import StateNoise
 from tests.estimator.places import CAMERA, COLOR_STD, HERE, HOVER, ROBOT, draws, near, picture, voxel_balls
 
 CALM = StateNoise(0.002, 0.002, 0.002, 0.002)

@@ -5,21 +5,21 @@ from functools import cache
 import torch
 from torch import Tensor
 
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.cost import PoseCost
-from nerfnav.estimator.estimator import Estimator
-from nerfnav.estimator.noise import StateNoise
-from nerfnav.estimator.photometric import ColorNoise, Observation
+from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.filter_step import FilterStep
+from nerfnav.estimator.core.protocol import Estimator
+from nerfnav.estimator.paper.cost import PoseCost
+from nerfnav.estimator.photometric.residuals import ColorNoise, Observation
 from nerfnav.estimator.predict import predict
-from nerfnav.estimator.steps import FilterStep
-from nerfnav.field.analytic import BallsField
-from nerfnav.field.field import Field
-from nerfnav.field.levels import raw_of
-from nerfnav.field.render import render_image
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.core.protocol import Field
+from nerfnav.field.models.analytic import BallsField
+from nerfnav.field.models.levels import raw_of
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.geometry.grid import node_positions, shape_for
+from nerfnav.robots import StateNoise
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
 

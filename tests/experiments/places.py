@@ -6,7 +6,7 @@ import torch
 import trimesh
 
 from nerfnav.experiments.arena import Arena
-from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene
 from nerfnav.world.task import Task

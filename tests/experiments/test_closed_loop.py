@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.experiments import whole_flight
 from nerfnav.experiments.closed_loop import run, trials_of
+from nerfnav.experiments.closed_loop_flight import is_silent
 from nerfnav.experiments.closed_loop_results import picture, summary_of, wilson
 from nerfnav.experiments.flight_options import FlightOptions
-from nerfnav.experiments.flight_row import is_silent
 from nerfnav.experiments.random_ends import SPARE, random_task
 from nerfnav.experiments.study import Results, Study
 from nerfnav.experiments.whole_flight import FlightTrial, fly

@@ -5,12 +5,12 @@ import math
 import pytest
 import torch
 
-from nerfnav.estimator.belief import Belief
-from nerfnav.estimator.noise import StateNoise
+from nerfnav.estimator.core.belief import Belief
 from nerfnav.experiments.estimation import run
 from nerfnav.experiments.estimation_errors import errors_of as judge
 from nerfnav.experiments.estimation_results import METHODS, picture, summary_of
 from nerfnav.experiments.study import Results, Row, Study
+from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
 from tests.experiments.places import PAST, column
 

@@ -13,7 +13,7 @@ from nerfnav.experiments.ground_robots import run
 from nerfnav.experiments.ground_trial import drive
 from nerfnav.experiments.outlines import outlines
 from nerfnav.experiments.study import Results, Study
-from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
 from nerfnav.world.scene import Scene
 from nerfnav.world.task import Task
 from tests.experiments.places import BOX

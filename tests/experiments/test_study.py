@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError, MissingExtraError
+from nerfnav.core.errors import InvalidInputError, MissingExtraError
 from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.journal import Journal
 from nerfnav.experiments.study import Study, TrialDone, run_trials

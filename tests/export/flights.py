@@ -2,7 +2,7 @@
 
 import torch
 
-from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.core.belief import Belief
 from nerfnav.export.recording import Recording
 from nerfnav.geometry import so3
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep

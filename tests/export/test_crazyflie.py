@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.crazyflie import MOST_PIECES, FitConfig, crazyflie, pieces_of_csv
 from nerfnav.export.curves import SmoothConfig, curve_of
-from nerfnav.export.limits import Room
+from nerfnav.export.flatness import Room
 from nerfnav.export.recording import Recording
 from nerfnav.export.tables import Table
 from nerfnav.robots.quadrotor import Quadrotor

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.formats import FORMATS
 from nerfnav.export.qgroundcontrol import qgroundcontrol
 from nerfnav.export.recording import Recording

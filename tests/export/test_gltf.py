@@ -5,10 +5,10 @@ import pytest
 import torch
 import trimesh
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.glb import packed, parts
 from nerfnav.export.gltf import gltf
 from nerfnav.geometry import so3
-from nerfnav.glb import packed, parts
 from tests.export.flights import flight, flown, plan
 
 

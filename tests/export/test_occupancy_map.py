@@ -8,7 +8,7 @@ import pytest
 import trimesh
 import yaml
 
-from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.export.occupancy_map import ENDINGS, map_files
 from nerfnav.field.states import StateGrid, VoxelState
 

@@ -8,7 +8,7 @@ import pandas
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.ardupilot import COLUMNS, ardupilot
 from nerfnav.export.px4 import ODOMETRY_COLUMNS, SETPOINT_COLUMNS, px4, px4_odometry
 from nerfnav.export.recording import Recording

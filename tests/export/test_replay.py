@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.formats import FORMATS
 from nerfnav.export.recording import Recording
 from nerfnav.export.replay import replay

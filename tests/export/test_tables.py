@@ -9,8 +9,8 @@ import pandas
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator.belief import Belief
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator.core.belief import Belief
 from nerfnav.export.table_text import FRAMES, csv_text, json_text, table_of_csv, table_of_json
 from nerfnav.export.tables import STATE_COLUMNS, episode_table, motion_of_table, motion_table
 from nerfnav.geometry import so3

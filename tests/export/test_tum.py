@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.tum import poses_of_tum, tum, tum_estimate
 from nerfnav.geometry import so3
 from tests.export.flights import flight, flown, plan

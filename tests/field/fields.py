@@ -9,11 +9,11 @@ import numpy as np
 import torch
 import trimesh
 
-from nerfnav.field.analytic import BallsField
-from nerfnav.field.render import render_image
-from nerfnav.field.surroundings import Surroundings
-from nerfnav.field.texture import TexturedMesh
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.models.analytic import BallsField
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.render.surroundings import Surroundings
+from nerfnav.field.render.volume_rendering import render_image
+from nerfnav.field.surface.texture import TexturedMesh
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.images import PosedImages

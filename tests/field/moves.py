@@ -5,13 +5,13 @@ import math
 import numpy as np
 import torch
 
-from nerfnav.field.evidence import DENSITY_SCALE, EMPTY_RAW, State
-from nerfnav.field.field import Field
-from nerfnav.field.moving import moved
-from nerfnav.field.render import render_image
-from nerfnav.field.solidity import is_solid
-from nerfnav.field.surroundings import SPAN, Surroundings
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State
+from nerfnav.field.core.protocol import Field
+from nerfnav.field.edit.conservative_occupancy import is_solid
+from nerfnav.field.edit.move import moved
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.render.surroundings import SPAN, Surroundings
+from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.geometry.grid import node_positions

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 import trimesh
 
-from nerfnav.field.evidence import EMPTY_RAW
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.core.occupancy import EMPTY_RAW
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.grid import node_positions

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy
 
-from nerfnav.field.kernels.leaps import FARTHEST, leaps_over
+from nerfnav.field.kernels.pose_descent import FARTHEST, leaps_over
 
 
 def test_leaps_are_the_chessboard_distance_from_cells_with_a_dense_corner() -> None:

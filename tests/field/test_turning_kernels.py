@@ -5,10 +5,10 @@ import math
 import numpy as np
 import torch
 
-from nerfnav.field.evidence import DENSITY_SCALE, SOLID_DENSITY, raw_of
+from nerfnav.field.core.occupancy import DENSITY_SCALE, SOLID_DENSITY, raw_of
+from nerfnav.field.edit.conservative_occupancy import between_grids
 from nerfnav.field.kernels.turning import mark_lost, measure_turned
-from nerfnav.field.solidity import between_grids
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.grid import node_positions, trilinear
 from tests.field.moves import after, change, room
 

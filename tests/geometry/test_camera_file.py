@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, read_camera
 
 MATRIX = np.array([[320.0, 0, 310], [0, 322.0, 245], [0, 0, 1]])

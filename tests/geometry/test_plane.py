@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.plane import found_plane, plane_through
 
 

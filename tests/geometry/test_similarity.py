@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.geometry.similarity import Similarity

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nerfnav.geometry.srgb import to_linear, to_srgb
+from nerfnav.geometry.color import to_linear, to_srgb
 from nerfnav.geometry.tone import before_tone_mapping, tone_mapped
 
 

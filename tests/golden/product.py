@@ -28,10 +28,10 @@ from torch import Tensor
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
-from nerfnav.estimator import Belief, FilterConfig, FilterOutcome, RelocaliseOutcome, StateNoise
+from nerfnav.estimator import Belief, FilterConfig, FilterOutcome, RelocaliseOutcome
 from nerfnav.estimator import estimators as _estimators
-from nerfnav.estimator.descent import DescentConfig
-from nerfnav.estimator.pixels import PixelDraw, PixelSource
+from nerfnav.estimator.paper.adam import DescentConfig
+from nerfnav.estimator.photometric.pixel_selection import PixelDraw, PixelSource
 from nerfnav.experiments import Results
 from nerfnav.export import (
     FORMATS,
@@ -44,17 +44,17 @@ from nerfnav.export import (
     texts_of_track,
 )
 from nerfnav.field import FieldInfo, MlpConfig, NeuralConfig, Unknown, VoxelField, VoxelState, load_field, save_field
-from nerfnav.field.bricks import BrickField, in_bricks
-from nerfnav.field.checkpoint import CODECS
-from nerfnav.field.evidence import EMPTY_RAW, State
-from nerfnav.field.mlp import Encoding
-from nerfnav.field.neural import Activation
+from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.models.bricks import BrickField, in_bricks
+from nerfnav.field.models.mlp import Encoding
+from nerfnav.field.models.neural import Activation
 from nerfnav.field.neural_blank import blank_field
-from nerfnav.field.surroundings import Surroundings
+from nerfnav.field.render.surroundings import Surroundings
+from nerfnav.field.storage.checkpoint import CODECS
 from nerfnav.geometry import Box, Camera, Pose, picture_file, so3
 from nerfnav.importers import SourceKind
+from nerfnav.importers.meshes.ground_truth import arrays_of as arrays_of_truth
 from nerfnav.importers.meshes.truth import load_truth, truth_beside
-from nerfnav.importers.meshes.truth_codec import arrays_of as arrays_of_truth
 from nerfnav.live.answer import Order
 from nerfnav.live.messages import encoded, picture_in, said
 from nerfnav.navigation import (
@@ -67,29 +67,29 @@ from nerfnav.navigation import (
     Recovery,
 )
 from nerfnav.planner import PLANNERS, FastPlanConfig, PlanConfig, PlanOutcome, PlanStep
-from nerfnav.planner.problem import InitialGuess
+from nerfnav.planner.objective.problem import InitialGuess
 from nerfnav.planner.steps import Restart
-from nerfnav.robots import Motion, RigidState, decoded, described, to_yaml
+from nerfnav.robots import Motion, RigidState, StateNoise, decoded, described, to_yaml
 from nerfnav.tracking import Tracked
-from nerfnav.tracking.status import TrackStatus
+from nerfnav.tracking.tracked_frame import TrackStatus
 from nerfnav.world import Paint, Scene, Vantage
 from nerfnav_app.cli.main import _STYLE, COMMANDS, main, parse
 from nerfnav_app.jobs.events import JobEvents, JobResult
-from nerfnav_app.jobs.experiment_catalog import EXPERIMENTS
-from nerfnav_app.jobs.fly import run as fly
-from nerfnav_app.jobs.fly_request import FlyRequest
-from nerfnav_app.jobs.plan import PlanRequest
-from nerfnav_app.jobs.plan import run as plan
-from nerfnav_app.jobs.plan_report import save as save_plan
-from nerfnav_app.jobs.recorded import read_run
-from nerfnav_app.jobs.result_files import save_results, table_text
+from nerfnav_app.jobs.export.recording import read_run
+from nerfnav_app.jobs.fly.fly import run as fly
+from nerfnav_app.jobs.fly.request import FlyRequest
+from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
+from nerfnav_app.jobs.measure.results import save_results, table_text
+from nerfnav_app.jobs.plan.plan import PlanRequest
+from nerfnav_app.jobs.plan.plan import run as plan
+from nerfnav_app.jobs.plan.report import save as save_plan
 from nerfnav_app.places.ends import End, Ends, Which
 from nerfnav_app.places.kept_place import KeptPlace, keep_picture, read_place, write_place
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.place import Place, Truth
 from nerfnav_app.places.robot_library import RobotLibrary
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.view_settings import Backdrop, CameraMode
+from nerfnav_app.state.view import Backdrop, CameraMode
 from nerfnav_app.storage.experiment_store import ExperimentStore
 from nerfnav_app.storage.output_files import json_line
 from nerfnav_app.storage.run_metadata import RunMetadata

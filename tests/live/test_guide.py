@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.estimator import Belief, StateNoise
+from nerfnav.estimator import Belief
 from nerfnav.field import Field
 from nerfnav.live.answer import Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
 from nerfnav.planner import fits
-from nerfnav.robots import DiffDrive, Quadrotor, RigidState
+from nerfnav.robots import DiffDrive, Quadrotor, RigidState, StateNoise
 from tests.planner.halls import Block, Building, field_of, shell_of
 
 SIZE = (3.0, 2.0, 1.4)

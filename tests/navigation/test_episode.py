@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.orders import Orders
-from nerfnav.navigation.recovery import Recovery
-from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.supervisor import Recovery
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import CALM, MISSION, Oracle, StraightPlanner, draws, simulator
 

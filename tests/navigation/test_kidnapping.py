@@ -3,17 +3,17 @@
 import pytest
 import torch
 
-from nerfnav.estimator.fast import FastFilter
-from nerfnav.estimator.filter import FilterConfig
+from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
 from nerfnav.estimator.looks import LooksConfig
-from nerfnav.estimator.photometric import ColorNoise
-from nerfnav.estimator.relocalise import RelocaliseConfig, RelocaliseStep
-from nerfnav.estimator.searcher import Searcher
+from nerfnav.estimator.paper.pose_filter import FilterConfig
+from nerfnav.estimator.photometric.residuals import ColorNoise
+from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseStep
+from nerfnav.estimator.relocalize.searcher import Searcher
+from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
-from nerfnav.navigation.recovery import Recovery
-from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.supervisor import Recovery
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, ROBOT, picture, voxel_balls
 from tests.navigation.doubles import CALM, StraightPlanner, draws

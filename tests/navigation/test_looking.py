@@ -5,18 +5,18 @@ import math
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.field.voxel import VoxelField
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.navigation.looking import Turning, side_of
+from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.mission import NavigateConfig, Pilot
-from nerfnav.navigation.recovery import Recovery, RecoveryConfig, come_to_rest
-from nerfnav.navigation.replan import navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.planner.sight import seeing
+from nerfnav.navigation.supervisor import Recovery, RecoveryConfig, come_to_rest
+from nerfnav.planner.visibility import seeing
 from nerfnav.robots import RigidState
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
-from tests.planner.test_first_ends import field_of
+from tests.planner.objective.test_default_ends import field_of
 
 CONFIG = NavigateConfig(initial=CALM, noise=CALM)
 _PLACE = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))

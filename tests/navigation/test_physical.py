@@ -12,23 +12,24 @@ import torch
 from torch import Tensor
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, FilterOutcome, FilterStep, ProcessNoise
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import Belief, FilterOutcome, FilterStep
 from nerfnav.geometry import Pose, so3
+from nerfnav.inertial import Increments, moved_on
 from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.physical.config import PhysicalConfig
+from nerfnav.navigation.physical.geometric_controller import TrackingGains, corrected
 from nerfnav.navigation.physical.inertial import Felt, InertialUnit
-from nerfnav.navigation.physical.late_pictures import LatePictures
+from nerfnav.navigation.physical.latency_compensation import LatePictures
 from nerfnav.navigation.physical.powertrain import Powertrain
-from nerfnav.navigation.physical.reference import Flown
+from nerfnav.navigation.physical.reference_trajectory import Flown
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
 from nerfnav.navigation.physical.simulator import PhysicalSimulator, _rounded, airframe
-from nerfnav.navigation.physical.tracking import TrackingGains, corrected
 from nerfnav.navigation.physical.wind import Wind
-from nerfnav.navigation.recovery import RecoveryConfig, come_to_rest
+from nerfnav.navigation.physical.worlds import expecting_physics, in_physical_world, with_late_pictures
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.worlds import expecting_physics, in_physical_world, with_late_pictures
-from nerfnav.robots import Increments, Motion, RigidState, moved_on
+from nerfnav.navigation.supervisor import RecoveryConfig, come_to_rest
+from nerfnav.robots import Motion, ProcessNoise, RigidState
 from nerfnav.tracking import Inertial
 from nerfnav.tracking.preintegration import preintegrated
 from tests.navigation.doubles import ROBOT, START, Oracle, StraightPlanner, draws, grey, simulator

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.estimator.noise import StateNoise
 from nerfnav.geometry.camera import R_BODY_CAMERA, Pose
+from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import ROBOT, START, draws, grey, simulator
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import torch
 
-from nerfnav.field.bricks import BrickField, Slab, bricks_of_slabs
-from nerfnav.field.evidence import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.models.bricks import BrickField, Slab, bricks_of_slabs
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import shape_for
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from nerfnav.field.analytic import BallsField
-from nerfnav.field.field import RaySamples, uniform_samples
+from nerfnav.field.core.protocol import RaySamples, uniform_samples
+from nerfnav.field.models.analytic import BallsField
 from nerfnav.geometry.box import Box
-from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 

@@ -8,8 +8,8 @@ import torch
 
 from nerfnav import robots
 from nerfnav.planner import terms
-from nerfnav.planner.planner import Planner
 from nerfnav.planner.planners.minsnap import MinSnapPlanner
+from nerfnav.planner.planners.planner import Planner
 from nerfnav.planner.planners.rrt import RRTPlanner
 from nerfnav.planner.route import Route
 from nerfnav.planner.rrt import RRTConfig

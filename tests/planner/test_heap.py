@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.planner.kernels.heap import grown, pop, push
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError, OccupiedError
-from nerfnav.field.field import Field
-from nerfnav.planner.fast import plan_fast
-from nerfnav.planner.minsnap import plan_minimum_snap
-from nerfnav.planner.problem import PlanProblem
+from nerfnav.core.errors import InvalidInputError, OccupiedError
+from nerfnav.field.core.protocol import Field
+from nerfnav.planner.baselines.minsnap import plan_minimum_snap
+from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.rrt import plan_rrt
+from nerfnav.planner.solvers.fast import plan_fast
 from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import RigidState

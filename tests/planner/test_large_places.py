@@ -10,15 +10,15 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
-from nerfnav.field.bricks import BrickField, in_bricks
-from nerfnav.field.evidence import EMPTY_RAW, State
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.models.bricks import BrickField, in_bricks
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.unknown import Unknown, planning_field
-from nerfnav.field.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
-from nerfnav.planner.astar import SearchConfig, find_paths
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
+from nerfnav.planner.space.astar import SearchConfig, find_paths
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from tests.planner.halls import Block, Building, field_of, house, shell_of
@@ -84,7 +84,7 @@ def test_a_way_is_found_through_the_doors_of_a_house_of_any_size(factor: float):
 
 
 def test_a_map_that_memory_cannot_hold_is_refused_before_it_is_made(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("nerfnav.memory.free_memory", lambda: 10**6)
+    monkeypatch.setattr("nerfnav.core.memory.free_memory", lambda: 10**6)
     with pytest.raises(InvalidInputError, match=r"a map of 19 x 11 x 3 m .* memory are free: choose a larger voxel"):
         OccupancyMap.of(field_of(house(), 0.1), ROBOT.body)
 
@@ -94,8 +94,8 @@ import json, resource, sys, time
 from pathlib import Path
 import nerfnav
 from nerfnav import robots
-from nerfnav.field.checkpoint import load_field
-from nerfnav.planner.problem import PlanProblem
+from nerfnav.field.storage.checkpoint import load_field
+from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.robots.state import RigidState
 field = load_field(Path(sys.argv[1]))
 ends = RigidState.at_rest((2.0, 2.0, 1.5)), RigidState.at_rest((38.0, 28.0, 6.0))
@@ -115,7 +115,7 @@ def test_a_hall_of_forty_metres_at_four_centimetres_fits_in_four_gigabytes(tmp_p
     made = subprocess.run(
         [sys.executable, "-c", f"""
 from pathlib import Path
-from nerfnav.field.checkpoint import save_field
+from nerfnav.field.storage.checkpoint import save_field
 from tests.planner.halls import field_of, hall
 save_field(field_of(hall(), 0.04), Path({str(tmp_path / "hall.npz")!r}))
 """],

@@ -6,11 +6,11 @@ import torch
 
 from nerfnav import robots
 from nerfnav.planner import terms
-from nerfnav.planner.astar import waypoints_along
-from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.objective import Objective
-from nerfnav.planner.quasi_newton import NewtonConfig, bfgs, minimise, preconditioner
+from nerfnav.planner.objective.objective import Objective
+from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.route import Route
+from nerfnav.planner.solvers.bfgs import NewtonConfig, bfgs, minimise, preconditioner
+from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.terms.evaluate import evaluate
 from nerfnav.planner.terms.term import TermContext, well_spread
 from nerfnav.robots.state import RigidState
@@ -144,7 +144,7 @@ def test_a_search_begins_again_from_where_it_is_after_each_stretch(monkeypatch: 
         made.append(asked[1])  # type: ignore[arg-type]
         return preconditioner(*asked)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("nerfnav.planner.quasi_newton.preconditioner", counted)
+    monkeypatch.setattr("nerfnav.planner.solvers.bfgs.preconditioner", counted)
     steps = list(minimise(objective(), objective()(guess()), scales, NewtonConfig(iterations=25, stretch=10)))
     totals = [step.cost.total for step, _ in steps]
     assert len(steps) == 26 and totals == sorted(totals, reverse=True)

@@ -10,19 +10,19 @@ from torch import Tensor
 
 from nerfnav.geometry import Box, so3
 from nerfnav.planner import planners, terms
-from nerfnav.planner.astar import waypoints_along
-from nerfnav.planner.chance import risk_of, within_chance
-from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.danger import DangerMap
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.objective import Objective
+from nerfnav.planner.objective.objective import Objective
+from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, map_for, way_length, ways_between
+from nerfnav.planner.objective.safety import SafetyConfig, clearance_of
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.planner import RISK, with_risk
 from nerfnav.planner.planners.fast import FastPlanner
-from nerfnav.planner.problem import InitialGuess, PlanProblem, map_for, way_length, ways_between
+from nerfnav.planner.planners.planner import RISK, with_risk
+from nerfnav.planner.risk.collision_map import DangerMap
+from nerfnav.planner.risk.costs import CostWeights
+from nerfnav.planner.risk.tracking_error import Disturbance, Outlook, position_spreads
 from nerfnav.planner.route import Route
-from nerfnav.planner.safety import SafetyConfig, clearance_of
-from nerfnav.planner.spread import Disturbance, Outlook, position_spreads
+from nerfnav.planner.solvers.chance_constraint import risk_of, within_chance
+from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.planner.terms.risk import RISK as RISK_TERM
 from nerfnav.planner.terms.risk import risk
@@ -32,8 +32,8 @@ from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
 from nerfnav.robots.state import RigidState
+from tests.planner.objective.test_objective import BOX, room
 from tests.planner.places import ROBOT, Colorless, Wall, across, ball, straight_motion
-from tests.planner.test_fused import BOX, room
 from tests.planner.test_objective import DT, GOAL, START, STEPS, guess
 
 PUSHED = Disturbance((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError, MissingExtraError, OccupiedError
+from nerfnav.core.errors import InvalidInputError, MissingExtraError, OccupiedError
+from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.rrt import RRTConfig, ball_check, grow, plan_rrt, room_near
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import RigidState

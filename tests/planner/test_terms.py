@@ -8,14 +8,14 @@ import torch
 from torch import Tensor
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError, NameTakenError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, NameTakenError, UnknownNameError
 from nerfnav.planner import planners, terms
-from nerfnav.planner.astar import waypoints_along
-from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.objective import Objective
-from nerfnav.planner.optimize import PlanConfig
-from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.objective.objective import Objective
+from nerfnav.planner.objective.problem import PlanProblem
+from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.route import Route
+from nerfnav.planner.solvers.adam import PlanConfig
+from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.steps import PlanStep, last_step
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots.flat_map import FlatMap

@@ -6,12 +6,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.planner import terms
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners.fast import FastPlanner
-from nerfnav.planner.problem import PlanProblem
 from nerfnav.planner.route import Route
+from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart, last_step
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.planner.warm_start import WarmStartConfig, carry_on

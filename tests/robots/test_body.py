@@ -8,7 +8,7 @@ import torch
 import trimesh
 from scipy.spatial import KDTree
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots.body import Body
 
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.limits import limit_uses
 from nerfnav.robots.robot import Robot

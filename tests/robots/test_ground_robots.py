@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots.arcs import displacements
 from nerfnav.robots.couch import Couch, CouchConfig
 from nerfnav.robots.diffdrive import DiffDrive

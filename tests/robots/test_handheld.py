@@ -6,9 +6,8 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import RandomAcceleration
-from nerfnav.robots import HandHeld, RigidState
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.robots import HandHeld, RandomAcceleration, RigidState
 
 
 def test_it_keeps_its_velocities() -> None:

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.geometry import so3
 from nerfnav.robots.limits import penalty
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig

@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from nerfnav import robots
-from nerfnav.errors import NameTakenError
+from nerfnav.core.errors import NameTakenError
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 

@@ -7,7 +7,7 @@ import torch
 import trimesh
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.robots import Couch, DiffDrive, Quadrotor, RigidState
 from nerfnav.robots.body_file import spacing_for
 from nerfnav.robots.robots import BUNDLED

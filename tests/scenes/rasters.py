@@ -6,7 +6,7 @@ import numpy as np
 import torch
 import trimesh
 
-from nerfnav.field.voxel import EMPTY_RAW, VoxelField
+from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import Solid

@@ -8,12 +8,12 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
-from nerfnav.field.voxel import VoxelField
-from nerfnav.planner.astar import SearchConfig, find_paths
+from nerfnav.field.models.voxel import VoxelField
 from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.space.astar import SearchConfig, find_paths
 from nerfnav.robots.state import RigidState
+from nerfnav.world.collision import ground
 from nerfnav.world.contact import ContactConfig, contact_check
-from nerfnav.world.ground import ground
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Scene, Task
 from tests.scenes.rasters import raster_field

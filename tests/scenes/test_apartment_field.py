@@ -6,7 +6,7 @@ import nerfnav
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.field import VoxelField, load_field
-from nerfnav.planner.problem import PlanProblem
+from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.world import Task, judge
 

@@ -5,7 +5,7 @@ import torch
 import nerfnav_scenes as scenes
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import RigidState
-from nerfnav.world.ground import ground
+from nerfnav.world.collision import ground
 from nerfnav_scenes.tasks.stonehenge import EXPERIMENT_TASKS
 
 

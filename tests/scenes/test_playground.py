@@ -4,8 +4,8 @@ import torch
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.robots.state import RigidState
+from nerfnav.world.collision import ground
 from nerfnav.world.contact import judge
-from nerfnav.world.ground import ground
 from nerfnav.world.scene import Scene
 
 _BODY = robots.load("quadrotor").body

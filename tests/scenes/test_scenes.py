@@ -6,12 +6,12 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
-from nerfnav.errors import UnknownNameError
-from nerfnav.estimator import StateNoise
+from nerfnav.core.errors import UnknownNameError
+from nerfnav.robots import StateNoise
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
+from nerfnav.world.collision import ground
 from nerfnav.world.contact import judge
-from nerfnav.world.ground import ground
 
 _BODY = Body.box((0.1, 0.1, 0.04), (2, 2, 2))
 

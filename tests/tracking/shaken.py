@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.estimator import ImuConfig
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
+from nerfnav.inertial import ImuConfig
 from nerfnav.tracking import Frame, Inertial
 from tests.tracking.walks import CAMERA, field, picture
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 from rosbags.rosbag2 import StoragePlugin
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.tracking.sources.bag import open_bag
 from tests.tracking.recordings import (

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import ImuConfig, ImuNoise
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
+from nerfnav.inertial import ImuConfig, ImuNoise
 from nerfnav.tracking import InertialMotion
 from nerfnav.tracking.sources.euroc import EurocSource, is_euroc, open_euroc
 from tests.tracking.recordings import picture

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import Belief, ImuConfig
-from nerfnav.estimator.inertial_motion import InertialBelief
-from nerfnav.estimator.inertial_motion import predict as predict_with_noise
-from nerfnav.estimator.preintegrated import Preintegrated
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import Belief
 from nerfnav.geometry import so3
+from nerfnav.inertial import ImuConfig
+from nerfnav.inertial.inertial_motion import InertialBelief
+from nerfnav.inertial.inertial_motion import predict as predict_with_noise
+from nerfnav.inertial.preintegrated import Preintegrated
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
 from nerfnav.tracking.frame import Inertial
 from nerfnav.tracking.preintegration import preintegrated

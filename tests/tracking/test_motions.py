@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, so3
 from nerfnav.tracking import InertialMotion, Tracked, Tracker, TrackerConfig, TrackStatus

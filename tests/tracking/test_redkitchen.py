@@ -14,7 +14,7 @@ from nerfnav.geometry import Camera, so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.tracking import Frame, Tracker, TrackerConfig
 from nerfnav_app.cli.main import main
-from nerfnav_app.jobs.given_picture import read_image
+from nerfnav_app.jobs.track.camera import read_image
 
 CAMERA = Camera(640, 480, 525.0, 525.0, 320.0, 240.0)
 FRAMES = 25

@@ -8,11 +8,11 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Belief
 from nerfnav.field import FieldInfo
-from nerfnav.field.evidence import DENSITY_SCALE
-from nerfnav.field.levels import raw_of
+from nerfnav.field.core.occupancy import DENSITY_SCALE
+from nerfnav.field.models.levels import raw_of
 from nerfnav.geometry import FORWARD_MOUNT, Box, Camera, Pose, so3
 from nerfnav.robots import RigidState
 from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus

@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.field import VoxelField
-from nerfnav.field.render import render_image
+from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots import RigidState
 from nerfnav.tracking import Frame

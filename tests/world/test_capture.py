@@ -7,7 +7,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 import nerfnav_scenes as scenes
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.box import Box
 from nerfnav.world.capture import capture, images_taken, photograph, split
 from nerfnav.world.capture_config import CaptureConfig

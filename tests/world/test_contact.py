@@ -5,17 +5,17 @@ import pytest
 import torch
 import trimesh
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
+from nerfnav.world.collision import Ground
 from nerfnav.world.contact import contact_check, judge
-from nerfnav.world.ground import Ground
 from nerfnav.world.interpolation import interpolate_poses
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import winding_number
-from nerfnav.world.triangles import boxes_touch_triangles
+from nerfnav.world.triangle_index import boxes_touch_triangles
 
 _BODY = Body.box((0.1, 0.1, 0.04), (2, 2, 2))
 

@@ -6,7 +6,7 @@ from PIL import Image
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.world.kernels.pictures import average, blend
 from nerfnav.world.paint import Paint

@@ -1,4 +1,4 @@
-"""Cameras that go with the robot: behind it, its own, and from above."""
+"""Camera modes: cameras that go with the robot, behind it, its own, and from above."""
 
 import numpy as np
 import viser
@@ -7,7 +7,7 @@ from nerfnav.geometry import Box
 from nerfnav.robots import RigidState, Robot
 from nerfnav_app.page.layers.field_surface import first_view, look
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view_settings import CameraMode
+from nerfnav_app.state.view import CameraMode
 
 _WIDE = float(np.deg2rad(75))  # [rad]: what is near is seen whole
 _BEHIND, _OVER, _AHEAD = 7.0, 3.0, 10.0  # of the chase camera, in body lengths

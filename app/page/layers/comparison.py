@@ -1,13 +1,13 @@
-"""A second flight beside the shown one: its path, its robot and its plan at the same time after take-off."""
+"""Compared flight: path, robot and plan of a second flight at the same time after take-off."""
 
 import numpy as np
 import viser
 
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState
+from nerfnav_app.page.kit.theme import OTHER_PLAN, OTHER_TRUTH
 from nerfnav_app.page.layers.nodes import Bodies, Line, positions, quaternions
 from nerfnav_app.page.layers.shapes import body_shape, robot_shape
-from nerfnav_app.page.theme import OTHER_PLAN, OTHER_TRUTH
 from nerfnav_app.state.records import FlightRecord
 from nerfnav_app.state.runs import StoredFlight
 from nerfnav_app.state.session import Session

@@ -8,9 +8,9 @@ import numpy as np
 import viser
 
 from nerfnav.robots import Robot
+from nerfnav_app.page.kit.theme import GOAL, HIT, START
 from nerfnav_app.page.layers.nodes import Fan, drops, yaw_quaternion
 from nerfnav_app.page.layers.shapes import body_shape
-from nerfnav_app.page.theme import GOAL, HIT, START
 from nerfnav_app.places.ends import End, Which
 from nerfnav_app.state.actions import Command, MoveEnd, Point
 from nerfnav_app.state.session import Session

@@ -1,16 +1,16 @@
-"""The field itself as the backdrop of each tab, rendered from that tab's own camera."""
+"""Rendered backdrop: the field itself behind the scene of each tab, rendered from that tab's own camera."""
 
 from collections.abc import Callable
 
 import numpy as np
 import viser
 
-from nerfnav_app.page.theme import night
+from nerfnav_app.page.kit.theme import night
 from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tab_actions import Left, Looked
-from nerfnav_app.state.view_settings import Backdrop, Eye
+from nerfnav_app.state.view import Backdrop, Eye
 
 
 class FieldBackdropLayer:

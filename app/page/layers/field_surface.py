@@ -1,4 +1,4 @@
-"""The field as a surface, and the first view of it.
+"""Surface of the field as a mesh, and the first view of it.
 
 Imports nothing slow: a surface that was kept is shown while all else is being imported.
 """
@@ -10,7 +10,7 @@ import viser
 
 from nerfnav_app.places.surface_glb import Corner, box_of, dressed
 from nerfnav_app.places.vantage import View, view_of_box
-from nerfnav_app.state.view_settings import Backdrop, ViewSettings
+from nerfnav_app.state.view import Backdrop, ViewSettings
 
 if TYPE_CHECKING:
     from nerfnav_app.state.session import Session

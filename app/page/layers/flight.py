@@ -1,4 +1,4 @@
-"""The flight: where the robot is, where it believes to be, how sure it is, and what it intends."""
+"""Flight: true pose, estimated pose with its 95 % region, and the trajectory that the robot intends."""
 
 import numpy as np
 import viser
@@ -6,10 +6,10 @@ import viser
 from nerfnav.estimator import Belief
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState, Robot
+from nerfnav_app.page.kit.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
 from nerfnav_app.page.layers.regions import cone, ellipsoids
 from nerfnav_app.page.layers.shapes import ball, body_shape, robot_shape
-from nerfnav_app.page.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav_app.state.records import FlightRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import number

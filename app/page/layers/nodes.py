@@ -5,8 +5,8 @@ import viser
 import viser.transforms as tf
 
 from nerfnav.robots import Motion, RigidState
+from nerfnav_app.page.kit.theme import Rgb, linear
 from nerfnav_app.page.layers.shapes import Shape
-from nerfnav_app.page.theme import Rgb, linear
 
 THROUGH = "/through"
 """How the name of a node ends that page.js draws over everything, faintly."""

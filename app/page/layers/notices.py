@@ -1,8 +1,8 @@
-"""Good news that pop up once in every tab; what went wrong is said in the status line alone, until it is put right."""
+"""Notifications: good news pops up once in every tab. Errors stay in the status line until they are put right."""
 
 import viser
 
-from nerfnav_app.page.theme import START
+from nerfnav_app.page.kit.theme import START
 from nerfnav_app.state.session import Session
 
 _SECONDS = 8.0

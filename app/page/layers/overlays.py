@@ -1,11 +1,11 @@
-"""What helps to judge a field: the ground truth over it, the space that is taken, a slice through the density."""
+"""Overlays to judge a field by: the ground-truth mesh, occupied and unseen voxels, a slice through the density."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
 
-from nerfnav_app.page.theme import HIT, STALE, TRUTH
+from nerfnav_app.page.kit.theme import HIT, STALE, TRUTH
 from nerfnav_app.queries.density_slice import DensitySliceQuery
 from nerfnav_app.queries.space import Space, SpaceQuery, SpaceVoxels
 from nerfnav_app.state.session import Session

@@ -1,4 +1,4 @@
-"""The plan: its line as it is now, a few earlier iterations, and the body along it."""
+"""Plan: its trajectory as it is now, a few earlier iterations, and the body along it."""
 
 from enum import Enum
 
@@ -8,9 +8,9 @@ import viser
 from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
 from nerfnav.robots import Motion, Robot
 from nerfnav_app.jobs.events import PlannerResult
+from nerfnav_app.page.kit.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
 from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
 from nerfnav_app.page.layers.shapes import body_shape, robot_shape
-from nerfnav_app.page.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.state.records import NOWHERE, PlanRecord
 from nerfnav_app.state.session import Session

@@ -1,12 +1,12 @@
-"""The splats that a field was made of, as their own renderers show them."""
+"""Gaussian splats: the splats that a field was made of, as their own renderers show them."""
 
 import numpy as np
 import viser
 
 from nerfnav.importers import Splats
-from nerfnav.importers.splats.splats import in_half_precision
+from nerfnav.importers.splats.gaussians import in_half_precision
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view_settings import Backdrop
+from nerfnav_app.state.view import Backdrop
 
 
 class SplatsLayer:

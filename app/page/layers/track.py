@@ -1,4 +1,4 @@
-"""The track of a camera: its path, how sure each place of it is, and where the camera looks now."""
+"""Camera track: its path, the covariances of its latest poses, and the frustum of the camera now."""
 
 from itertools import pairwise
 
@@ -7,11 +7,11 @@ import torch
 import viser
 
 from nerfnav.geometry import Pose
+from nerfnav_app.page.kit.theme import BELIEF
+from nerfnav_app.page.layers.global_localization import frusta
 from nerfnav_app.page.layers.nodes import THROUGH, Bodies, Fan
 from nerfnav_app.page.layers.regions import ellipsoids
-from nerfnav_app.page.layers.search import frusta
 from nerfnav_app.page.layers.shapes import ball
-from nerfnav_app.page.theme import BELIEF
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackRecord
 

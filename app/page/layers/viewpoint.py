@@ -1,4 +1,4 @@
-"""From where the place is looked at: told once the camera of a tab rests, and put back where it was left."""
+"""Viewpoint of a tab: reported once its camera rests, and restored to where it was left."""
 
 import asyncio
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from nerfnav_app.places.vantage import Point, View
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tab_actions import Viewed
-from nerfnav_app.state.view_settings import CameraMode
+from nerfnav_app.state.view import CameraMode
 
 _REST_S = 0.5
 """A camera that has not moved for so long rests: each frame of a turn would be too much to tell."""

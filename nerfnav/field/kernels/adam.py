@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, node_in_block
 
 FIRST, SECOND = np.float32(0.9), np.float32(0.99)

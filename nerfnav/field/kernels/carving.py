@@ -1,4 +1,4 @@
-"""Which colours each node may have, by all pictures that look through it; and how far light gets along rays.
+"""Carving kernels: the colours that each node may have, by all pictures that look through it, and the reach of light.
 
 For each node and channel, the two largest of the windows' smallest colours and the two smallest of their largest ones
 are kept: where even the second ones contradict each other, no one picture that is wrong has made them do so.
@@ -8,15 +8,8 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
-from nerfnav.field.kernels.cells import (
-    NEGLIGIBLE_RAW,
-    corner_weights,
-    interpolate,
-    node_counts,
-    part_of,
-    softplus,
-)
+from nerfnav.core.jit import kernel, prange
+from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, corner_weights, interpolate, node_counts, part_of, softplus
 from nerfnav.field.kernels.march import CHUNK, grid_ray, locate, next_sample, sample_count, scratch
 from nerfnav.field.kernels.views import SIDE, cube_count, cube_in_view, in_camera, picture_of, position_of, window_of
 

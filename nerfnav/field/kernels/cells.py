@@ -1,16 +1,16 @@
-"""Where a point lies in the grid, what the grid says there, and how a ray crosses it.
+"""Grid cells: find the cell of a point, interpolate in it, and find where a ray crosses it.
 
-A grid is dense, values (nx, ny, nz, channels) with `occupied` (bx, by, bz) telling which blocks of 4 x 4 x 4 cells hold
-anything; or in bricks, values (bricks, 5, 5, 5, channels) with the nodes of those blocks alone, borders included, where
-`occupied` has each block's brick, 0 for the empty one. Which it is, is known when a kernel is compiled: a dense grid
-pays nothing for it.
+A grid is dense, values (nx, ny, nz, channels) with `occupied` (bx, by, bz) telling which blocks of 4 x 4 x 4 cells
+hold anything; or in bricks, values (bricks, 5, 5, 5, channels) with the nodes of those blocks alone, borders
+included, where `occupied` has each block's brick, 0 for the empty one. Which it is, is known when a kernel is
+compiled: a dense grid pays nothing for it.
 """
 
 import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 BLOCK_SHIFT = 2
 """Blocks of the occupancy have 2**BLOCK_SHIFT cells along each side."""

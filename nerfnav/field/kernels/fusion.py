@@ -1,4 +1,4 @@
-"""Depth maps into a grid: which nodes rays passed well before what they met, and how far others are from surfaces.
+"""Depth fusion kernels: mark nodes that rays passed well before a surface, and measure signed distances of others.
 
 A pixel's depth d puts a point P on a surface, and its neighbours the surface's normal n there, turned to the camera.
 The signed distance of a node X is (X - P) . n, above 0 in front of the surface: exact for planes, at any angle.
@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.views import SIDE, cube_count, cube_in_view, in_camera, picture_of, position_of, window_of
 
 MOST = 255

@@ -5,7 +5,7 @@ The equations are those of kernels/ray_sums.py. Grids that are dense have a quic
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, node_counts, part_of
 from nerfnav.field.kernels.light import STOPPED
 from nerfnav.field.kernels.march import CHUNK, grid_ray, locate, next_sample, sample_count, scratch

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.cells import (
     BLOCK_SHIFT,
     NEGLIGIBLE_RAW,

@@ -1,11 +1,11 @@
-"""What samples stop of the light, from a table: three transcendental functions would take longer than all the rest.
+"""Transmittance table: the light that samples stop, by raw density, quicker than three transcendental functions.
 
 exp(-o) and do/draw are functions of the raw density alone.
 """
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
 
 PER_RAW, HIGHEST_RAW = 32, 16

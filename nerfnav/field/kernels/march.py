@@ -1,15 +1,15 @@
-"""Rays through the grid: colour, opacity and depth, or the list of samples that matter.
+"""Ray marching through the grid: colour, opacity and depth, or the list of samples that matter.
 
-Twin of field/render.py with the samples of `uniform_samples`: sample i of a ray lies at enter + (i + 0.5) step.
-A ray ends once less than `STOPPED` of its light is left.
+Twin of field/render/volume_rendering.py with the samples of `uniform_samples`: sample i of a ray lies at
+enter + (i + 0.5) step. A ray ends once less than `STOPPED` of its light is left.
 """
 
 import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
-from nerfnav.field.field import LAST_SAMPLE as _LAST_SAMPLE
+from nerfnav.core.jit import kernel, prange
+from nerfnav.field.core.protocol import LAST_SAMPLE as _LAST_SAMPLE
 from nerfnav.field.kernels.cells import (
     BLOCK_SHIFT,
     NEGLIGIBLE_RAW,

@@ -2,7 +2,7 @@
 
 import math
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW, node_counts, part_of
 
 CHUNK = 256

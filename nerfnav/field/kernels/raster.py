@@ -1,10 +1,10 @@
-"""Triangles into a picture, with a border around each: what a texel of an atlas shows."""
+"""Texel rasterisation: draw triangles into an atlas, with a border around each."""
 
 import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 REACH = np.float32(1.42)
 """Texels around triangles are theirs too, so far from their edges: bilinear lookups inside need no others."""

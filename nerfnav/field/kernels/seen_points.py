@@ -1,4 +1,4 @@
-"""The gradient of how likely it is that rays end where points were seen: in a band around them, and not before.
+"""Sparse depth loss: the gradient of the likelihood that rays end in a band around seen points, and not before.
 
 With the transmittance T up to the band and the optical depth O in it, a ray that ends there has the probability
 p = T (1 - exp(-O)), and the loss is L = -log(p + CHANCE): some points are where nothing is. With o of a sample,
@@ -11,7 +11,7 @@ that of Deng et al., "Depth-supervised NeRF" (CVPR 2022).
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.learn import between_entries, keep_in_box, scatter
 from nerfnav.field.kernels.march import grid_ray
 

@@ -1,4 +1,4 @@
-"""Rays through the shells around the box: twin of field/surroundings.py, whose notation and equations hold here.
+"""Shells of the surroundings: rays through them. Twin of field/render/surroundings.py, whose equations hold here.
 
 Shells are half a node of their grid apart. Descents of poses ask them in pairs: once, between the two, for twice the
 optical depth. With that and what is faint left out, colours in two fields of photographs, whose walls are half in the
@@ -8,7 +8,7 @@ from their photographs by 10 and 7 %.
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW, cell_of, corner_weights, interpolate
 from nerfnav.field.kernels.light import DIM, STOPPED, column_at, entry_at, faint_raw, light_table
 

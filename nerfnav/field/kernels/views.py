@@ -1,14 +1,14 @@
-"""Which nodes of a grid a camera sees, and where: shared by what asks of every node what each picture says about it.
+"""Node visibility: project the nodes of a grid into a camera, for kernels that ask each picture about every node.
 
-Nodes are taken in cubes of `SIDE`^3, so that most of those that a camera does not see cost nothing. A node stands for a
-window of pixels, the smallest of some sizes that reaches a voxel to each side of it.
+Nodes are taken in cubes of `SIDE`^3, so that most of those that a camera does not see cost nothing. A node stands for
+a window of pixels, the smallest of some sizes that reaches a voxel to each side of it.
 """
 
 import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 SIDE = 8
 """Nodes along each edge of a cube."""

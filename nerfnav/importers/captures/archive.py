@@ -1,4 +1,4 @@
-"""Captures as one .zip file, unpacked with care: the file may come from anybody."""
+"""Capture archives: unpack a capture from one .zip file, with limits, because the file may come from anybody."""
 
 import lzma
 import struct

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import ColmapBytes, ColmapCamera, colmap_cameras, colmap_lines, so3
 from nerfnav.importers.captures.colmap_points import read_points
 from nerfnav.importers.captures.views import LARGEST, CaptureError, Lens, Tracks, View, Views

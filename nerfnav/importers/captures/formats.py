@@ -1,4 +1,4 @@
-"""Which kind of capture a folder or file is."""
+"""Capture formats: detect the format of a folder or file, and read its views."""
 
 from collections.abc import Callable
 from pathlib import Path

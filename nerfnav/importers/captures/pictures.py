@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, fisheye_points
 from nerfnav.importers.captures.views import CaptureError, Lens
-from nerfnav.importers.stored_picture import read_picture
+from nerfnav.importers.core.stored_picture import read_picture
 
 _LEAST_PIXELS = 8
 """Along each side of what all photographs show."""

@@ -1,4 +1,4 @@
-"""A video becomes a capture: its sharpest frames, and their poses by COLMAP (structure from motion) where installed.
+"""Video frames: make a capture of a video by its sharpest frames, posed by COLMAP where it is installed.
 
 The video is cut into as many spans of equal length as frames are wanted; of each the frame is taken whose Laplacian,
 brightness at a quarter of a megapixel, has the largest variance: motion blur takes that away.
@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.magic import head_of, magic_of
+from nerfnav.importers.core.magic import head_of, magic_of
 
 _JUDGED_PIXELS = 250_000
 _LONGEST = 1920

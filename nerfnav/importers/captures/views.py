@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 
 _SKEWED = 1e-2

@@ -1,10 +1,10 @@
-"""Configuration of how a place is made of a mesh."""
+"""Configuration of the import of a mesh."""
 
 from dataclasses import dataclass, field
 from typing import Literal
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.importers.placement import Placement
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.placement import Placement
 
 
 @dataclass(frozen=True)

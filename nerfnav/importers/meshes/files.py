@@ -11,12 +11,12 @@ from pathlib import Path
 
 import trimesh
 
-from nerfnav.extras import from_extra
+from nerfnav.core.extras import from_extra
+from nerfnav.importers.core.kinds import MESHES as SUFFIXES
 from nerfnav.importers.meshes.beside import Beside
 from nerfnav.importers.meshes.declared import LOOKS, Declared
 from nerfnav.importers.meshes.gltf_file import plain_gltf
 from nerfnav.importers.meshes.refusal import MeshFileError, first_sentence
-from nerfnav.importers.suffixes import MESHES as SUFFIXES
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # what it warns of is checked, and refused, here
 

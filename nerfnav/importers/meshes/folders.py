@@ -1,4 +1,4 @@
-"""Meshes that come as a folder or an archive: Gazebo's models (meshes/ beside materials/textures/), and single ones."""
+"""Mesh folders and archives: find the mesh in Gazebo's models (meshes/ beside materials/textures/) and single ones."""
 
 from collections.abc import Sequence
 from pathlib import Path, PurePath, PurePosixPath

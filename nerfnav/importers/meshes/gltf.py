@@ -1,4 +1,4 @@
-"""glTF 2.0: what its header demands, checked before anything is decoded."""
+"""glTF 2.0: check the header of a file before anything is decoded."""
 
 import base64
 import io
@@ -10,7 +10,7 @@ from typing import Any
 
 from PIL import Image
 
-from nerfnav.glb import ContainerError, chunks
+from nerfnav.core.glb import ContainerError, chunks
 from nerfnav.importers.meshes.refusal import MeshFileError
 
 _KNOWN = {

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from PIL.Image import Image
 
 from nerfnav.importers.meshes.files import MeshFile
-from nerfnav.importers.meshes.gltf_plain import NO_TEXTURE
+from nerfnav.importers.meshes.gltf_extensions import NO_TEXTURE
 from nerfnav.importers.meshes.palette import Palette
 from nerfnav.importers.meshes.refusal import MeshFileError
 from nerfnav.importers.meshes.tints import GREY, tint_of

@@ -1,4 +1,4 @@
-"""Upright and in metres: which way a mesh is up and how long its unit is, as told, declared, or guessed.
+"""Placement of a mesh: up axis and length of a unit, as given, declared, or guessed.
 
 Units: the declared one, then the usual ones, until the longest edge of the place has a plausible length. Up: what the
 format says, unless the file's other axis is much flatter and its mass lies much lower, as that of places does.
@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from nerfnav.importers.core.placement import AXES, LOWER, PLAUSIBLE, Placement, is_flatter, rotation_to_z
 from nerfnav.importers.meshes.declared import Declared
 from nerfnav.importers.meshes.parts import Parts
 from nerfnav.importers.meshes.refusal import MeshFileError
-from nerfnav.importers.placement import AXES, LOWER, PLAUSIBLE, Placement, is_flatter, rotation_to_z
 
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Lengths of units [m]."""

@@ -1,4 +1,4 @@
-"""Which pieces of a mesh have an inside that a body can be in, and which are only surfaces.
+"""Solids and sheets: divide a mesh into pieces with an inside that a body can be in, and mere surfaces.
 
 Vertices at one place are joined first: files hold one for each texture coordinate and normal. Pieces are faces
 connected over edges that exactly two of them share: within each part first, then, for what is open, over all parts.

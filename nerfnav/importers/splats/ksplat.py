@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.importers.magic import magic_of
-from nerfnav.importers.splats.splats import Splats, cleaned
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.magic import magic_of
+from nerfnav.importers.splats.gaussians import Splats, cleaned
 
 _HEADER, _SECTION = 4096, 1024
 _RANGE = 32767

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "<i1"),

@@ -22,10 +22,10 @@ from pathlib import Path
 
 import numpy as np
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.importers.magic import LONGEST, unlike
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.magic import LONGEST, unlike
+from nerfnav.importers.splats.gaussians import Splats, cleaned, rgb_of
 from nerfnav.importers.splats.quaternions import XYZW, from_smallest_three
-from nerfnav.importers.splats.splats import Splats, cleaned, rgb_of
 
 MOST_SPLATS = 20_000_000
 """More are refused before memory is taken for them."""

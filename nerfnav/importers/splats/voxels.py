@@ -1,14 +1,14 @@
-"""From splats to a voxel field: densities that stop as much light as the splats do.
+"""Voxelization: make a voxel field of splats whose densities stop as much light as the splats do.
 
 Notation: splat k has opacity o, standard deviations s_1 >= s_2 >= s_3 along its axes, covariance S. A ray through its
 centre along the thinnest axis is to lose -log(1 - o) = t of optical depth, so its density is
 
     rho(p) = a exp(-q/2),  a sqrt(2 pi) s_3 = t,  q = (p - m)' S^-1 (p - m)
 
-Along its longer axes it stops more than a splat would; splats are flat and lie on surfaces, where that is what a solid
-thing does. A grid can hold nothing narrower than half a voxel, and a node is to stand for the mean of the density,
-weighted by its hat function, whose variance along an axis is 1/6 of a squared voxel. So each splat is blurred by both,
-S' = S + w^2 I with w^2 = 1/4 + 1/6 squared voxels, keeping its integral M = t 2 pi s_1 s_2
+Along its longer axes it stops more than a splat would; splats are flat and lie on surfaces, where that is what a
+solid thing does. A grid can hold nothing narrower than half a voxel, and a node is to stand for the mean of the
+density, weighted by its hat function, whose variance along an axis is 1/6 of a squared voxel. So each splat is
+blurred by both, S' = S + w^2 I with w^2 = 1/4 + 1/6 squared voxels, keeping its integral M = t 2 pi s_1 s_2
 
     a' = M / ((2 pi)^(3/2) sqrt(det S'))
 
@@ -20,13 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from nerfnav.compiled import default_threads, threads
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.jit import default_threads, threads
 from nerfnav.field import FieldInfo, VoxelField
 from nerfnav.field.moments import fitted
 from nerfnav.geometry import Box, shape_for, spacing_of
-from nerfnav.importers.kernels.splatting import REACH, splat
-from nerfnav.importers.splats.splats import Splats, extent
+from nerfnav.importers.splats.gaussians import Splats, extent
+from nerfnav.importers.splats.kernels.splatting import REACH, splat
 
 MOST_NODES = 60_000_000
 """A field's nodes have four numbers each."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 
 LEASH_M = 0.1
 """How far off a robot may believe to be that still tracks its plan [m]: its own width."""

@@ -1,4 +1,4 @@
-"""Inertial measurements, and states moved on by them; notation and equations are those of robots/strapdown.py."""
+"""Inertial measurements, and states moved on by them; notation and equations are those of inertial/strapdown.py."""
 
 from dataclasses import dataclass, field
 
@@ -7,12 +7,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.estimator import ImuConfig
-from nerfnav.estimator.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
 from nerfnav.geometry import so3
+from nerfnav.inertial import ImuConfig, Increments, advanced
+from nerfnav.inertial.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.rigid_body import BodyState, rotation_of
-from nerfnav.robots import Increments, advanced
 
 _PERFECT = 1e-6
 """What noise of a unit without any is taken for: covariances are inverted."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nerfnav.navigation.physical.config import PhysicalConfig
+from nerfnav.navigation.physical.geometric_controller import TrackingGains
 from nerfnav.navigation.physical.rigid_body import Airframe
-from nerfnav.navigation.physical.tracking import TrackingGains
 
 
 @dataclass

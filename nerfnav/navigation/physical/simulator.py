@@ -1,7 +1,8 @@
-"""The physical world as a simulator: the true state is that of a rigid body, moved in hundreds of steps a second.
+"""Physical simulator: the true state is that of a rigid body, moved in hundreds of steps a second.
 
 What the fast loop believes of the state is what the filter believed at the beginning of the time step, moved on by
-inertial measurements (inertial.py); its reference is the spline through the plans' positions (reference.py).
+inertial measurements (inertial.py); its reference is the spline through the plans' positions
+(reference_trajectory.py).
 """
 
 from collections import deque
@@ -12,18 +13,18 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator import ImuConfig, StateNoise
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Pose
+from nerfnav.inertial import ImuConfig
 from nerfnav.navigation.physical.config import PhysicalConfig
+from nerfnav.navigation.physical.geometric_controller import TrackingGains, wrench_for
 from nerfnav.navigation.physical.inertial import Felt, InertialUnit, mechanised
 from nerfnav.navigation.physical.powertrain import Powertrain
-from nerfnav.navigation.physical.reference import Flown, Wanted
+from nerfnav.navigation.physical.reference_trajectory import Flown, Wanted
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate, turning
-from nerfnav.navigation.physical.tracking import TrackingGains, wrench_for
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.robots import Motion, Quadrotor, QuadrotorConfig, RigidState
+from nerfnav.robots import Motion, Quadrotor, QuadrotorConfig, RigidState, StateNoise
 
 _LOOK_APART = 0.02
 """How often the body is checked for contact [s]."""

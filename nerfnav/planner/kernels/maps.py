@@ -1,4 +1,4 @@
-"""Where a body fits: dense cells of a grid to columns, columns to positions of a body, and what positions cost.
+"""Occupancy on grids: dense cells to columns, columns to positions of a body, and the cost of each position.
 
 Nothing that is dense is left out on the way. Between the 8 corners of a cell raw densities are trilinear, so along
 each axis the dense part of a cell ends no farther than on one of its four edges: the box between these ends holds all
@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel, prange
+from nerfnav.core.jit import kernel, prange
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, node_counts, part_of
 
 

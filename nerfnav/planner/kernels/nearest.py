@@ -1,10 +1,10 @@
-"""The dense node of a grid that is nearest to each of many points, as far as it can be the nearest of all."""
+"""Nearest dense node of a grid to each of many points, as far as it can be the nearest of all."""
 
 import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, node_counts, part_of
 
 

@@ -1,10 +1,10 @@
-"""J of a quadrotor's motion in a grid and its gradient in one call.
+"""Objective of a quadrotor in a grid: J of a motion and its gradient in one call.
 
-The same as objective.py on the kernels of the terms, whose notation holds here; tests hold both equal. The motion goes
+The same as `Objective` on the kernels of the terms, whose notation holds here; tests hold both equal. The motion goes
 through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 
-`task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at which
-densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
+`task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at
+which densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
 `chance_at` asks for, its `by_way`, and the body's half edges for `outside`); `weights` those of collision, limits,
 leaving the box and risk.
 """
@@ -13,11 +13,11 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
-from nerfnav.planner.kernels.border import outside
 from nerfnav.planner.kernels.collision import STANDSTILL, control
 from nerfnav.planner.kernels.danger import endangered
+from nerfnav.planner.kernels.terms import outside
 from nerfnav.robots.kernels.quadrotor import adjoint, motion
 from nerfnav.robots.kernels.quadrotor_limits import limits
 

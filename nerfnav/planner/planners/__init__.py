@@ -1,11 +1,11 @@
 """The planners, one file for each: the one table that every choice of a planner reads."""
 
-from nerfnav.planner.planner import PlannerEntry
+from nerfnav.core.registry import Registry
 from nerfnav.planner.planners.fast import FAST
 from nerfnav.planner.planners.minsnap import MINSNAP
 from nerfnav.planner.planners.paper import PAPER
+from nerfnav.planner.planners.planner import PlannerEntry
 from nerfnav.planner.planners.rrt import RRT
-from nerfnav.registry import Registry
 
 PLANNERS: Registry[PlannerEntry] = Registry("planner", (FAST, MINSNAP, RRT, PAPER))
 """Name to planner, the quick ones first."""

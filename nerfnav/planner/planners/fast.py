@@ -1,14 +1,14 @@
-"""The fast planner: several ways around and quasi-Newton on compiled kernels, then the rest of the plan."""
+"""Fast planner: several paths and BFGS on compiled kernels, then a warm start with the rest of the plan."""
 
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nerfnav.planner.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.moved_ends import MovedEndsConfig, follow_ends
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.planner import FieldPlanner, PlannerEntry, with_risk
+from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_risk
 from nerfnav.planner.route import Route
+from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.warm_start import carry_on
 from nerfnav.robots import Motion

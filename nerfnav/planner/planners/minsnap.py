@@ -1,13 +1,13 @@
-"""Minimum snap, a baseline of the paper, in the shape of a planner."""
+"""Minimum-snap planner: a baseline of the paper, see baselines/minsnap.py."""
 
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nerfnav.planner.follow import carried_on
-from nerfnav.planner.minsnap import MinSnapConfig, plan_minimum_snap
+from nerfnav.planner.baselines.minsnap import MinSnapConfig, plan_minimum_snap
+from nerfnav.planner.baselines.waypoint_following import carried_on
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.planner import FieldPlanner, PlannerEntry
+from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots import Motion

@@ -1,14 +1,14 @@
-"""The paper's planner: A* and Adam, then Adam again from the rest of the waypoints."""
+"""Paper's planner: A* and Adam, then Adam again from the rest of the waypoints."""
 
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from nerfnav.planner.hot_start import hot_start
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.optimize import PlanConfig, plan, replan
-from nerfnav.planner.planner import FieldPlanner, PlannerEntry, with_room
+from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_room
 from nerfnav.planner.route import Route
+from nerfnav.planner.solvers.adam import PlanConfig, plan, replan
+from nerfnav.planner.solvers.warm_start import hot_start
 from nerfnav.planner.steps import PlanStep
 from nerfnav.robots import Motion
 

@@ -1,13 +1,13 @@
-"""RRT, a baseline of the paper, in the shape of a planner."""
+"""RRT planner: a baseline of the paper, see baselines/rrt.py."""
 
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nerfnav.planner.clearance import BallCheck
-from nerfnav.planner.follow import carried_on
+from nerfnav.planner.baselines.rrt import BallCheck
+from nerfnav.planner.baselines.waypoint_following import carried_on
 from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.planner import FieldPlanner, PlannerEntry
+from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.route import Route
 from nerfnav.planner.rrt import RRTConfig, plan_rrt
 from nerfnav.planner.steps import PlanStep

@@ -4,13 +4,13 @@ A term of your own is a `CostTerm`. `register` adds it to all problems that are 
 problem alone, give that one `terms=(*terms.counted(), mine)`.
 """
 
+from nerfnav.core.registry import Registry
 from nerfnav.planner.terms.collision import COLLISION
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.limits import LIMITS
 from nerfnav.planner.terms.outside import OUTSIDE
 from nerfnav.planner.terms.risk import RISK
 from nerfnav.planner.terms.term import CostTerm
-from nerfnav.registry import Registry
 
 TERMS: Registry[CostTerm] = Registry("cost term", (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK))
 """Name to term."""

@@ -1,4 +1,4 @@
-"""The collision term of Eq. 2: sum_t sum_b rho(x_b) s(b)."""
+"""Collision term of Eq. 2: sum_t sum_b rho(x_b) s(b)."""
 
 from functools import partial
 from typing import final
@@ -8,8 +8,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import FastDensity, density_and_gradient
-from nerfnav.planner import costs
 from nerfnav.planner.kernels import collision as kernels
+from nerfnav.planner.risk import costs
 from nerfnav.planner.terms.term import Adjoint, CostTerm, TermContext
 from nerfnav.robots import FlatMap, Motion
 

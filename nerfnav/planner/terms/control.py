@@ -1,11 +1,11 @@
-"""The control term of Eq. 2: sum_t u_t' Gamma u_t."""
+"""Control term of Eq. 2: sum_t u_t' Gamma u_t."""
 
 import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.planner import costs
 from nerfnav.planner.kernels import collision as kernels
+from nerfnav.planner.risk import costs
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion
 

@@ -1,4 +1,4 @@
-"""The price of coming later, for plans whose arrival is put off at each step: Eq. 2 knows none.
+"""Delay term: the cost of arriving later, for plans whose arrival is put off at each step; not in Eq. 2.
 
     sum_t sqrt(|p_t - p_N|^2 + s^2) - s        s: _NEAR
 

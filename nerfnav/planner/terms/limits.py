@@ -1,4 +1,4 @@
-"""The penalty that keeps a motion well defined and within what the robot can do."""
+"""Limits term: the penalty that keeps a motion well defined and within the robot's limits."""
 
 from jaxtyping import Float
 from torch import Tensor

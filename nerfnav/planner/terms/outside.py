@@ -1,11 +1,12 @@
-"""The penalty that keeps the body in the field's box, all of it, see border.py: beyond, every density is 0."""
+"""Border term: the penalty that keeps the whole body in the field's box, see space/border.py; density beyond it is
+0."""
 
 import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.planner import border
-from nerfnav.planner.kernels import border as kernels
+from nerfnav.planner.kernels import terms as kernels
+from nerfnav.planner.space import border
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion
 

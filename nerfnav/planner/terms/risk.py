@@ -1,13 +1,13 @@
-"""The risk term: the collisions to be expected of the noise that will come, which Eq. 2 knows nothing of.
+"""Risk term: the collisions to be expected of the noise to come; not in Eq. 2.
 
-    sum_t c_t(p_t, yaw_t)        c_t of danger.py; the mean over the way of each step
+    sum_t c_t(p_t, yaw_t)        c_t of risk/collision_map.py; the mean over the way of each step
 
 counts the steps in which the robot will be pushed into something: plans keep wider of what is solid, pass a strait in
 few steps, and leave the ground early. It is soft: where there is no wider way the least dangerous is taken.
 
 When the arrival is put off at each step (a receding horizon that has reached its shortest), a sum over steps would be
-least for whoever waits outside of a strait for ever. There the same counts by way, sum_t c_t s_t / pace, with s_t
-the way of the step: waiting neither costs nor helps.
+least for a robot that waits outside of a strait for ever. There the same counts by way, sum_t c_t s_t / pace, with
+s_t the way of the step: waiting neither costs nor helps.
 """
 
 import math
@@ -18,8 +18,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.planner.danger import NONE, Danger, DangerMap
 from nerfnav.planner.kernels import danger as kernels
+from nerfnav.planner.risk.collision_map import NONE, Danger, DangerMap
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion, wrapped
 

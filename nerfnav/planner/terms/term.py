@@ -15,10 +15,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import Field
-from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.spread import PAPERS_OUTLOOK, Outlook
+from nerfnav.planner.risk.costs import CostWeights
+from nerfnav.planner.risk.tracking_error import PAPERS_OUTLOOK, Outlook
 from nerfnav.robots import Body, FlatMap, Motion, Robot
 
 

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.robots.arcs import ARRIVED, LEAST, MU, ROUNDS, SMALL, TYPICAL_SPEED, TYPICAL_TURN
 
 

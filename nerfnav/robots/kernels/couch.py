@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.robots.kernels.hinges import over, over_in_plane
 
 

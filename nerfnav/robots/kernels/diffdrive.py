@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.robots.kernels.arcs import chords, path, pull, through_closing
 from nerfnav.robots.kernels.hinges import over
 

@@ -2,7 +2,7 @@
 
 import math
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 
 @kernel(inline=True)

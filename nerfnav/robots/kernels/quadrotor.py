@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 from nerfnav.robots.kernels.rotations import cross, inverse_left_jacobian, log_between, turned
 
 NO_THRUST = 1e-4

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 
 @kernel(inline=True)

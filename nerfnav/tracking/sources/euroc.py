@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.tracking.frame import Frame, Inertial
 from nerfnav.tracking.sources.decoded import decoded

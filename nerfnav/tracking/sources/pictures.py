@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.tracking.frame import Frame
 from nerfnav.tracking.sources.decoded import decoded
 from nerfnav.tracking.sources.in_order import after

@@ -1,4 +1,4 @@
-"""A video: its frames with the times that its container tells."""
+"""Video: its frames with the times that its container tells."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
-from nerfnav.importers.suffixes import VIDEOS
+from nerfnav.importers.core.kinds import VIDEOS
 from nerfnav.tracking.frame import Frame, Inertial
 from nerfnav.tracking.sources.in_order import after
 

@@ -1,10 +1,10 @@
-"""Which boxes touch which triangles.
+"""Box-triangle overlap test by separating axes.
 
-Separating axes: Akenine-Moller, "Fast 3D triangle-box overlap testing", 2001. A box and a triangle are apart if and
-only if they are along an axis of the box, the triangle's normal, or a cross product of an axis with an edge.
+Akenine-Moller, "Fast 3D triangle-box overlap testing", 2001. A box and a triangle are apart if and only if they are
+along an axis of the box, the triangle's normal, or a cross product of an axis with an edge.
 """
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 
 @kernel(inline=True, exact=True)

@@ -1,11 +1,11 @@
-"""From what rays hit to the bytes of a picture.
+"""Shading of pictures: blend the colours at the hits of rays, and average them to the bytes of pixels.
 
 Nothing is reordered or fused here: a byte that rounds the other way would be another flight of the same seed.
 """
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 
 @kernel(exact=True)

@@ -1,17 +1,17 @@
-"""What each pixel of a pinhole camera sees first of a mesh, triangle by triangle.
+"""Triangle rasterisation: the face that each pixel of a pinhole camera sees first of a mesh, triangle by triangle.
 
 A point of the mesh is q = K (x, down, forward), and the ray through (u, v) that of all s (u, v, 1), s > 0. With edge
 functions in these coordinates (Olano and Greer, Triangle scan conversion using 2D homogeneous coordinates, 1997) a
 triangle need not be clipped where it reaches behind the camera: a ray meets it where all three are of one sign, their
 shares are the barycentric weights, and one over the depth is linear in u and v.
 
-Nothing is reordered or fused: neighbours then disagree in nothing about the edge between them but the sign, so that no
-ray slips through.
+Nothing is reordered or fused: neighbours then disagree in nothing about the edge between them but the sign, so that
+no ray slips through.
 """
 
 import numpy as np
 
-from nerfnav.compiled import kernel
+from nerfnav.core.jit import kernel
 
 _BEHIND = 16
 _NARROW = 8  # pixels: narrower triangles are asked at each pixel of a row, of wider ones the ends are found first

@@ -5,8 +5,8 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav.experiments.arena import Arena
-from nerfnav.field.checkpoint import load_field
-from nerfnav.field.voxel import VoxelField
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.storage.checkpoint import load_field
 from nerfnav_app.benchmarks import render, train_step
 
 

@@ -7,7 +7,7 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav.experiments.arena import Arena
-from nerfnav.field.checkpoint import load_field
+from nerfnav.field.storage.checkpoint import load_field
 from nerfnav_app.benchmarks import busy, cold, plan, replan, scaling
 
 

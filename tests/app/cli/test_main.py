@@ -14,15 +14,15 @@ import pytest
 import trimesh
 
 from nerfnav import robots
-from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.navigation.episode import Episode
 from nerfnav.planner import planners
-from nerfnav.planner.planner import RISK
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.planners.paper import PaperPlanner
+from nerfnav.planner.planners.planner import RISK
 from nerfnav_app.cli.main import COMMANDS, main, parse
 from nerfnav_app.jobs.events import JobEvents
-from nerfnav_app.jobs.fly_request import FlyRequest
+from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.places.place import Place
 from tests.app.doubles import balls_place
 
@@ -215,7 +215,7 @@ def test_a_flight_is_planned_as_the_command_line_says(
         raise InvalidInputError("enough")
         yield
 
-    monkeypatch.setattr("nerfnav_app.cli.fly.run_job", remembered)
+    monkeypatch.setattr("nerfnav_app.cli.commands.fly.run_job", remembered)
     assert main(["fly", str(field_file), *FROM, *TO, *words]) == 2
     (route,) = (request.route for request in asked)
     field, entry = balls_place().field, planners.load(route.planner)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.errors import InvalidInputError, NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.subprocess_job import in_subprocess
 from tests.app.following import followed

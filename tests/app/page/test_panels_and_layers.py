@@ -7,30 +7,30 @@ import pytest
 import torch
 import trimesh
 
-from nerfnav.estimator.belief import Belief
+from nerfnav.core.glb import parts
+from nerfnav.estimator.core.belief import Belief
 from nerfnav.geometry import so3, to_linear, to_srgb, tone_mapped
-from nerfnav.glb import parts
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost
 from nerfnav.robots.state import RigidState
-from nerfnav_app.page.html import table
+from nerfnav_app.page.kit.html import table
+from nerfnav_app.page.kit.theme import branded, linear
 from nerfnav_app.page.layers.camera_modes import sight
 from nerfnav_app.page.layers.flight import FlightLayer, arrows
 from nerfnav_app.page.layers.nodes import dashes, drops, quaternions, segments
 from nerfnav_app.page.layers.regions import cone, ellipsoids
 from nerfnav_app.page.layers.shapes import Shape, ball, robot_shape
-from nerfnav_app.page.panels import ends as ends_panel
-from nerfnav_app.page.panels import flight as fly_panel
 from nerfnav_app.page.panels import plan_charts, plan_words
+from nerfnav_app.page.panels.flight import flight as fly_panel
+from nerfnav_app.page.panels.plan import ends as ends_panel
 from nerfnav_app.page.panels.status_words import activity
-from nerfnav_app.page.theme import branded, linear
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.surface_glb import BRIGHTEST, colored_glb, dressed, simplified, unlit_glb, without_specks
+from nerfnav_app.state.export_subject import recording_of, subject
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.records import CostHistory, FlightRecord, PlanRecord
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.taken_away import recording_of, subject
-from nerfnav_app.state.view_settings import CameraMode
+from nerfnav_app.state.view import CameraMode
 from nerfnav_app.text import number
 from tests.app.doubles import balls_place, flight_step, plan_step
 from tests.field.fields import painted

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.errors import UnknownNameError
+from nerfnav.core.errors import UnknownNameError
 from nerfnav_app.places.library import PlaceLibrary, PlaceNameError
 from nerfnav_app.places.uploads import UploadError
 

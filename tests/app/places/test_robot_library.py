@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from trimesh.exchange.stl import export_stl
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots import described, load, names, to_yaml
 from nerfnav_app.places.robot_library import RobotLibrary
 from nerfnav_app.places.uploads import UploadError

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.evidence import states_of_unseen
-from nerfnav.field.voxel import VoxelField
-from nerfnav.planner.ends import fits
+from nerfnav.field.core.occupancy import states_of_unseen
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav_app.places.ends import End, Ends, Which
 from nerfnav_app.places.place import Place
@@ -21,7 +21,7 @@ from nerfnav_app.queries.field_view import FieldViewQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.space import Space, SpaceQuery
 from nerfnav_app.state.session import Click
-from nerfnav_app.state.view_settings import Eye
+from nerfnav_app.state.view import Eye
 from tests.app.doubles import balls_place, plan_step
 
 PLACE = balls_place()

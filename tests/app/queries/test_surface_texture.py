@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.glb import parts
+from nerfnav.core.glb import parts
+from nerfnav_app.jobs.export.surface import shaping
 from nerfnav_app.jobs.open_place import run
-from nerfnav_app.jobs.surface import shaping
 from nerfnav_app.places.place import open_place
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.surface_texture import Baking, SurfaceTextureQuery

@@ -4,18 +4,18 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav_app.jobs.events import FileMade, JobFailed, JobFinished, PlaceOpened, Progress, SurfaceShaped
-from nerfnav_app.jobs.map import MapRequest, download
+from nerfnav_app.jobs.export.occupancy_map import MapRequest, download
 from nerfnav_app.page.panels.status_words import activity
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.downloads import Download, MapWish, TakeMap
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view_settings import Backdrop
+from nerfnav_app.state.view import Backdrop
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, planned, reports
-from tests.field.test_neural import random_field
+from tests.field.models.test_neural import random_field
 
 VOXELS = TakeMap(MapWish(".npz", client=3))
 

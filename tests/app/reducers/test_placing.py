@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.importers.correction import Correction
+from nerfnav.importers.alignment import Correction
 from nerfnav_app.jobs.events import JobFinished, JobResult, PlaceOpened
 from nerfnav_app.queries.surface_point import SurfacePointQuery
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
-from nerfnav_app.state import placing as p
+from nerfnav_app.state import alignment as p
 from nerfnav_app.state.session import JobKind, Session
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports

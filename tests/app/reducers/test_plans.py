@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from nerfnav.navigation.steps import EpisodeOutcome
-from nerfnav.planner.costs import CostWeights
+from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.steps import GOOD, PlanOutcome
 from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult
 from nerfnav_app.page.layers.plan import Look, look_of
-from nerfnav_app.page.panels.next_step import next_step, remedy
+from nerfnav_app.page.panels.status.next_step import next_step, remedy
 from nerfnav_app.page.panels.status_words import asks, status
 from nerfnav_app.places.ends import End, Ends, Which
 from nerfnav_app.queries.catalog import pending_queries
@@ -26,7 +26,7 @@ from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.plan_actions import AllowTime, RestoreWeights, StayDown
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice
-from nerfnav_app.state.view_settings import ViewSettings
+from nerfnav_app.state.view import ViewSettings
 from tests.app.doubles import flight_step, plan_step
 from tests.app.sessions import after, reports
 from tests.app.sessions import planned as well_planned

@@ -25,7 +25,7 @@ from nerfnav_app.state.records import CostHistory, PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import GUST, Choice
 from nerfnav_app.state.tab_actions import Left, Looked
-from nerfnav_app.state.view_settings import Eye
+from nerfnav_app.state.view import Eye
 from nerfnav_app.worker.flight_orders import FlightOrders
 from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
 from tests.app.sessions import after, planned, reports

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseStep
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import JobFinished, JobResult, PlaceOpened
 from nerfnav_app.queries.catalog import pending_queries

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nerfnav.planner.costs import CostWeights
-from nerfnav.planner.fast import FastPlanConfig
-from nerfnav_app.jobs import compare_planners as compare
+from nerfnav.planner.risk.costs import CostWeights
+from nerfnav.planner.solvers.fast import FastPlanConfig
 from nerfnav_app.jobs.events import JobFinished, PlannerCompared, PlannerResult
-from nerfnav_app.jobs.plan import PlanRequest
+from nerfnav_app.jobs.plan import compare_planners as compare
+from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.page.panels.plan_charts import chart_data
 from nerfnav_app.page.panels.plan_words import compared, describe
 from nerfnav_app.places.ends import End, Ends

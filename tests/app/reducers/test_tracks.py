@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 import torch
 
-from nerfnav.estimator import Belief, StateNoise
+from nerfnav.estimator import Belief
 from nerfnav.geometry import FORWARD_MOUNT
-from nerfnav.robots import RigidState
+from nerfnav.robots import RigidState, StateNoise
 from nerfnav.tracking import Tracked, TrackStatus
 from nerfnav_app.jobs.events import FrameTracked, JobFinished, JobResult
 from nerfnav_app.page.panels.camera import tracked_pictures
-from nerfnav_app.page.panels.flight_marks import marks_of
+from nerfnav_app.page.panels.flight.track import describe, ended
+from nerfnav_app.page.panels.status.timeline import marks_of
 from nerfnav_app.page.panels.timeline import nearest
-from nerfnav_app.page.panels.track_words import describe, ended
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.run_actions import PlayBack, Scrub

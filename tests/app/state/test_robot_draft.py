@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots import LIMITS, BodyFile, CouchConfig, Kind, QuadrotorConfig, described, names, robot_of
 from nerfnav_app.state.robot_draft import (
     KINDS,

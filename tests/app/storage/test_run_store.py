@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.errors import InvalidInputError, UnknownNameError
+from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.navigation.episode import Episode
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.run_store import RunNameError, RunStore, checked

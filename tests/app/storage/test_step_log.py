@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import NavigationStep
+from nerfnav.navigation.supervisor import Recovery
 from nerfnav_app.storage import step_log as log_module
 from nerfnav_app.storage.file_lock import is_held
 from nerfnav_app.storage.output_files import OutputError

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.estimator.relocalise import RelocaliseOutcome, RelocaliseStep
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
-from nerfnav.navigation.recovery import Recovery
 from nerfnav.navigation.steps import EpisodeOutcome
-from nerfnav.planner.ends import fits
+from nerfnav.navigation.supervisor import Recovery
+from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import JobFinished, JobResult, Progress
 from nerfnav_app.jobs.find_robot import find
-from nerfnav_app.page.layers.search import frusta
-from nerfnav_app.page.panels import estimate_words
+from nerfnav_app.page.layers.global_localization import frusta
+from nerfnav_app.page.panels.flight import estimate
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.records import SearchRecord
@@ -128,18 +128,18 @@ def test_the_first_search_says_how_far_it_has_looked_around_and_may_be_left(open
 
 
 def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None:
-    told = estimate_words.found(candidates())
+    told = estimate.found(candidates())
     for text in ("One place looks like the picture.", "0.10, 0.20, 0.30", "90 %", "29°"):
         assert text in told
-    assert "2 places are left" in estimate_words.found(candidates(None))
-    assert "move and look again" in estimate_words.found(candidates(RelocaliseOutcome.AMBIGUOUS))
+    assert "2 places are left" in estimate.found(candidates(None))
+    assert "move and look again" in estimate.found(candidates(RelocaliseOutcome.AMBIGUOUS))
 
 
 def test_the_panel_says_what_a_robot_does_that_does_not_know_where_it_is(opened: Session) -> None:
     session = flying(opened, 3)
     assert session.flight is not None
     doubting = replace(flight_step(session.ends, 3), recovery=Recovery.WIDENED)
-    assert "and the robot holds" in estimate_words.describe(session.flight.with_step(doubting))
+    assert "and the robot holds" in estimate.describe(session.flight.with_step(doubting))
 
 
 def test_a_frustum_begins_at_the_camera_and_opens_where_it_looks() -> None:
@@ -152,6 +152,6 @@ def test_a_frustum_begins_at_the_camera_and_opens_where_it_looks() -> None:
 
 
 def test_where_no_place_looks_like_the_picture_none_is_called_likely() -> None:
-    told = estimate_words.found(candidates(RelocaliseOutcome.LOST))
+    told = estimate.found(candidates(RelocaliseOutcome.LOST))
     assert "No place looks like the picture" in told and "90 %" not in told
-    assert "90 %" in estimate_words.found(candidates())
+    assert "90 %" in estimate.found(candidates())

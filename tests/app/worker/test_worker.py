@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numba.core.event
 import pytest
 
-from nerfnav.compiled import Kernel
-from nerfnav.errors import NerfnavError
+from nerfnav.core.errors import NerfnavError
+from nerfnav.core.jit import Kernel
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav_app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.queries.catalog import pending_queries

@@ -16,12 +16,12 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 
-from nerfnav.estimator.belief import Belief
+from nerfnav.estimator.core.belief import Belief
 from nerfnav.export.recording import Recording
-from nerfnav.export.ros.mcap import mcap
 from nerfnav.export.ros.messages import pose_covariance
 from nerfnav.export.ros.rosbag2 import rosbag2
-from nerfnav.export.ros.types import typestore
+from nerfnav.export.ros_bags import mcap
+from nerfnav.export.ros_messages import typestore
 from nerfnav.geometry import so3
 from tests.export.flights import flight, flown, plan
 

@@ -10,7 +10,7 @@ import torch
 from nerfnav.importers import ImportConfig, ImportedCapture, import_capture
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.placement import Placement
+from nerfnav.importers.core.placement import Placement
 from tests.importers.captures.synthetic import Point, matrices, ring, write_colmap, write_points
 
 _POINTS: list[Point] = [

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from nerfnav.importers.captures.capture import import_capture
-from nerfnav.importers.captures.imported import ImportConfig, ImportedCapture
+from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.placement import Placement
+from nerfnav.importers.core.placement import Placement
 from tests.importers.captures.synthetic import (
     CAMERA,
     RADIUS,

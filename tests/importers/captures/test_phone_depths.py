@@ -12,11 +12,11 @@ import OpenEXR
 import pytest
 import torch
 
-from nerfnav.errors import MissingExtraError
+from nerfnav.core.errors import MissingExtraError
 from nerfnav.importers.captures.capture import import_capture
-from nerfnav.importers.captures.imported import ImportConfig, ImportedCapture
+from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
 from nerfnav.importers.captures.views import CaptureError
-from nerfnav.importers.placement import Placement
+from nerfnav.importers.core.placement import Placement
 from tests.importers.captures.phones import write_polycam, write_record3d, write_scanner
 from tests.importers.captures.synthetic import CAMERA, RADIUS, depth_ahead, matrices, ring
 

@@ -13,9 +13,9 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from nerfnav.geometry.camera import Camera, look_at
+from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions, SceneConfig
 from nerfnav.importers.meshes.importer import Imported, import_mesh
-from nerfnav.importers.placement import Placement
 from nerfnav.world.raycast import MeshRenderer
 
 UP_Z = SceneConfig(Placement(up=(0, 0, 1), scale=1.0), MeshOptions(seen_from="outside"))

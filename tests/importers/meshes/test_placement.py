@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from nerfnav.errors import InvalidInputError
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions, SceneConfig
 from nerfnav.importers.meshes.importer import Imported
 from nerfnav.importers.meshes.refusal import MeshFileError
-from nerfnav.importers.placement import Placement
 from tests.importers.meshes.places import imported, quad, write, write_collada
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions, SceneConfig
-from nerfnav.importers.placement import Placement
 from nerfnav.world.scene import Scene, Vantage
 from tests.importers.meshes.places import imported, quad, write
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.errors import InvalidInputError
-from nerfnav.field.render import render_rays
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.geometry.box import Box
-from nerfnav.importers.kernels.splatting import REACH, splat
+from nerfnav.importers.splats.gaussians import Splats
+from nerfnav.importers.splats.kernels.splatting import REACH, splat
 from nerfnav.importers.splats.layouts import load_splats
-from nerfnav.importers.splats.splats import Splats
 from nerfnav.importers.splats.voxels import VoxelizeConfig, voxelize
 from tests.importers.splat_files import ball_of_splats, write_inria
 

@@ -1,0 +1,1 @@
+"""Subcommands of `nerfnav`: one file each, with `Arguments` and `run`, registered in app/cli/main.py."""

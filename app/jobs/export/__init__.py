@@ -1,0 +1,1 @@
+"""Export stored plans and flights, occupancy maps and surfaces for other programs."""

@@ -1,0 +1,62 @@
+"""Recording of a stored plan or flight, read from its folder."""
+
+from contextlib import suppress
+from pathlib import Path
+
+from nerfnav import robots
+from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.export import Recording, table_of_json
+from nerfnav.field import StoredField, Unknown
+from nerfnav_app.places.derived import planning_place
+from nerfnav_app.places.place import open_place
+from nerfnav_app.storage.run_metadata import RunMetadata
+from nerfnav_app.storage.step_codec import FILE
+from nerfnav_app.storage.stored_steps import read_steps
+
+TRAJECTORY = "trajectory.json"
+"""What the folder of a plan holds."""
+
+
+def read_run(folder: Path) -> Recording:
+    """The flight or plan in a folder; of a flight that was interrupted, what was flown."""
+    if (folder / FILE).is_file():
+        about = RunMetadata.load(folder)
+        return Recording.of_flight(read_steps(folder), robots.load(about.robot), title_of(about))
+    path = folder / TRAJECTORY
+    try:
+        table = table_of_json(path.read_text())
+        name = str(table.info.get("robot_file") or table.info.get("robot", ""))
+        if not robots.known(name):
+            return Recording(table)
+        robot = robots.load(name)
+        return Recording(table, extents=robot.body.extents, robot=robot)
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise InvalidInputError(
+            f"{folder} is not the folder of a run (it has no {FILE} and no {TRAJECTORY}); "
+            "make one with `nerfnav plan` or `nerfnav fly` and --out"
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"{path} cannot be read: {error}") from error
+
+
+def planned_in(folder: Path, recording: Recording) -> StoredField | None:
+    """The field that the run in a folder was planned in, as its planner saw it.
+
+    None where its place is gone or is no field any more, or was never noted, as by earlier versions.
+    """
+    if recording.steps:
+        about = RunMetadata.load(folder)
+        source, unknown = about.source, about.unknown
+    else:
+        told = recording.table.info
+        source, unknown = str(told.get("place") or ""), str(told.get("unknown", ""))
+    if not source or unknown not in (known.value for known in Unknown):
+        return None
+    with suppress(NerfnavError):
+        return planning_place(open_place(source), Unknown(unknown)).field
+    return None
+
+
+def title_of(about: RunMetadata) -> str:
+    """A flight in a few words."""
+    return f"{about.place}, {about.task}" if about.task else about.place

@@ -1,0 +1,82 @@
+"""Isosurface of a place's field, as viewers show it."""
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nerfnav.core.steps import returned
+from nerfnav.field import GridField, field_mesh, open_rooms
+from nerfnav.field.surface.texture import texturing
+from nerfnav_app.places.kept_surface import keep_surface, kept_surface
+from nerfnav_app.places.place import Place
+from nerfnav_app.places.surface_glb import colored_glb, simplified, unlit_glb, without_specks
+
+if TYPE_CHECKING:
+    import trimesh
+
+_CELLS = 140
+"""Cells of the surface along the longest edge of the box: finer ones cost the browser more than they show."""
+_LEVEL, _DEPTH = 15.0, 0.3
+"""Density at the surface [1/m], or this optical depth of a voxel where that is less: low enough that thin parts have
+no holes, high enough that fog is not seen."""
+
+_SPECK = 400
+"""Parts of the surface with fewer faces than this are not shown."""
+
+
+def surface_of(place: Place) -> bytes:
+    """What stands for the field in viewers, as unlit binary glTF with a texture; shaped once on this machine for each.
+
+    Empty where the field has nothing dense, such as one that was hardly trained.
+    """
+    return returned(shaping(place))
+
+
+def shaping(place: Place) -> Generator[None, None, bytes]:
+    """Return `surface_of` a place; yields now and then, for it takes seconds."""
+    file = _file(place)
+    if file is not None and (kept := kept_surface(file)) is not None:
+        return kept
+    mesh, shaped = simplified(_mesh(place)), b""
+    if len(mesh.faces):
+        yield
+        painted = yield from texturing(place.field, mesh, _voxel(place))
+        yield
+        shaped = unlit_glb(painted, _box(place))
+    if file is not None:
+        keep_surface(file, shaped)
+    return shaped
+
+
+def first_surface_of(place: Place) -> tuple[bytes, bool]:
+    """What can be shown of the field at once, and whether that is only rough: its colours, without a texture."""
+    file = _file(place)
+    if file is not None and (kept := kept_surface(file)) is not None:
+        return kept, False
+    mesh = _mesh(place)
+    return (colored_glb(mesh, _box(place)), True) if len(mesh.faces) else (b"", False)
+
+
+def _mesh(place: Place) -> "trimesh.Trimesh":
+    field, spacing = place.field, float(place.field.box.size.max()) / _CELLS
+    mesh = field_mesh(field, spacing, min(_LEVEL, _DEPTH / _voxel(place)))
+    if isinstance(field, GridField) and field.info.proven_from == "depth":
+        mesh = open_rooms(field, mesh, spacing)
+    return without_specks(mesh, _SPECK)
+
+
+def _box(place: Place) -> tuple[list[float], list[float]]:
+    """Its lower and its upper corner [m]."""
+    box = place.field.box
+    return box.lower.tolist(), box.upper.tolist()
+
+
+def _file(place: Place) -> Path | None:
+    """The file that the surface is kept for; None for other fields than grids, whose surface is shaped each time."""
+    return place.file if isinstance(place.field, GridField) else None
+
+
+def _voxel(place: Place) -> float:
+    """How fine the field is [m]."""
+    field = place.field
+    return field.spacing.mean().item() if isinstance(field, GridField) else field.step

@@ -1,0 +1,1 @@
+"""Make and change fields: gather training data, train, bake, georeference."""

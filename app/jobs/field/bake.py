@@ -1,0 +1,28 @@
+"""Bake: make a voxel field of any field."""
+
+from collections.abc import Generator
+from pathlib import Path
+
+from nerfnav.core.errors import require_positive
+from nerfnav.field import BakeConfig, BakeStep, Field, StoredField, VoxelField, save_field
+from nerfnav.field.bake import bake
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.field.report import numbers_of
+from nerfnav_app.storage.output_files import prepare_file
+
+
+def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:
+    """Bake a field and store the result: yield progress, and return the numbers."""
+    require_positive(voxel=voxel)
+    prepare_file(out)
+    baked = yield from baking(source, voxel)
+    return JobResult({**numbers_of(baked), "file_bytes": save_field(baked, out)}, (out,))
+
+
+def baking(source: Field, voxel: float | None) -> Generator[JobEvent, bool | None, VoxelField]:
+    """Bake a field, yield progress, and return the result."""
+    step: BakeStep | None = None
+    for step in bake(source, BakeConfig(voxel=voxel)):
+        yield Progress(step.label, step.fraction)
+    assert step is not None and step.field is not None, "baking ends with its field"
+    return step.field

@@ -1,0 +1,81 @@
+"""Training data from a bundled scene: it is photographed here and now, and is its own ground truth."""
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import torch
+
+import nerfnav_scenes as scenes
+from nerfnav.field import TrainConfig
+from nerfnav.geometry import PosedImages
+from nerfnav.world import CaptureConfig, Scene, split
+from nerfnav.world.capture import capture
+from nerfnav.world.capture_config import FINE_VOXEL
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.training_data.request import TrainRequest
+
+LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
+"""Training steps that a field needs: a larger place has more surface to learn."""
+LEAST_IMAGES, IMAGES_PER_CUBIC_METER, MOST_IMAGES = 150, 60, 420
+"""Photographs that show a place from everywhere."""
+WITHOUT_DEPTH = 3
+"""How many are taken for each one that would do with depth: only colours that contradict each other prove space to be
+free then, and half a dozen looks past a node seldom do."""
+
+
+def takes(source: str) -> bool:
+    """Whether a source is one of the bundled scenes."""
+    return source in scenes.names()
+
+
+def gather(request: TrainRequest) -> Gathering:
+    """Photograph the scene. Raises InvalidInputError for options that only meshes and captures have."""
+    placement = request.placement
+    request.require_unset(
+        "a bundled scene",
+        up=placement.up,
+        scale=placement.scale,
+        picked=placement.picked,
+        box=placement.box,
+        downscale=request.photographs.downscale,
+        units=request.mesh.units,
+        seen_from=request.mesh.seen_from,
+    )
+    scene = scenes.load(request.source)
+    # a place of the size of rooms takes as much work, in voxels, as a small one
+    coarser = max(1.0, (scene.voxel or TrainConfig.voxel) / FINE_VOXEL)
+    volume = scene.box.size.prod().item() / coarser**3
+    rooms = coarser > 1  # places under the sky are seen through from all around, and proven by few pictures
+    count = request.photographs.count or images_for(volume, with_depth=bool(request.depth) or not rooms)
+    config = replace(request.capture.suiting(scene), images=count)
+    photographs = yield from photograph(scene, config, torch.Generator().manual_seed(request.seed))
+    learned, held_out = split(photographs if request.depth else photographs.without_depth())
+    report: dict[str, object] = {"kind": "scene", "images_used": len(photographs), "images_skipped": 0, "guesses": []}
+    return TrainingData(
+        learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
+    )
+
+
+def images_for(volume: float, with_depth: bool = True) -> int:
+    """How many photographs show a box of `volume` [m^3], with or without depth that says what is free."""
+    told = min(MOST_IMAGES, max(LEAST_IMAGES, round(IMAGES_PER_CUBIC_METER * volume)))
+    return told if with_depth else WITHOUT_DEPTH * told
+
+
+def iterations_for(volume: float) -> int:
+    """How many training steps a box of `volume` [m^3] asks for."""
+    return max(LEAST_ITERATIONS, round(ITERATIONS_PER_CUBIC_METER * volume))
+
+
+def photograph(
+    scene: Scene, config: CaptureConfig, generator: torch.Generator
+) -> Generator[JobEvent, bool | None, PosedImages]:
+    """Take pictures of a scene's mesh and return them. Raises StoppedError where it is told to stop."""
+    for step in capture(scene, config, generator):
+        stop = yield Progress("photographing", (step.index + 1) / step.total)
+        if stop:
+            raise StoppedError("stopped while photographing: nothing was learned yet, so nothing is saved")
+        if step.captured is not None:
+            return step.captured
+    raise AssertionError("a capture ends with its photographs")

@@ -1,0 +1,55 @@
+"""Training data from a mesh: it becomes a scene, is photographed from where it is free, and is its own ground truth."""
+
+from collections.abc import Generator
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from nerfnav.field import TrainConfig
+from nerfnav.importers import Imported, SceneConfig, import_mesh
+from nerfnav.world import split
+from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.field.bundled import images_for, iterations_for, photograph
+from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.field.unpacking import mesh_unpacked
+from nerfnav_app.jobs.training_data.request import TrainRequest
+
+LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
+"""Nodes of a field for which there is little time: at least, and for each second of it."""
+
+
+def gather(request: TrainRequest) -> Gathering:
+    """Read the mesh and photograph it. Raises MeshFileError for files that no scene can be made of."""
+    request.require_unset("a mesh", downscale=request.photographs.downscale)
+    with mesh_unpacked(Path(request.source)) as path:
+        config = SceneConfig(request.placement, request.mesh, request.voxel, _nodes(request.budget))
+        imported = yield from _imported(path, config)
+    scene = imported.scene
+    assert scene.voxel is not None  # an imported scene says what suits it
+    # places of all sizes take as much work, in voxels
+    volume = scene.box.size.prod().item() * (TrainConfig.voxel / scene.voxel) ** 3
+    without_depth = request.depth is False
+    count = request.photographs.count or images_for(volume, with_depth=not without_depth)
+    capture = replace(request.capture.clear_of(scene.voxel), images=count)
+    photographs = yield from photograph(scene, capture, torch.Generator().manual_seed(request.seed))
+    learned, held_out = split(photographs.without_depth() if without_depth else photographs)
+    report = {**imported.report, "images_used": len(photographs), "images_skipped": 0}
+    return TrainingData(
+        learned, held_out, scene.box, torch.tensor(scene.sky), scene, report, scene.voxel, iterations_for(volume)
+    )
+
+
+def _nodes(budget: float | None) -> float:
+    """How many nodes can be trained in a time [s]: a grid that no ray has reached yet is worse than a coarse one."""
+    return SceneConfig.nodes if budget is None else min(SceneConfig.nodes, max(LEAST_NODES, NODES_PER_SECOND * budget))
+
+
+def _imported(path: Path, config: SceneConfig) -> Generator[JobEvent, bool | None, Imported]:
+    for step in import_mesh(path, config):
+        stop = yield Progress(step.doing, step.fraction)
+        if stop:
+            raise StoppedError("stopped while reading the mesh: nothing was learned yet, so nothing is saved")
+        if step.imported is not None:
+            return step.imported
+    raise AssertionError("an import ends with its scene")

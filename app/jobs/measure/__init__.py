@@ -1,0 +1,1 @@
+"""Measure: experiments, and the bench against the paper's method."""

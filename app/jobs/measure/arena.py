@@ -1,0 +1,19 @@
+"""Arena of experiments: a scene with its trained field."""
+
+from functools import cache
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.experiments import Arena
+from nerfnav.field import VoxelField
+from nerfnav_app.places.place import open_place
+
+
+@cache
+def open_arena(place: str) -> Arena:
+    """A scene with its trained field, opened once in each process. Raises InvalidInputError without a ground truth."""
+    opened = open_place(place)
+    if opened.scene is None:
+        raise InvalidInputError(f"experiments are judged on a ground truth, and {place} has none: name a scene")
+    if not isinstance(opened.field, VoxelField):
+        raise InvalidInputError(f"experiments fly in voxel fields: run `nerfnav bake {place}` first")
+    return Arena(opened.scene, opened.field)

@@ -1,0 +1,59 @@
+"""Make a field of a user's file, to open it: by training (mesh, capture, video) or by import (splats, NeRF).
+
+The field lies beside its source, and is found again there until the source changes.
+"""
+
+from pathlib import Path
+
+from nerfnav.core.errors import NerfnavError
+from nerfnav.field import load_field
+from nerfnav.importers import field_name
+from nerfnav.importers.core.kinds import ARCHIVES
+from nerfnav.importers.field_names import own_folder
+from nerfnav.importers.meshes.folders import meshes_in_archive
+from nerfnav_app.jobs import import_field, train
+from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.open.import_field import ImportRequest
+from nerfnav_app.jobs.train import TrainRequest
+from nerfnav_app.places.learning import BUDGETS_S, USUAL, QualityName
+
+
+def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:
+    """Yield what training or importing yields, and leave the field in `out`; NeRFs are baked, to be quick."""
+    if import_field.imports(source):
+        return import_field.run(ImportRequest(source, out))
+    return train.run(TrainRequest(str(source), out, quality=quality, budget=BUDGETS_S[quality]))
+
+
+def made_before(source: Path) -> Path | None:
+    """The field that lies beside a source and was made of it since it last changed; None where there is none."""
+    path = _beside(source)
+    try:
+        if not path.is_file() or path.stat().st_mtime < source.stat().st_mtime:
+            return None
+        told = load_field(path).info.source
+    except (NerfnavError, OSError):
+        return None
+    return path if told in _called(source) else None
+
+
+def field_path(source: Path) -> Path:
+    """Where the field of a source is kept: beside it, under a name that no other file has."""
+    path = _beside(source)
+    names = (path.with_name(f"{path.stem}-{count}{path.suffix}") for count in range(2, 1000))
+    return path if not path.exists() else next(name for name in names if not name.exists())
+
+
+def _called(source: Path) -> set[str]:
+    """What a field may say that it was made of: the source, or the mesh or checkpoint in it that was meant."""
+    inside: set[str] = set()
+    if source.is_dir():
+        inside = {path.name for path in (*source.glob("*"), *source.glob("meshes/*"))}
+    elif source.suffix.lower() in ARCHIVES:
+        inside = {Path(name).name for name in meshes_in_archive(source)}
+    return {source.name, f"capture {source.name}", *inside}
+
+
+def _beside(source: Path) -> Path:
+    folder = own_folder(source)
+    return (source.parent if folder is None else folder.resolve().parent) / field_name(source)

@@ -1,0 +1,33 @@
+"""Time the first plan of this process: the part of app/benchmarks/cold.py that runs in the new process."""
+
+import json
+import sys
+import time
+
+
+def report(place: str) -> None:
+    """Write the times of this process, which must be new, as one line of JSON."""
+    sys.stdout.write(json.dumps(first_plan(place)) + "\n")
+
+
+def first_plan(place: str) -> dict[str, float]:
+    """Times [s] of this process: imports, opening the place, and the plan of its first task with the map it needs.
+
+    The processor's time of the plan is told too: nothing else that the machine does is in it.
+    """
+    begun = time.perf_counter()
+    from nerfnav.planner import FastPlanConfig, PlanProblem, last_step, plan_fast
+    from nerfnav_app.places.derived import occupancy_of
+    from nerfnav_app.places.place import open_place
+
+    imported = time.perf_counter()
+    opened = open_place(place)
+    ready, worked = time.perf_counter(), time.process_time()
+    task, config = opened.tasks[0], FastPlanConfig()
+    problem = PlanProblem(opened.field, opened.robot, task.start_state, task.goal_state)
+    occupancy = occupancy_of(opened, config.occupancy, problem.start.position[2].item())
+    last_step(plan_fast(problem, config, occupancy))
+    return {
+        "import_s": imported - begun, "open_s": ready - imported, "first_plan_s": time.perf_counter() - ready,
+        "first_plan_cpu_s": time.process_time() - worked,
+    }  # fmt: skip

@@ -1,0 +1,1 @@
+"""Localize pictures and track cameras in a field."""

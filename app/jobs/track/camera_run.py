@@ -1,0 +1,92 @@
+"""Camera run: track a camera through a field frame by frame, as a part of the jobs that track one."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.field import FieldInfo, StoredField, render_image
+from nerfnav.geometry import Camera
+from nerfnav.tracking import Frame, FrameSource, SourceOptions, Tracker, TrackerConfig, open_source
+from nerfnav_app.jobs.events import FrameTracked, JobEvent, Progress
+from nerfnav_app.jobs.track.camera import GivenCamera, camera_of
+from nerfnav_app.jobs.track.imu import GivenImu, learned_of
+
+
+@dataclass(frozen=True)
+class CameraRun:
+    """Pictures of a camera, and what is known of it."""
+
+    source: Path
+    """Video, folder of pictures, or recording."""
+    camera: GivenCamera = field(default_factory=GivenCamera)
+    """What is known of the camera beside what the source says."""
+    options: SourceOptions = field(default_factory=SourceOptions)
+    """What the source leaves open."""
+    imu: GivenImu | None = None
+    """The inertial measurement unit that leads from picture to picture; None: a hand's motion does."""
+
+
+@dataclass(frozen=True)
+class Following:
+    """A camera that is about to be followed."""
+
+    place: StoredField
+    """The map."""
+    source: FrameSource
+    """What it saw."""
+    frames: Iterator[Frame]
+    """The same, one at a time."""
+    tracker: Tracker
+    """What follows it."""
+    told: str
+    """Where the camera was taken from, in words."""
+
+    @classmethod
+    def begun(cls, place: StoredField, asked: CameraRun) -> "Following":
+        """Nothing is tracked yet. Raises NerfnavError for what cannot be tracked."""
+        options = replace(asked.options, aspect=asked.camera.aspect(place.info.camera))
+        source = open_source(asked.source, options)
+        frames = source.frames()
+        first = next(frames, None)
+        if first is None:
+            raise InvalidInputError(f"{asked.source} has no pictures")
+        camera, told = _camera(source, first, asked.camera, place.info)
+        config = TrackerConfig().for_field(place.info)
+        if asked.imu is None:
+            tracker = Tracker(place, camera, config=config)
+        else:
+            unit, mount = asked.imu.of(source, asked.source)
+            unit.check(first.time)
+            tracker = Tracker(place, camera, mount=mount, config=config, inertial=unit)
+        return cls(place, source, chain([first], frames), tracker, told)
+
+    @property
+    def learned(self) -> dict[str, Any]:
+        """What was learned of the inertial measurement unit, for people; nothing without one."""
+        return learned_of(self.tracker.motion)
+
+    def events(self, pictures: bool = True) -> Iterator[JobEvent]:
+        """Each frame, with its pictures where they are wanted, and how far it is.
+
+        Raises InvalidInputError where the source breaks off.
+        """
+        for done, frame in enumerate(self.frames, 1):
+            tracked = self.tracker.observe(frame)
+            if pictures:
+                pose, seen = tracked.pose, self.tracker.fitted(frame.picture)
+                shown = None if pose is None else render_image(self.place, self.tracker.compared, pose).image
+                yield FrameTracked(tracked, seen, shown)
+            else:
+                yield FrameTracked(tracked)
+            share = 0.0 if not self.source.count else min(1.0, done / self.source.count)
+            yield Progress(tracked.status.name.lower().replace("_", " "), share)
+
+
+def _camera(source: FrameSource, first: Frame, given: GivenCamera, info: FieldInfo) -> tuple[Camera, str]:
+    if source.camera is not None and given == GivenCamera():
+        height, width, _ = first.picture.shape
+        return source.camera.for_picture(width, height), "what the source says"
+    return camera_of(first.picture, given, info.camera)

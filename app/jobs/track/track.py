@@ -1,0 +1,92 @@
+"""Track: where a camera was while it took pictures."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.export import OverlayVideo, TrackRecorder, texts_of_track
+from nerfnav.field import FieldInfo, StoredField, load_field
+from nerfnav.tracking import Tracked
+from nerfnav_app.jobs.events import FrameTracked, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.track.camera_run import CameraRun, Following
+from nerfnav_app.jobs.track_report import summary_of
+from nerfnav_app.places.place import field_file
+from nerfnav_app.storage.output_files import prepare_folder, write_text
+
+_OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
+_FPS = 15.0
+"""How fast an overlay is played whose source does not tell its rate."""
+
+
+@dataclass(frozen=True)
+class TrackRequest:
+    """What to track."""
+
+    place: str
+    """Name of a bundled scene, or path of a field."""
+    camera: CameraRun
+    """What it saw, and what is known of it."""
+    out: Path
+    """Folder for the results."""
+    pictures: bool = True
+    """Whether the overlay and the recording are written, which hold pictures."""
+
+
+def run(request: TrackRequest) -> JobEvents:
+    """Yield progress; write the results and return their numbers.
+
+    Raises NerfnavError for what cannot be tracked; what was tracked before a source broke off is written all the same.
+    """
+    place = load_field(field_file(request.place))
+    following = Following.begun(place, request.camera)
+    out = prepare_folder(request.out)
+    track: list[Tracked] = []
+    broken: InvalidInputError | None = None
+    with ExitStack() as stack:
+        viewers = [stack.enter_context(viewer) for viewer in _viewers(request, out)]
+        try:
+            for event in following.events(bool(viewers)):
+                if isinstance(event, FrameTracked):
+                    track.append(event.tracked)
+                    for viewer in viewers:
+                        assert event.seen is not None, "pictures were asked for"
+                        viewer.add(event.tracked, event.seen, event.shown)
+                else:
+                    yield event
+        except InvalidInputError as error:
+            broken = error
+    files = [write_text(out / name, text) for name, text in texts_of_track(track, place.info.placed).items()]
+    if broken is not None:
+        kept = f"; what was tracked until then is in {out}" if track else ""
+        raise InvalidInputError(f"{broken}{kept}")
+    pictures = (out / _OVERLAY, out / _RECORDING) if request.pictures else ()
+    told = {"camera": following.told, "frame": _frame_in_words(place.info), **following.learned}
+    written = (*files, *pictures)
+    return JobResult({**summary_of(track), **told, "files": [str(path) for path in written]}, written)
+
+
+def watch(place: StoredField, asked: CameraRun) -> JobEvents:
+    """Yield every frame as it is tracked in an open place; return the numbers of `track --json`. Writes nothing."""
+    yield Progress("looking around in the field", 0.0)
+    following, track = Following.begun(place, asked), []
+    for event in following.events():
+        if isinstance(event, FrameTracked):
+            track.append(event.tracked)
+        yield event
+    return JobResult({**summary_of(track), "camera": following.told})
+
+
+def _viewers(request: TrackRequest, out: Path) -> list[OverlayVideo | TrackRecorder]:
+    if not request.pictures:
+        return []
+    camera = request.camera
+    about = {"made by": "nerfnav", "field": request.place, "source": camera.source.name, "camera": "OpenCV axes"}
+    overlay = OverlayVideo(out / _OVERLAY, camera.options.fps or _FPS)
+    return [overlay, TrackRecorder(out / _RECORDING, about)]
+
+
+def _frame_in_words(info: FieldInfo) -> str:
+    if info.placed:
+        return "poses are in the capture's own coordinates"
+    return "poses are in the field's coordinates: it does not remember how it lies in its capture"

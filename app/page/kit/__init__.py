@@ -1,0 +1,1 @@
+"""Page kit: colours, HTML, charts and widgets that layers and panels share."""

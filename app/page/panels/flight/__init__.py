@@ -1,0 +1,1 @@
+"""Flight panels: steering and settings, charts, the estimate, the camera, camera tracks."""

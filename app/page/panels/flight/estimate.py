@@ -1,0 +1,88 @@
+"""Estimates in words and numbers, as HTML."""
+
+import numpy as np
+
+from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep
+from nerfnav.geometry.so3 import yaw_of
+from nerfnav.navigation import NavigationStep, Recovery
+from nerfnav.robots import ATTITUDE, POSITION, RigidState
+from nerfnav_app.page.kit.html import columns, fine, note, table, warning
+from nerfnav_app.page.layers.global_localization import MOST_CANDIDATES
+from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.text import number, sentence
+
+
+def describe(flight: FlightRecord | None) -> str:
+    """The numbers of the last time step, as HTML."""
+    if flight is None or not flight.steps:
+        return note("Nothing is estimated yet: press Fly it, and the robot finds its way by its camera.")
+    last = flight.steps[-1]
+    error, deviation = last.truth.local(last.belief.mean), last.belief.covariance.diagonal().clamp_min(0).sqrt()
+    nees = nees_of_pose(last.belief, last.truth)
+    rows = [
+        ("Position error", number(100 * error[POSITION].norm().item(), "cm")),
+        ("Expected along x · y · z", _three(100 * deviation[POSITION].numpy(), "cm"), "Standard deviations"),
+        ("Attitude error", number(np.rad2deg(error[ATTITUDE].norm().item()), "°")),
+        ("Expected about x · y · z", _three(np.rad2deg(deviation[ATTITUDE].numpy()), "°"), "Standard deviations"),
+        ("Error against expectation", _times(nees), f"NEES of the pose: {nees:.3g}; 6 on average where it is honest"),
+        *_of_update(last),
+    ]
+    words = last.update.outcome.value if last.update is not None and last.update.outcome is not None else ""
+    return table(rows) + (note(sentence(words)) if words else "") + _of_recovery(last)
+
+
+def _of_recovery(step: NavigationStep) -> str:
+    if step.recovery is None:
+        return ""
+    say = fine if step.recovery is Recovery.RELOCALISED else warning
+    return say(sentence(step.recovery.value))
+
+
+def found(step: RelocaliseStep) -> str:
+    """The likeliest places of a search, as HTML."""
+    if step.outcome is None:
+        return note(f"{len(step.weights)} places are left to compare.")
+    if step.outcome is RelocaliseOutcome.LOST:  # the shares among places that all look otherwise say nothing
+        return warning(sentence(step.outcome.value))
+    poses = step.body_poses()
+    rows = [
+        (
+            str(index + 1),
+            ", ".join(f"{value:.2f}" for value in poses.position[index].tolist()),
+            f"{np.rad2deg(yaw_of(poses.rotation[index]).item()):.0f}°",
+            f"{100 * step.weights[index].item():.0f} %",
+        )
+        for index in range(min(len(step.weights), MOST_CANDIDATES))
+    ]
+    say = fine if step.outcome is RelocaliseOutcome.FOUND else warning
+    return say(sentence(step.outcome.value)) + columns(("", "place [m]", "heading", "likely"), rows)
+
+
+def nees_of_pose(belief: Belief, truth: RigidState) -> float:
+    """Squared error of position and attitude in units of what the covariance expects."""
+    pose = np.r_[POSITION, ATTITUDE]
+    error = belief.mean.local(truth).detach().double().numpy()[pose]
+    covariance = belief.covariance.detach().double().numpy()[np.ix_(pose, pose)]
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+def _of_update(step: NavigationStep) -> list[tuple[str, str]]:
+    update = step.update
+    if update is None:
+        return []
+    count = len(update.pixels)
+    used = count if update.believed is None else int(update.believed.sum())
+    return [
+        ("Iterations", str(update.iteration + 1)),
+        ("Pixels", f"{used} of {count}" if used < count else str(count)),
+        ("Filter", number(step.filter_ms, "ms")),
+    ]
+
+
+def _times(nees: float) -> str:
+    """How many times as large the error of the pose is as the covariance expects: the root of its mean square."""
+    return f"{max(nees / 6, 0.0) ** 0.5:.2g} × as expected"
+
+
+def _three(values: np.ndarray, unit: str) -> str:
+    return " · ".join(f"{value:.2g}" for value in values) + f" {unit}"

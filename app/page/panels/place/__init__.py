@@ -1,0 +1,1 @@
+"""Place panels: the open place, the library of places, alignment, view settings."""

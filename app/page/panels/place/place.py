@@ -1,0 +1,123 @@
+"""Place panel: open a place, choose how well places are learned, choose the robot."""
+
+from collections.abc import Callable
+
+import viser
+
+import nerfnav_scenes as scenes
+from nerfnav import robots
+from nerfnav_app.page.kit.html import note
+from nerfnav_app.page.panels.dropdown import ChoiceList
+from nerfnav_app.places.derived import unproven_of
+from nerfnav_app.places.learning import BUDGETS_S, QualityName
+from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.sources import SUFFIXES, title_of
+from nerfnav_app.places.uploads import UploadError
+from nerfnav_app.queries.place_list import PlaceListQuery
+from nerfnav_app.state.actions import Cancel, ChooseQuality, Command, OpenPlace, Tell
+from nerfnav_app.state.session import Session
+
+
+class PlacePanel:
+    """A list of the bundled places, and of the robots."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None], library: PlaceLibrary) -> None:
+        """`post` takes what the user asks, `library` what the user brings."""
+        self._post, self._library = post, library
+        self._session: Session | None = None
+        self._bundled = {name: name for name in scenes.with_fields()}
+        self._kept: dict[str, str] = {}
+        self._opened: dict[str, str] = {}
+        self._known: dict[str, str] = {}
+        self._places: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+            "Place", list[str](self._bundled), hint="Bundled worlds, and the files that were opened"
+        )
+        self._places.on_update(self._open)
+        self._upload = server.gui.add_upload_button(
+            "Open a file",
+            color="gray",
+            icon=viser.Icon.UPLOAD,
+            mime_type=",".join(SUFFIXES),
+            hint="A field, a mesh (glb, obj, ...), Gaussian splats (ply, spz, sog, ...), a capture in a zip, a video",
+        )
+        self._upload.on_upload(self._take)
+        self._quality: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+            "Learn it", tuple(_QUALITIES), hint="How well meshes and captures are learned; other files open at once"
+        )
+        self._doing = server.gui.add_html("", visible=False)
+        self._stop = server.gui.add_button("Stop opening", color="gray", icon=viser.Icon.X, visible=False)
+        self._unproven = server.gui.add_html("", visible=False)
+        known = (*robots.names(), *map(str, library.robots.files()))
+        self._robots = ChoiceList(server, "robot", known, "What moves: its body and its dynamics", post)
+
+        @self._quality.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                post(ChooseQuality(_QUALITIES[self._quality.value]))
+
+        @self._stop.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(Cancel())
+
+    async def _open(self, event: viser.GuiEvent) -> None:
+        what = self._known.get(self._places.value)  # nothing is known before the first session is shown
+        if event.client is not None and self._session is not None and what not in (None, self._session.what):
+            self._post(OpenPlace(what))
+
+    def _take(self, event: viser.GuiEvent) -> None:
+        """Keep what was brought and open it; runs on a thread of the server's pool."""
+        brought = self._upload.value
+        try:
+            self._post(OpenPlace(str(self._library.keep(brought.name, brought.content))))
+        except UploadError as error:
+            self._post(Tell("Not opened", str(error), bad=True))
+
+    def show(self, session: Session) -> None:
+        """Show what is open and chosen."""
+        self._session = session
+        self._list(session)
+        self._quality.value = _words(session.quality)
+        self._doing.visible = session.place is None
+        self._doing.content = note(doing(session))
+        self._stop.visible = session.place is None and session.before is not None
+        told = "" if session.place is None else unproven_of(session.place)
+        self._unproven.visible = told != ""
+        if told:
+            self._unproven.content = note(told)
+        self._robots.show(session)
+
+    def _list(self, session: Session) -> None:
+        """List what has opened, and what is being opened while it is."""
+        listed = PlaceListQuery.result_in(session)
+        if listed is not None:
+            self._kept = {entry.name: entry.what for entry in listed}
+        here = next((name for name, what in self._kept.items() if what == session.what), title_of(session.what))
+        if session.place is not None and session.what not in (*self._bundled.values(), *self._kept.values()):
+            self._opened[here] = session.what
+        opened = {name: what for name, what in self._opened.items() if what not in self._kept.values()}
+        self._known = {**self._bundled, **self._kept, **opened, here: session.what}
+        if self._places.options != tuple(self._known):
+            self._places.options = tuple(self._known)
+        self._places.value = here
+
+
+def doing(session: Session) -> str:
+    """What is being done to open a place, and how long it will take."""
+    job = session.job
+    if job is None:
+        return f"{title_of(session.what)} could not be opened."
+    left = "" if job.left_s is None else f" About {in_words_s(job.left_s)} left."
+    return f"Opening {title_of(session.what)}: {job.label[:1].lower()}{job.label[1:]}.{left}"
+
+
+def in_words_s(seconds: float) -> str:
+    """A time to wait."""
+    return f"{max(1, round(seconds / 5)) * 5} s" if seconds < 90 else f"{round(seconds / 60)} min"
+
+
+def _words(quality: QualityName) -> str:
+    """A quality with the time that it takes."""
+    return f"{quality}: about {in_words_s(BUDGETS_S[quality])}"
+
+
+_QUALITIES: dict[str, QualityName] = {_words(quality): quality for quality in BUDGETS_S}

@@ -1,0 +1,85 @@
+"""View settings panel: the backdrop of the place, overlays on it, and the camera."""
+
+from collections.abc import Callable
+
+import viser
+
+from nerfnav.field import VoxelField
+from nerfnav_app.page.kit.html import scale
+from nerfnav_app.page.kit.theme import CLEARANCE_CM, apply_brightness
+from nerfnav_app.page.kit.widgets import Binder
+from nerfnav_app.state.actions import Command, Settings
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.view import Backdrop, CameraMode
+
+_BACKDROPS = {backdrop.value: backdrop for backdrop in Backdrop}
+_CAMERAS = {mode.value: mode for mode in CameraMode}
+_SHOWN_AT_FIRST = 0.3  # share of the height of a slice that was not drawn yet
+
+
+class ViewSettingsPanel:
+    """The widgets of `ViewSettings`, but for what belongs to flights."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._server, self._lit = server, False
+        with server.gui.add_folder("View", expand_by_default=False):
+            gui = server.gui
+            self._camera: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+                "Seen from", list[str](_CAMERAS), hint="Keys 1 to 4"
+            )
+            self._backdrop: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+                "Field", list[str](_BACKDROPS), hint="The surface is quick; the field itself is what the robot sees"
+            )
+            self._opacity = gui.add_slider("Opacity [%]", 5.0, 100.0, 5.0, 100.0, hint="Of the surface")
+            self._clip = gui.add_slider("Cut above [%]", 5.0, 100.0, 5.0, 100.0, hint="Of the height of the place")
+            self._truth = gui.add_checkbox("Ground truth", False, hint="The mesh that flights are judged by")
+            self._occupied = gui.add_checkbox("Occupied", False, hint="Where the robot's body does not fit")
+            self._unknown = gui.add_checkbox("Unknown", False, hint="What no camera saw: planners keep out of it")
+            self._sliced = gui.add_checkbox("Density slice", False, hint="How dense the field is at one height")
+            self._height = gui.add_slider("Slice at [%]", 0.0, 100.0, 1.0, 30.0, hint="Of the height of the place")
+            self._clearance = gui.add_checkbox(
+                "Line by clearance", False, hint="Colours tell how much room the robot has along the plan"
+            )
+            self._scale = gui.add_html(scale(*CLEARANCE_CM, "cm of room"), visible=False)
+            self._light = gui.add_checkbox("Light panels", False, hint="The scene stays dark, for its lines to be seen")
+        bind = Binder(Settings.VIEW, post)
+        bind(self._camera, "camera", _CAMERAS.__getitem__)
+        bind(self._light, "light", bool)
+        bind(self._clearance, "clearance", bool)
+        bind(self._backdrop, "backdrop", _BACKDROPS.__getitem__)
+        bind(self._opacity, "opacity", _share)
+        bind(self._clip, "clip", _share)
+        bind(self._truth, "truth", bool)
+        bind(self._occupied, "occupied", bool)
+        bind(self._unknown, "unknown", bool)
+        bind(self._sliced, "slice", lambda value: _SHOWN_AT_FIRST if value else None)
+        bind(self._height, "slice", _share)
+
+    def show(self, session: Session) -> None:
+        """Put the session's look into the widgets."""
+        look = session.view_settings
+        place = session.place
+        splats = place is not None and place.splats is not None
+        choices = tuple(name for name, backdrop in _BACKDROPS.items() if splats or backdrop is not Backdrop.SPLATS)
+        if self._backdrop.options != choices:
+            self._backdrop.options = choices
+        self._camera.value, self._light.value = look.camera.value, look.light
+        if look.light != self._lit:
+            self._lit = look.light
+            apply_brightness(self._server, look.light)
+        self._backdrop.value = look.backdrop.value
+        self._clearance.value = self._scale.visible = look.clearance
+        self._opacity.value, self._clip.value = round(100 * look.opacity), round(100 * look.clip)
+        self._opacity.visible = self._clip.visible = look.backdrop is Backdrop.SURFACE
+        self._truth.value, self._occupied.value, self._unknown.value = look.truth, look.occupied, look.unknown
+        self._truth.visible = place is not None and place.truth is not None
+        field = None if place is None else place.field
+        self._unknown.visible = isinstance(field, VoxelField) and field.unknown is not None
+        self._sliced.value, self._height.visible = look.slice is not None, look.slice is not None
+        if look.slice is not None:
+            self._height.value = round(100 * look.slice)
+
+
+def _share(percent: float) -> float:
+    return 0.01 * float(percent)

@@ -1,0 +1,146 @@
+"""Start and goal in numbers, and the scene's tasks."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from nerfnav_app.page.kit.html import fine, note, warning
+from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.place import Place
+from nerfnav_app.state.actions import Aim, ChooseTask, Command, MoveEnd, TypeEnd
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import capital, sentence
+
+_BY_HAND = "my own"
+_HELD_S = 0.25
+"""How often numbers change while a hand drags an end: forms cost a browser more than the plan that follows."""
+
+
+class EndsPanel:
+    """The task, and for each end its position and heading."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._post = post
+        self._told_at = 0.0
+        self._tasks: dict[str, str] = {}
+        self._task: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
+            "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
+        )
+        self._task.on_update(self._choose)
+        self._numbers = {which: _EndNumbers(server, which, post) for which in Which}
+        self._aim = server.gui.add_button_group(
+            "Click to place", tuple(which.value for which in Which), hint="Then click into the scene"
+        )
+        self._said = server.gui.add_html(note("Opening…"))
+        self._offers = {which: _Offer(server, which, post) for which in Which}
+        self._aim.on_click(self._take_aim)
+
+    async def _choose(self, event: viser.GuiEvent) -> None:
+        name = self._tasks.get(self._task.value)
+        if event.client is not None and name is not None:
+            self._post(ChooseTask(name))
+
+    async def _take_aim(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._post(Aim(Which(event.target.value)))
+
+    def show(self, session: Session) -> None:
+        """Put the session's numbers into the widgets."""
+        place = session.place
+        for widget in (self._task, self._aim, *(numbers for numbers in self._numbers.values())):
+            widget.visible = place is not None
+        if place is None:
+            self._said.content = note("Opening…")
+            for offer in self._offers.values():
+                offer.show(None)
+            return
+        self._tasks = titles(place)
+        if self._task.options != (_BY_HAND, *self._tasks):
+            self._task.options = (_BY_HAND, *self._tasks)
+        self._task.value = next((title for title, name in self._tasks.items() if name == session.task), _BY_HAND)
+        if not session.held or time.monotonic() - self._told_at > _HELD_S:
+            self._told_at = time.monotonic()
+            for which, numbers in self._numbers.items():
+                numbers.show(session.outside.get(which) or session.ends.of(which))
+        self._said.content = describe(session)
+        for which, offer in self._offers.items():
+            offer.show(session.offers.get(which))
+
+
+def titles(place: Place) -> dict[str, str]:
+    """What users read of each task of a place to its name: the robot's own first, others with whom they are for."""
+    own = [task for task in place.tasks if task.robot == place.robot.name]
+    others = [task for task in place.tasks if task.robot != place.robot.name]
+    return {**{task.name: task.name for task in own}, **{f"{task.name} ({task.robot})": task.name for task in others}}
+
+
+def describe(session: Session) -> str:
+    """What is known of the ends, as HTML."""
+    if session.seeking:
+        return note("Looking for a start and a goal that suit the robot…")
+    if session.aiming is not None:
+        return note(f"Click into the scene where the {session.aiming.value} shall be.")
+    if session.outside:
+        return note("Numbers outside of the place are not taken: put them right, or drag the end.")
+    problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
+    if problems:
+        return warning(" ".join(map(sentence, problems)))
+    if len(session.problems) < len(Which):
+        return note("Checking whether the robot fits…")
+    start, goal = (np.array(session.ends.of(which).position) for which in Which)
+    return fine(f"The robot fits at both ends, {np.linalg.norm(goal - start):.2f} m apart.")
+
+
+class _Offer:
+    """A button that moves an end to where the robot fits; hidden while it fits."""
+
+    def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
+        self._end: End | None = None
+        self._button = server.gui.add_button(
+            f"Move the {which.value} to the nearest free point", color="gray", icon=viser.Icon.MAGNET, visible=False
+        )
+
+        @self._button.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            if self._end is not None:
+                post(MoveEnd(which, self._end))
+
+    def show(self, end: End | None) -> None:
+        self._end = end
+        self._button.visible = end is not None
+
+
+class _EndNumbers:
+    """Position and heading of one end."""
+
+    def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
+        self._which, self._post = which, post
+        name = capital(which.value)
+        self._position = server.gui.add_vector3(
+            f"{name} [m]", (0.0, 0.0, 0.0), step=0.01, hint=f"x, y, z of the {which.value} in the world"
+        )
+        self._yaw = server.gui.add_number(f"{name} yaw [°]", 0.0, step=1.0, hint="Heading; 0 looks along x")
+        self._position.on_update(self._changed)
+        self._yaw.on_update(self._changed)
+
+    async def _changed(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return  # the session wrote it
+        x, y, z = (float(value) for value in self._position.value)
+        self._post(TypeEnd(self._which, End((x, y, z), float(np.deg2rad(self._yaw.value)))))
+
+    @property
+    def visible(self) -> bool:
+        """Whether the numbers are shown."""
+        return self._position.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._position.visible = self._yaw.visible = visible
+
+    def show(self, end: End) -> None:
+        self._position.value = end.position
+        self._yaw.value = round(float(np.rad2deg(end.yaw)), 2)

@@ -1,0 +1,1 @@
+"""Result panels: stored flights, experiments, exports, screenshots."""

@@ -1,0 +1,96 @@
+"""Experiments panel: run an experiment, and show the results of this one and of earlier ones."""
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from nerfnav_app.page.kit.html import heading, note, table
+from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.experiments import MOST_TRIALS, ListExperiments, ShowResult, StartExperiment
+from nerfnav_app.state.session import Session
+from nerfnav_app.storage.experiment_store import ExperimentResult
+from nerfnav_app.text import capital
+
+_NONE = "none yet"
+_FIGURES = 4
+_BLANK = np.full((2, 2, 3), 24, np.uint8)
+
+
+class ExperimentsPanel:
+    """A list of experiments, a button, the numbers and figures."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        gui = server.gui
+        self._post, self._shown, self._listed = post, None, False
+        gui.add_html(note("Many flights or plans, judged on the ground truth, summed up in numbers and figures."))
+        self._names: viser.GuiDropdownHandle[str] = gui.add_dropdown("Experiment", list[str]([_NONE]))
+        self._purpose = gui.add_html("")
+        self._count = gui.add_number("Trials", 4, min=1, max=MOST_TRIALS, step=1, hint="More are surer, and slower")
+        self._run = gui.add_button("Run the experiment", icon=viser.Icon.FLASK, disabled=True)
+        self._earlier: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+            "Results", list[str]([_NONE]), hint="Of earlier experiments, the newest first"
+        )
+        self._figures = [gui.add_image(_BLANK, visible=False) for _ in range(_FIGURES)]
+        self._numbers = gui.add_html("")
+        self._session: Session | None = None
+        self._names.on_update(self._describe)
+        self._earlier.on_update(self._choose)
+
+        @self._run.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            self._post(StartExperiment(self._names.value, int(self._count.value)))
+
+    async def _choose(self, event: viser.GuiEvent) -> None:
+        if event.client is not None and self._earlier.value != _NONE:
+            self._post(ShowResult(self._earlier.value))
+
+    async def _describe(self, event: viser.GuiEvent) -> None:
+        if self._session is not None:
+            self._purpose.content = self._purpose_of(self._session)
+
+    def _purpose_of(self, session: Session) -> str:
+        purpose = dict(_known(session).known).get(self._names.value, "")
+        return note(capital(purpose))
+
+    def show(self, session: Session) -> None:
+        """Show what there is."""
+        self._session = session
+        if session.place is not None and session.job is None and not self._listed:
+            self._listed = True
+            self._post(ListExperiments())
+        there = _known(session)
+        self._run.disabled = not there.names or not session.may_begin
+        _offer(self._names, there.names)
+        self._purpose.content = self._purpose_of(session)
+        _offer(self._earlier, there.earlier)
+        result = there.result
+        if result is not None and self._earlier.value != result.name:
+            self._earlier.value = result.name
+        if result is not self._shown:
+            self._shown = result
+            self._draw(result)
+        if result is None:
+            self._numbers.content = note("Its numbers and figures appear here, and stay in the list of results.")
+
+    def _draw(self, result: ExperimentResult | None) -> None:
+        figures = result.figures if result is not None else ()
+        for index, handle in enumerate(self._figures):
+            handle.visible = index < len(figures)
+            if index < len(figures):
+                handle.image = figures[index]
+        if result is not None:
+            self._numbers.content = heading("Numbers", result.name) + table(result.numbers)
+
+
+def _offer(widget: viser.GuiDropdownHandle[str], names: tuple[str, ...]) -> None:
+    """Let `names` be the options."""
+    if widget.options != (names or (_NONE,)):
+        widget.options = names or (_NONE,)
+
+
+def _known(session: Session) -> Experiments:
+    """What there is; nothing, as long as that is not known."""
+    return ExperimentsQuery.result_in(session) or Experiments()

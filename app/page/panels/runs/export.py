@@ -1,0 +1,86 @@
+"""Export panel: download the trajectory of the flight or of the plan, in one of the formats."""
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from nerfnav.core.errors import NerfnavError
+from nerfnav.export import FORMATS, ExportFormat, unsafe
+from nerfnav_app.page.kit.html import note
+from nerfnav_app.state.actions import Command, Tell
+from nerfnav_app.state.downloads import TakeTrajectory, TrajectoryWish
+from nerfnav_app.state.export_subject import ended, file_name, recording_of, subject
+from nerfnav_app.state.session import Session
+from nerfnav_app.text import sentence
+
+
+class ExportPanel:
+    """Downloads of the last flight, or of the plan where nothing was flown."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._post = post
+        self._session: Session | None = None
+        self._said = server.gui.add_html(note("Nothing to take away yet: plan or fly first."))
+        self._format: viser.GuiDropdownHandle[str] = server.gui.add_dropdown("Format", list(FORMATS), visible=False)
+        self._purpose = server.gui.add_html("", visible=False)
+        self._force = server.gui.add_checkbox("Export it all the same", False, visible=False)
+        self._download = server.gui.add_button("Download", icon=viser.Icon.DOWNLOAD, visible=False)
+        self._format.on_update(self._explain)
+        self._download.on_click(self._send)
+
+    def show(self, session: Session) -> None:
+        """Say what there is to take away."""
+        self._session = session
+        name = subject(session)
+        for handle in (self._format, self._purpose, self._download):
+            handle.visible = name is not None
+        self._said.content = note(f"The {name}, as" if name else "Nothing to take away yet: plan or fly first.")
+        names = tuple(formats_for(name))
+        if self._format.options != names:
+            before = self._format.value
+            self._format.options = names
+            self._format.value = before if before in names else names[0]
+        self._describe()
+
+    async def _explain(self, event: viser.GuiEvent[Any]) -> None:
+        self._describe()
+
+    def _describe(self) -> None:
+        form = FORMATS[self._format.value]
+        why = "" if self._session is None else unsafe(ended(self._session), form)
+        self._purpose.content = note(" ".join(map(sentence, filter(None, (f"{form.purpose} (.{form.ending})", why)))))
+        forced = bool(why) or form.moves_vehicle
+        self._force.visible = forced
+        if not forced and self._force.value:
+            self._force.value = False
+
+    def _send(self, event: viser.GuiEvent[Any]) -> None:
+        """Send the file to the tab that asked; runs on a thread of the server's pool."""
+        session, name = self._session, self._format.value
+        if event.client is None or session is None:
+            return
+        made, form = recording_of(session), FORMATS[name]
+        if made is None:
+            self._post(Tell("Nothing to take away", "Plan or fly first.", bad=True))
+            return
+        why = unsafe(ended(session), form)
+        if why and not self._force.value:
+            self._post(Tell("Not exported", f"{sentence(why)} Tick what is below the format to have it.", bad=True))
+            return
+        if form.moves_vehicle:  # what a vehicle is to fly is judged on the field first, by the worker
+            self._post(TakeTrajectory(TrajectoryWish(name, event.client.client_id, self._force.value)))
+            return
+        try:
+            content = form.exported(made, self._force.value).content
+        except NerfnavError as error:
+            self._post(Tell("Not exported", sentence(str(error)), bad=True))
+            return
+        event.client.send_file_download(file_name(session, name), content, save_immediately=True)
+
+
+def formats_for(subject: str | None) -> dict[str, ExportFormat]:
+    """The formats of a flight, or of a plan; a page knows of no place on Earth."""
+    fitting = {name: form for name, form in FORMATS.items() if subject != "plan" or not form.flights_only}
+    return {name: form for name, form in fitting.items() if not form.needs_datum}

@@ -1,0 +1,1 @@
+"""Status panels: always visible, outside the tabs, or by keyboard."""

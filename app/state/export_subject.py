@@ -1,0 +1,42 @@
+"""Subject of an export: the flight of a session, else its plan, as export formats take it."""
+
+from nerfnav.export import FORMATS, Recording
+from nerfnav.navigation import EpisodeOutcome
+from nerfnav.planner import PlanOutcome
+from nerfnav_app.state.session import Session
+
+
+def subject(session: Session) -> str | None:
+    """What would be exported: the flight, else the plan, else nothing."""
+    if session.flight is not None and len(session.flight.steps) > 1:
+        return "flight"
+    return "plan" if session.plan is not None and session.plan.latest is not None else None
+
+
+def ended(session: Session) -> PlanOutcome | EpisodeOutcome | None:
+    """How what would be exported ended; None while it goes on, or where there is nothing."""
+    name = subject(session)
+    if name == "flight" and session.flight is not None:
+        return session.flight.outcome
+    return session.plan.outcome if name == "plan" and session.plan is not None else None
+
+
+def recording_of(session: Session) -> Recording | None:
+    """The flight or the plan, as formats take it."""
+    place = session.place
+    if place is None:
+        return None
+    title = f"{place.name}, {session.task}" if session.task else place.name
+    if session.flight is not None and len(session.flight.steps) > 1:
+        return Recording.of_flight(session.flight.steps, place.robot, title, session.surface)
+    if session.plan is not None and session.plan.latest is not None:
+        return Recording.of_plan(session.plan.latest.motion, place.robot, title, session.plan.latest.outcome)
+    return None
+
+
+def file_name(session: Session, format: str) -> str:
+    """What a download is called."""
+    place = session.place.name if session.place is not None else "nerfnav"
+    ending = FORMATS[format].ending
+    told = "" if format == ending else f"-{format}"
+    return f"{place}-{subject(session)}{told}.{ending}"

@@ -1,0 +1,78 @@
+"""Exceptions for misuse: each message is one sentence that says what was wrong and what would be right.
+
+Outcomes that a correct call may have (no path, diverged, hit) are enum members of the result, never exceptions.
+"""
+
+import math
+from collections.abc import Iterable
+
+
+class NerfnavError(Exception):
+    """Base of all errors that nerfnav raises on purpose; the message is meant for the user as it stands."""
+
+
+class InvalidInputError(NerfnavError):
+    """A value that cannot be worked with: NaN, a wrong shape, an empty range."""
+
+
+class UnknownNameError(NerfnavError):
+    """A name that is not among the known ones, which the message lists."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        """Say that `name` is no `kind`, and list what is `known`."""
+        super().__init__(f"there is no {kind} named {name!r}; known are: {', '.join(sorted(known))}")
+
+
+class NameTakenError(NerfnavError):
+    """A name under which something else is registered already."""
+
+    def __init__(self, kind: str, name: str) -> None:
+        """Say that there is a `kind` of that `name`."""
+        super().__init__(f"there is a {kind} named {name!r} already: give yours another name")
+
+
+class FieldFileError(NerfnavError):
+    """A file that is not a readable nerfnav field."""
+
+
+class OutsideBoxError(NerfnavError):
+    """A point outside the box of the field."""
+
+
+class OccupiedError(NerfnavError):
+    """A start or goal in occupied space; `nearest` is the nearest free point [m], or None where none was found."""
+
+    def __init__(self, message: str, nearest: tuple[float, float, float] | None) -> None:
+        """Keep the nearest free point beside the message that names it."""
+        super().__init__(message)
+        self.nearest = nearest
+
+
+class MissingExtraError(NerfnavError):
+    """An optional dependency that is needed and not installed."""
+
+    def __init__(self, user: str, package: str, extra: str) -> None:
+        """Say that `user` needs `package`, and which extra of nerfnav brings it."""
+        super().__init__(f"{user} needs {package}, which is not installed here: pip install 'nerfnav[{extra}]'")
+
+
+def require_positive(**numbers: float | None) -> None:
+    """Raise InvalidInputError, which names it, for a number that is not finite and above 0; None is not asked for."""
+    for name, number in numbers.items():
+        if number is not None and not 0 < number < math.inf:
+            raise InvalidInputError(f"{name} must be a number above 0, not {number:g}")
+
+
+def require_not_negative(**numbers: float | None) -> None:
+    """Raise InvalidInputError, which names it, for a number that is not finite and at least 0; None is not asked for.
+    """
+    for name, number in numbers.items():
+        if number is not None and not 0 <= number < math.inf:
+            raise InvalidInputError(f"{name} must be a number, at least 0, not {number:g}")
+
+
+def require_probability(**numbers: float | None) -> None:
+    """Raise InvalidInputError, which names it, for a number not above 0 and at most 1; None is not asked for."""
+    for name, number in numbers.items():
+        if number is not None and not 0 < number <= 1:
+            raise InvalidInputError(f"{name} must be a probability, above 0 and at most 1, not {number:g}")

@@ -1,0 +1,17 @@
+"""Optional dependencies: import where it is used what only some users need, and name the extra that installs it."""
+
+import importlib
+from typing import Any
+
+from nerfnav.core.errors import MissingExtraError
+
+
+def from_extra(module: str, extra: str, user: str) -> Any:
+    """The module of that name, which `pip install 'nerfnav[EXTRA]'` brings; `user` is what needs it, for people.
+
+    Raises MissingExtraError, in one sentence, where it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(user, module.partition(".")[0], extra) from error

@@ -1,0 +1,179 @@
+"""Just-in-time compilation of kernels: one decorator, one cache (nerfnav/core/kernel_cache.py), one limit on threads.
+
+numba itself is imported when a kernel is first called: it takes a fifth of a second, and somebody waits for the page.
+"""
+
+import inspect
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from nerfnav.core.kernel_cache import cache_folder, caching
+
+_FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # all but nnan and ninf: NaN must stay visible
+
+prange = range
+"""`range` whose turns are done side by side in a parallel kernel."""
+_ANY = 1 << 30
+_allowed: ContextVar[int] = ContextVar("threads that kernels may use", default=1)
+_bound: ContextVar[int] = ContextVar("threads that blocks inside may ask for", default=_ANY)
+_compiling: ContextVar["_Compiling | None"] = ContextVar("who is told of compilation", default=None)
+
+
+class Kernel:
+    """A function that is compiled, or its machine code read from the cache, when it is first called."""
+
+    def __init__(self, function: Any, options: dict[str, Any]) -> None:
+        """`options` are those of numba's `njit`."""
+        self._function, self._options = function, options
+        self.__doc__, self.__name__ = function.__doc__, function.__name__
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the function gives for these arrays and numbers."""
+        side_by_side = self._options.get("parallel") and _allowed.get() > 1
+        return (self._dispatcher if side_by_side else self._serial)(*arguments)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes this for where other kernels call it."""
+        return self._dispatcher._numba_type_
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        return self._made(self._options, cache_folder())
+
+    @cached_property
+    def _serial(self) -> Any:
+        """The same for one thread: a parallel kernel would wake up a pool of threads even for one."""
+        if not self._options.get("parallel"):
+            return self._dispatcher
+        # in a folder of its own: numba's cache does not tell the two apart
+        return self._made(self._options | {"parallel": False}, cache_folder() / "serial")
+
+    def _made(self, options: dict[str, Any], folder: Path) -> Any:
+        import numba
+        from numba.core.compiler_lock import global_compiler_lock
+
+        _listen()
+        names = self._function.__globals__
+        if names.get("prange") is prange:
+            names["prange"] = numba.prange  # which numba knows by identity
+        with global_compiler_lock, caching(folder):
+            return numba.njit(**options)(self._function)
+
+
+def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False) -> Callable[[Any], Kernel]:
+    """Compile a function with numba, cached, without the interpreter's lock.
+
+    `inline` marks a small function that is only called by other kernels; `exact` keeps each operation as it is written,
+    so that it rounds as numpy does.
+    """
+
+    def decorate(function: Any) -> Kernel:
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "parallel": parallel}
+        options["fastmath"] = set() if exact else _FAST
+        options |= {"cache": False, "forceinline": True} if inline else {"cache": True}
+        # unwrapped: when shapes are checked, every function of the package comes in a wrapper
+        return Kernel(inspect.unwrap(function), options)
+
+    return decorate
+
+
+@contextmanager
+def telling_compilation(tell: Callable[[bool], None]) -> Iterator[None]:
+    """Call `tell` with True where this thread begins to compile a kernel inside the block, with False where it is done.
+
+    It may take a minute. Machine code that is read from the cache is no compilation.
+    """
+    before = _compiling.set(_Compiling(tell))
+    try:
+        yield
+    finally:
+        _compiling.reset(before)
+
+
+class _Compiling:
+    """Compilations that are going on; a kernel is compiled while one that calls it is."""
+
+    def __init__(self, tell: Callable[[bool], None]) -> None:
+        self._tell, self._depth = tell, 0
+
+    def begin(self) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            self._tell(True)
+
+    def end(self) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._tell(False)
+
+
+@cache
+def _listen() -> None:
+    """Hear of everything that numba compiles from now on, in the thread in which it does."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if (compiling := _compiling.get()) is not None:
+                compiling.begin()
+
+        def on_end(self, event: Any) -> None:
+            if (compiling := _compiling.get()) is not None:
+                compiling.end()
+
+    event.register("numba:compile", Listener())
+
+
+def default_threads() -> int:
+    """All cores that this process may use but one, which is left to the web server and the rest; at least 1."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 2
+    return max(1, cores - 1)
+
+
+@contextmanager
+def threads(count: int) -> Iterator[int]:
+    """Let kernels inside the block use at most `count` threads; yields how many they really use.
+
+    Outside any block they use one, and a block inside another one gets no more than that has: what plans and filters
+    asks for one, whatever it calls. A block for one thread wakes up no pool.
+
+    Both numba and torch run on OpenMP, and a parallel kernel leaves torch with all cores, on which its small tensors
+    are ten times slower beside another busy process: torch gets back the number that it had.
+    """
+    wanted, before = max(1, min(count, _bound.get())), (_allowed.get(), _bound.get())
+    _bound.set(wanted)
+    try:
+        if wanted == 1:
+            _allowed.set(1)
+            yield 1
+        else:
+            with _pool(wanted) as used:
+                _allowed.set(used)
+                yield used
+    finally:
+        _allowed.set(before[0])
+        _bound.set(before[1])
+
+
+@contextmanager
+def _pool(count: int) -> Iterator[int]:
+    """Threads of numba's, as many as there are and at most `count`."""
+    import numba
+
+    used = min(count, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    # torch first: the first question to numba starts its threads, and torch then answers with their number
+    torch_before, before = torch.get_num_threads(), numba.get_num_threads()
+    numba.set_num_threads(used)
+    try:
+        yield used
+    finally:
+        numba.set_num_threads(before)
+        torch.set_num_threads(torch_before)

@@ -1,0 +1,29 @@
+"""Cache locator of numba for kernels: the place of their machine code in `kernel_cache.cache_folder`.
+
+numba's own folders are named after the path of the source: every clone and every environment would compile all
+kernels anew. The folder here is named after their content already, so that all with the same kernels share it. This
+module is apart from `kernel_cache` because it imports numba.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import UserProvidedCacheLocator
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+class KernelLocator(UserProvidedCacheLocator):
+    """Locator (numba's word) of kernels of this package; others are left to numba's own."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """A folder for the modules of one folder, the same wherever the package is installed."""
+        return "_".join(Path(py_file).parent.relative_to(_PACKAGE).parts)
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
+        """The locator of a function; None where its source is not among those that name the folder."""
+        path = Path(py_file)
+        known = path.is_relative_to(_PACKAGE) and path.parent.name == "kernels"
+        return super().from_function(py_func, py_file) if known else None

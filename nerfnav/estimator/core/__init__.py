@@ -1,0 +1,1 @@
+"""Core of the estimators: belief, prediction, posterior covariance, filter steps, protocol."""

@@ -1,0 +1,49 @@
+"""What a filter yields: a frozen record of every iteration, the last of which carries the posterior."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.covariance import Curvature
+from nerfnav.estimator.photometric.pixel_selection import PixelSource
+from nerfnav.robots import RigidState
+
+
+class FilterOutcome(Enum):
+    """How an update ended; the value is advice for the user."""
+
+    UPDATED = "the picture was used"
+    WEAK = "the picture said little: the dynamics led, and the belief stayed wide"
+    PREDICTED_ONLY = "the picture said nothing: the dynamics alone moved the belief"
+    DIVERGED = "the picture disagrees with the belief: relocalise"
+
+
+@dataclass(frozen=True)
+class FilterStep:
+    """One iteration of a filter update."""
+
+    iteration: int
+    """Counted from 0."""
+    mean: RigidState
+    """The estimate after this iteration."""
+    photometric: float
+    """First term of Eq. 6 at this estimate."""
+    process: float
+    """Second term of Eq. 6 at this estimate."""
+    pixels: Int[Tensor, "m 2"]
+    """Pixels (u, v) that the photometric term compares."""
+    residual: Float[Tensor, " m"]
+    """Colour difference at each pixel, in [0, 1]."""
+    posterior: Belief | None = None
+    """None while the update goes on; set on the last step."""
+    outcome: FilterOutcome | None = None
+    """None while the update goes on; set on the last step."""
+    believed: Bool[Tensor, " m"] | None = None
+    """Which pixels count at this estimate, the others being outliers; None where nothing rejects outliers."""
+    pixel_source: PixelSource | None = None
+    """How the pixels were chosen; None where the estimator does not choose."""
+    curvature: Curvature | None = None
+    """How the posterior covariance was made; set on the last step of an update that used the picture."""

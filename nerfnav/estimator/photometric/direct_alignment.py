@@ -1,0 +1,207 @@
+"""Direct image alignment: move the picture over a rendering of the field, without rendering again at every step.
+
+From a pose near the camera's, pixels are rendered once, each with its colour C_i and the point X_i at its mean depth.
+With pi what the camera makes of a point, and I the picture, all later steps compare
+
+    r_i(T) = (1 + g) C_i + b - I(pi(T^-1 X_i))
+
+(Lucas and Kanade 1981; of dense maps: Newcombe, Lovegrove, Davison, "DTAM", 2011, Sec. 2.3). The slopes are the
+picture's, which is smooth where a field is rough: between sharp nodes that a few pictures taught, J has many small
+minima, and where Gauss-Newton's steps on the field itself end depends on where they began. It costs a
+rendering of the pixels or two, where descents make ten.
+
+The picture is blurred, first by about as much as the prediction may be off, then less and less, to no less than the
+sharpness of the field; after each blur, pixels are rendered again from the pose that was found. What is found is
+where a descent on the field itself begins: where that is a fog, its mean depth is none.
+
+A lens is linear about each pixel: du = L_i d(x / z, y / z), exact where a step ends.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Float, Int, UInt8
+from torch import Tensor
+
+from nerfnav.core.jit import threads
+from nerfnav.estimator.descents import improve
+from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior
+from nerfnav.estimator.photometric.kernels.direct_alignment import align
+from nerfnav.estimator.photometric.pyramid import View
+from nerfnav.estimator.photometric.residuals import THREADS, Observation
+from nerfnav.field import FastRenderer, Rendering, glanced, render_rays, sight_grid_of
+from nerfnav.geometry import Camera, Pose
+
+_FAR = 1e3
+"""Pixels in which nothing shows are as far away as this [longest edges of the box]: only turns move them."""
+_FINE = 3.0
+"""Blurs of twice this and more are made on smaller pictures, where they are no less than this [pixels]."""
+
+
+@dataclass(frozen=True)
+class AlignConfig:
+    """How pictures are aligned."""
+
+    pixels: int = 384
+    """Pixels compared in each round ..."""
+    last_pixels: int = 448
+    """... and in the descent on the field itself that follows."""
+    last_iterations: int = 2
+    """Steps of that, at most."""
+    last_settled: float = 3e-4
+    """It ends with a step shorter than this [longest edges of the box]."""
+    iterations: int = 6
+    """Steps of each round, at most."""
+    robust: float = 0.1
+    """Colour difference beyond which a pixel pulls less and less (Huber) [1 = full scale]."""
+    damping: float = 1e-3
+    """First lambda, relative to the diagonal of the curvature."""
+    settled: float = 0.1
+    """A round ends before a step shorter than this [standard deviations of what is found]."""
+    grain: float = 0.33
+    """The last blur, as a share of the distance of the field's nodes in the picture ..."""
+    blur: tuple[float, float] = (0.7, 2.0)
+    """... and within these bounds [pixels]."""
+    widest: float = 16.0
+    """The first one, at most [pixels]."""
+    shrink: float = 3.0
+    """Each blur is so many times the next one."""
+
+
+Known = Callable[[int], Prior]
+"""What is known without the picture, to be told together with so many pixels."""
+
+
+def fitted(
+    image: UInt8[Tensor, "height width 3"],
+    view: View,
+    start: tuple[Guess, float],
+    known: Known,
+    settings: tuple[AlignConfig, torch.Generator],
+) -> tuple[Iterate, Observation]:
+    """Where a picture was taken, batch shape (1,), and the pixels that the descent on the field compared.
+
+    `start` is the first guess (1,), and how far things may be from where it shows them [pixels]: a standard deviation.
+    """
+    config, generator = settings
+    guess = aligned(image, view, start, known, settings)
+    seen = Observation.of(image, spaced(view.camera, config.last_pixels, generator), view.at(0))
+    settled = config.last_settled * float(seen.field.box.size.max())
+    newton = NewtonConfig(config.last_iterations, robust=config.robust, settled=settled)
+    *_, here = improve(seen, guess, known(len(seen.pixels)), newton, every=False)
+    return here, seen
+
+
+def aligned(
+    image: UInt8[Tensor, "height width 3"],
+    view: View,
+    start: tuple[Guess, float],
+    known: Known,
+    settings: tuple[AlignConfig, torch.Generator],
+) -> Guess:
+    """Where the last round of alignment ends, batch shape (1,).
+
+    `start` as `fitted` has it. The first blur is half as wide as things may be off.
+    """
+    (guess, spread), (config, generator) = start, settings
+    colors = image.numpy().astype(np.float32) / 255
+    blurs = None
+    while blurs is None or blurs:
+        pixels = spaced(view.camera, config.pixels, generator)
+        seen = Observation.of(image, pixels, view.at(0))
+        scene, depth = _scene(seen, guess.pose[0])
+        if blurs is None:
+            blurs = _blurs(0.5 * spread, config.grain * view.grain * view.camera.fx / depth, config)
+        guess = _round((blurred(colors, blurs[0]), *scene), guess, known(len(pixels)), config)
+        blurs = blurs[1:]
+    return guess
+
+
+def blurred(colors: np.ndarray, blur: float) -> np.ndarray:
+    """A picture (height, width, 3) after a Gaussian blur of a standard deviation [pixels].
+
+    Wide ones are made on a picture that is s times smaller, a tenth of the time: a mean over s pixels has the variance
+    (s^2 - 1) / 12, and to interpolate between them adds s^2 / 6.
+    """
+    height, width, _ = colors.shape
+    smaller = 2 ** max(0, math.floor(math.log2(blur / _FINE)))
+    if smaller == 1 or min(height, width) < smaller:
+        return cv2.GaussianBlur(colors, (0, 0), blur)
+    left = blur**2 - (smaller**2 - 1) / 12 - smaller**2 / 6
+    small = cv2.resize(colors, (width // smaller, height // smaller), interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), math.sqrt(left) / smaller)
+    return cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def _blurs(first: float, grain: float, config: AlignConfig) -> list[float]:
+    """Of each round [pixels]; `grain` is how far apart a field's nodes show, in part."""
+    last = min(max(grain, config.blur[0]), config.blur[1])
+    first = min(max(first, last), config.widest)
+    count = max(1, round(math.log(first / last) / math.log(config.shrink)))
+    return [max(last, first / config.shrink**index) for index in range(count)]
+
+
+def spaced(camera: Camera, count: int, generator: torch.Generator) -> Int[Tensor, "m 2"]:
+    """About so many pixels of a picture, one anywhere in each cell of a grid (jittered sampling)."""
+    across = max(1, round((count * camera.width / camera.height) ** 0.5))
+    down = max(1, count // across)
+    cells = torch.stack(torch.meshgrid(torch.arange(across), torch.arange(down), indexing="xy"), -1).reshape(-1, 2)
+    at = (cells + torch.rand(len(cells), 2, generator=generator)) / torch.tensor([across, down])
+    size = torch.tensor([camera.width, camera.height])
+    return torch.minimum((at * size).long(), size - 1)
+
+
+def _scene(seen: Observation, pose: Pose) -> tuple[tuple[np.ndarray, ...], float]:
+    """What the kernel compares, as `align` has it, and the median depth [m]."""
+    at = pose.compose(seen.mount)
+    origins, directions = seen.camera.rays(at, seen.pixels)
+    shown = _rendered(seen, origins.contiguous(), directions.contiguous())
+    longest = float(seen.field.box.size.max())
+    depth = torch.where(shown.opacity > 0.5, shown.depth, torch.full_like(shown.depth, _FAR * longest))
+    points = origins.double() + depth.double()[:, None] * directions.double()
+    flat, lens = _lens(seen.camera, seen.pixels)
+    parts = (points, shown.color.float(), seen.pixels.double() + 0.5, flat, lens, seen.mount.rotation.double(),
+             seen.mount.position.double())  # fmt: skip
+    return tuple(np.ascontiguousarray(part.numpy()) for part in parts), float(depth.median())
+
+
+def _rendered(seen: Observation, origins: Tensor, directions: Tensor) -> Rendering:
+    with torch.no_grad(), threads(THREADS):
+        if (grid := sight_grid_of(seen.field)) is not None:
+            return glanced(grid, origins, directions)
+        if isinstance(seen.field, FastRenderer):
+            return seen.field.render_rays(origins, directions)
+        return render_rays(seen.field, origins, directions)
+
+
+def _lens(camera: Camera, pixels: Int[Tensor, "m 2"]) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "m 2 2"]]:
+    """x / z and y / z of what shows in pixels, y downwards, and the derivative of pixels by these."""
+    if not camera.distortion:
+        flat = (pixels.double() + 0.5 - torch.tensor([camera.cx, camera.cy])) / torch.tensor([camera.fx, camera.fy])
+        return flat, torch.diag(torch.tensor([camera.fx, camera.fy], dtype=torch.float64)).expand(len(pixels), 2, 2)
+    beside = torch.tensor([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+    ways = camera.directions(pixels + beside[:, None]).double()
+    flat = torch.stack([ways[..., 0], -ways[..., 1]], -1) / -ways[..., 2:]
+    slopes = torch.stack([flat[1] - flat[2], flat[3] - flat[4]], -1) / 2
+    return flat[0], torch.linalg.inv(slopes)
+
+
+def _round(scene: tuple[np.ndarray, ...], guess: Guess, prior: Prior, config: AlignConfig) -> Guess:
+    """The end of one round."""
+    mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
+    information, turn, place = (
+        np.ascontiguousarray(part.double().numpy()) for part in (prior.information, mean.rotation, mean.position)
+    )
+    known = (information, turn, place, prior.mean is not None, prior.kappa)
+    square = (UNKNOWNS, UNKNOWNS)
+    shapes = ((3, 3), (3,), (2,), (), (), (len(scene[1]), 3), (UNKNOWNS,), square, square, (UNKNOWNS,))
+    state = tuple(np.zeros((2, *shape)) for shape in shapes)
+    for part, begin in zip(state, (guess.pose.rotation, guess.pose.position, guess.exposure), strict=False):
+        part[0] = begin[0].double().numpy()
+    held = align(scene, known, (config.iterations, config.damping, config.robust, config.settled), state)
+    rotation, position, exposure = (torch.from_numpy(part[held]).float()[None] for part in state[:3])
+    return Guess(Pose(rotation, position), exposure)

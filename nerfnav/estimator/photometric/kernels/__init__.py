@@ -1,0 +1,1 @@
+"""Compiled parts of the photometric term and of its minimisation."""

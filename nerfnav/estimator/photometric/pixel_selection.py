@@ -1,0 +1,165 @@
+"""Pixel selection: choose which pixels of a picture the filter compares.
+
+The paper draws pixels from a mask of dilated ORB features: flat areas say little about the pose, and features
+alone (corners) are few. (Rublee et al., "ORB: an efficient alternative to SIFT or SURF", 2011.)
+
+Or they are drawn by what they tell. With J_i = dC_i/dpose of a candidate and A the sum of J_j' J_j over all of them,
+
+    h_i = tr(J_i A^-1 J_i')
+
+is its leverage, the gain of log det A by counting it once more: drawing by it keeps log det nearly as large as the
+best choice does (D-optimal design; Mahoney, "Randomized algorithms for matrices and data", 2011).
+
+Each draw has its own faults. In a picture that shows little the features lie together, around what is near, and an
+error of the field there drags the pose away with nothing to speak against it. What tells most by the field is in part
+what is wrong in it, such as stains on a plain wall. So the fast filter takes half of its pixels from either.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
+from torch import Tensor
+
+Slopes = Callable[[Int[Tensor, "m 2"]], Float[Tensor, "m 3 6"]]
+"""Derivative of pixels' colours by the pose, at where the camera is thought to be."""
+_LEAST_TOLD = 1e-6
+"""Added to A, as a share of its mean diagonal, for directions of which no pixel tells anything."""
+
+
+class PixelDraw(Enum):
+    """How pixels are chosen; the value is what a user reads."""
+
+    FEATURES = "around image features"
+    INFORMATION = "by how much they tell about the pose"
+    BOTH = "half of them around image features, the others by how much they tell about the pose"
+    UNIFORM = "evenly from the whole picture"
+
+
+class PixelSource(Enum):
+    """Where the compared pixels come from; the value is what a user reads."""
+
+    FEATURES = "all pixels lie around image features"
+    FILLED = "there were too few pixels around features: others were drawn from the whole picture"
+    UNIFORM = "all pixels were drawn from the whole picture, as asked or for want of features"
+    ALL = "all pixels of the picture"
+    INFORMATION = "pixels that tell most about the pose"
+    BOTH = "pixels around image features, and others that tell most about the pose"
+
+
+@dataclass(frozen=True)
+class PixelConfig:
+    """How pixels are chosen."""
+
+    count: int = 256
+    """Pixels compared in an update of the paper's filter (paper: 256; the authors' later code: 1,024); the fast
+    filter's number and draw are its pyramid's."""
+    draw: PixelDraw = PixelDraw.FEATURES
+    """How they are chosen (paper: around features)."""
+    candidates: int = 2
+    """Where information counts: times as many pixels of the whole picture are asked what they tell."""
+    features: int = 500
+    """ORB features looked for at most."""
+    fast_threshold: int = 12
+    """Least contrast of a corner to its surroundings [grey levels]."""
+    edge_px: int = 4
+    """Border of the picture without features [pixels]."""
+    dilation_px: int = 7
+    """Side of the square around a feature from which pixels are drawn [pixels]."""
+
+
+@dataclass(frozen=True)
+class PixelChoice:
+    """The chosen pixels."""
+
+    pixels: Int[Tensor, "m 2"]
+    """(u, v), all different."""
+    source: PixelSource
+    """Where they come from."""
+
+
+def feature_mask(image: UInt8[Tensor, "height width 3"], config: PixelConfig) -> Bool[Tensor, "height width"]:
+    """Which pixels lie around ORB features."""
+    grey = cv2.cvtColor(np.ascontiguousarray(image.cpu().numpy()), cv2.COLOR_RGB2GRAY)
+    detector = cv2.ORB_create(  # pyright: ignore[reportAttributeAccessIssue]
+        nfeatures=config.features, edgeThreshold=config.edge_px, fastThreshold=config.fast_threshold
+    )
+    mask = np.zeros(grey.shape, np.uint8)
+    places = np.rint(cv2.KeyPoint.convert(detector.detect(grey, None))).astype(np.int64).reshape(-1, 2)
+    mask[places[:, 1].clip(max=grey.shape[0] - 1), places[:, 0].clip(max=grey.shape[1] - 1)] = 1
+    mask = cv2.dilate(mask, np.ones((config.dilation_px, config.dilation_px), np.uint8))
+    return torch.from_numpy(mask).bool()
+
+
+def choose_pixels(
+    image: UInt8[Tensor, "height width 3"], config: PixelConfig, generator: torch.Generator, slopes: Slopes
+) -> PixelChoice:
+    """Draw `config.count` different pixels of a picture as `config.draw` says, or all of a smaller one.
+
+    Where features offer too few, the rest is drawn from the remaining pixels, which `source` tells. `slopes` is asked
+    only where information counts.
+    """
+    every = torch.arange(image.shape[0] * image.shape[1])
+    if config.count >= len(every):
+        return _choice(every, PixelSource.ALL, image)
+    near = _around_features(image, config, generator)
+    if len(near) == config.count:
+        return _choice(near, PixelSource.FEATURES, image)
+    left = torch.ones(len(every), dtype=torch.bool)
+    left[near] = False
+    others, wanted = left.nonzero().squeeze(-1), config.count - len(near)
+    if config.draw in (PixelDraw.INFORMATION, PixelDraw.BOTH):
+        asked = _draw(others, config.candidates * wanted, generator)
+        others = asked[by_information(slopes(_places(asked, image)), wanted, generator)]
+    else:
+        others = _draw(others, wanted, generator)
+    return _choice(torch.cat([near, others]), _source(config, len(near)), image)
+
+
+def _around_features(
+    image: UInt8[Tensor, "height width 3"], config: PixelConfig, generator: torch.Generator
+) -> Int[Tensor, " n"]:
+    """As many as `config.draw` wants of those, or as there are."""
+    wanted = {PixelDraw.FEATURES: config.count, PixelDraw.BOTH: config.count // 2}.get(config.draw, 0)
+    if wanted == 0:
+        return torch.arange(0)
+    return _draw(feature_mask(image, config).reshape(-1).nonzero().squeeze(-1), wanted, generator)
+
+
+def _source(config: PixelConfig, near: int) -> PixelSource:
+    """Where pixels come from of which so many lie around features, and others do not."""
+    if config.draw in (PixelDraw.INFORMATION, PixelDraw.BOTH):
+        return PixelSource.BOTH if near else PixelSource.INFORMATION
+    return PixelSource.FILLED if near else PixelSource.UNIFORM
+
+
+def by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: torch.Generator) -> Int[Tensor, " n"]:
+    """Which `count` of m pixels, drawn by leverage without putting any back (Efraimidis and Spirakis 2006).
+
+    Derivatives that are no numbers tell nothing.
+    """
+    flat = slopes.double().nan_to_num(0, 0, 0).flatten(0, 1)
+    information = flat.T @ flat
+    information = information + _LEAST_TOLD * (information.diagonal().mean() + 1e-30) * torch.eye(6).double()
+    root = torch.linalg.cholesky(information)
+    whitened = torch.linalg.solve_triangular(root, flat.T, upper=False)
+    leverage = whitened.square().sum(0).reshape(-1, 3).sum(-1)
+    late = torch.empty_like(leverage).exponential_(generator=generator) / leverage.clamp_min(1e-30)
+    return late.argsort()[:count]
+
+
+def _choice(index: Int[Tensor, " m"], source: PixelSource, image: UInt8[Tensor, "height width 3"]) -> PixelChoice:
+    return PixelChoice(_places(index, image), source)
+
+
+def _places(index: Int[Tensor, " m"], image: UInt8[Tensor, "height width 3"]) -> Int[Tensor, "m 2"]:
+    width = image.shape[1]
+    return torch.stack([index % width, index // width], -1)
+
+
+def _draw(index: Int[Tensor, " n"], count: int, generator: torch.Generator) -> Int[Tensor, " m"]:
+    return index[torch.randperm(len(index), generator=generator)[:count]]

@@ -1,0 +1,249 @@
+"""Photometric residuals: the field's colours at a pose less the picture's (first term of paper Eq. 6).
+
+    r_i(x) = C_i(T) - I_i,   J_photo(x) = sum over inlier pixels i of |r_i|^2 / (k s^2)
+
+with C_i the colour that the field sends into pixel i at the camera pose T = T_world_body T_body_camera, I_i
+the colour in the picture, s the standard deviation of the noise on one colour channel, and k the number of pixels
+that err alike: S = k s^2 I.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
+from torch import Tensor
+
+from nerfnav.core.jit import threads
+from nerfnav.estimator.kernels.slopes import slopes
+from nerfnav.estimator.photometric.kernels.probe import glance
+from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, render_rays, sight_grid_of
+from nerfnav.field.render.volume_rendering import before_backdrop
+from nerfnav.geometry import Camera, Pose, so3
+from nerfnav.robots import RigidState
+
+THREADS = 1
+"""That views of the field are made on, wherever they are compared with pictures: beside any other program, two wait for
+each other longer than they save."""
+_RAYS_AT_ONCE = 1 << 17
+_TABLED = 1 << 18
+"""Pixels of the largest camera whose directions are kept: a table of more would not fit the cache."""
+_DEVIATION_PER_MAD = 1.4826
+"""Standard deviation of a Gaussian whose median absolute deviation is 1."""
+
+
+@dataclass(frozen=True)
+class ColorNoise:
+    """How far a field's colours are from a picture's when the pose is right."""
+
+    std: float = 0.05
+    """s, of one colour channel [1 = full scale]; measured on held-out views of each field (authors' code: 1)."""
+    alike: float = 50.0
+    """k, pixels that err alike (authors' code: 1). A field's errors are no independent noise: a stone's edge that
+    is off by half a voxel shifts all pixels along it. Measured on trained Stonehenge: with 256 pixels the pose at the
+    minimum is 3 mm and 0.2 degrees off, where independent pixels would promise 0.5 mm and 0.04 degrees; with 50 the
+    mean NEES of the pose is 6.1 where 6 is honest."""
+    per_patch: float = 1.0
+    """To the fast filter, any number of pixels of a patch are worth this many independent ones (see `patches`), so that
+    k = 1 + m / (per_patch patches) for m compared pixels."""
+    few_patches: float = 25.0
+    """Fewer patches than this are worth less each, by the square of their number: where little shows, it is what is
+    near, errors of the field are large in the picture, and hardly any patch speaks against another's."""
+    outlier_deviations: float = 3.0
+    """Pixels this many robust deviations above the median difference are dropped (authors' later code: none)."""
+
+    def measured(self, std: float | None) -> "ColorNoise":
+        """The same with the `std` that was measured for a field (`field.info.noise_std`); None changes nothing."""
+        return self if std is None else replace(self, std=std)
+
+    def alike_of(self, pixels: int, patches: float) -> float:
+        """k of this many pixels of a picture of so many patches."""
+        return 1 + pixels / (self.per_patch * patches)
+
+    def doubt(self, squares: float, patches: float) -> float:
+        """How many times less a picture tells than held-out views promise, by the mean square of its differences."""
+        return max(1.0, squares / self.std**2) * max(1.0, self.few_patches / patches) ** 2
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Some pixels of a picture, and what is needed to predict them."""
+
+    field: Field
+    """What the picture should look like."""
+    camera: Camera
+    """What took the picture."""
+    mount: Pose
+    """T_body_camera."""
+    pixels: Int[Tensor, "m 2"]
+    """(u, v) of the pixels that are compared."""
+    colors: Float[Tensor, "m 3"]
+    """Their colours in [0, 1]."""
+
+    @classmethod
+    def of(
+        cls,
+        image: UInt8[Tensor, "height width 3"],
+        pixels: Int[Tensor, "m 2"],
+        view: tuple[Field, Camera, Pose],
+    ) -> "Observation":
+        """The given pixels of a picture; `view` is (field, camera, mount)."""
+        return cls(*view, pixels, image[pixels[:, 1], pixels[:, 0]].float() / 255)
+
+    def exposed(self, exposure: Float[Tensor, "2"]) -> "Observation":
+        """With the colours that the field should show, if this is the camera's gain less one, and bias."""
+        return replace(self, colors=(self.colors - exposure[1]) / (1 + exposure[0]))
+
+    def rays(self, state: RigidState) -> tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]:
+        """Origins [m] and unit directions in the world, differentiable in the state's pose."""
+        return self.camera.rays(state.pose.compose(self.mount), self.pixels)
+
+    @torch.no_grad()
+    def samples(self, state: RigidState) -> RaySamples:
+        """Where the field wants the pixels' rays sampled."""
+        return self.field.samples(*self.rays(state))
+
+    def linearised(self, poses: Pose) -> tuple[Float[Tensor, "n m 3"], Float[Tensor, "n m 3 6"]]:
+        """What the field shows from body poses (n,), and its derivative by position [1/m] and attitude [1/rad].
+
+        The body's tangent is (dp, dtheta): p + dp, R Exp(dtheta). Its camera at R mount + p then moves and turns by
+
+            d(centre) = dp + d(turn) x (R mount),   d(turn) = R dtheta
+        """
+        count, pixels = len(poses.position), len(self.pixels)
+        cameras = poses.compose(self.mount)
+        directions = self._in_camera @ cameras.rotation.transpose(-1, -2)
+        origins = cameras.position[:, None].expand_as(directions)
+        colors, by_camera = colors_and_jacobian(self.field, origins.reshape(-1, 3), directions.reshape(-1, 3))
+        turned = by_camera.reshape(count, 3 * pixels, 6)
+        arm = so3.hat((poses.rotation @ self.mount.position[:, None])[..., 0])
+        moves = torch.cat([-arm @ poses.rotation, poses.rotation], 1)
+        jacobian = torch.cat([turned[..., :3], turned @ moves], -1)
+        return colors.reshape(count, pixels, 3), jacobian.reshape(count, pixels, 3, 6)
+
+    @classmethod
+    def slopes(
+        cls, pose: Pose, view: tuple[Field, Camera, Pose], pixels: Int[Tensor, "m 2"]
+    ) -> Float[Tensor, "m 3 6"]:
+        """Derivatives of any pixels' colours by the camera's motion, at one body pose: what they tell of it.
+
+        By d(centre) [1/m] and d(turn) [1/rad], in the world's axes.
+        """
+        blind = cls(*view, pixels, torch.zeros(len(pixels), 3))
+        with torch.no_grad():
+            if (grid := sight_grid_of(blind.field)) is not None:
+                rows = slopes(grid, blind.sight, array_of(pose.rotation), array_of(pose.position))
+                return torch.from_numpy(rows).T.reshape(len(pixels), 3, 6)
+            camera = pose.compose(blind.mount)
+            directions = blind._in_camera @ camera.rotation.T
+            return colors_and_jacobian(blind.field, camera.position.expand_as(directions), directions)[1]
+
+    def shown(self, poses: Pose) -> Float[Tensor, "n m 3"]:
+        """What the field shows from body poses (n,), without derivatives."""
+        cameras = poses.compose(self.mount)
+        directions = (self._in_camera @ cameras.rotation.transpose(-1, -2)).reshape(-1, 3)
+        origins = cameras.position.repeat_interleave(len(self.pixels), 0)
+        quick = self.field.render_rays if isinstance(self.field, FastRenderer) else None
+        render = partial(render_rays, self.field) if quick is None else quick
+        with torch.no_grad():
+            color = torch.cat([
+                render(*rays).color
+                for rays in zip(origins.split(_RAYS_AT_ONCE), directions.split(_RAYS_AT_ONCE), strict=True)
+            ])  # fmt: skip
+        return color.reshape(len(poses.position), -1, 3)
+
+    @cached_property
+    def sight(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What the compiled descent asks for: directions in the camera (m, 3), colours (m, 3), R and p of the mount."""
+        directions, colors = (np.ascontiguousarray(part.numpy(), np.float32) for part in (self._in_camera, self.colors))
+        return directions, colors, self.mount.rotation.double().numpy(), self.mount.position.double().numpy()
+
+    @cached_property
+    def _in_camera(self) -> Float[Tensor, "m 3"]:
+        if self.camera.width * self.camera.height > _TABLED:
+            return self.camera.directions(self.pixels)
+        return _directions(self.camera)[self.pixels[:, 1] * self.camera.width + self.pixels[:, 0]]
+
+    def residual(self, state: RigidState, samples: RaySamples | None = None) -> Float[Tensor, "m 3"]:
+        """r_i: what the field shows less what the picture shows, differentiable twice in the state's pose.
+
+        `samples` are the field's own for this state by default. The same as `render_rays`, but the field is not
+        asked about the padding, which is most of the table.
+        """
+        samples = self.samples(state) if samples is None else samples
+        origins, directions = self.rays(state)
+        ray, _ = place = samples.mask.nonzero(as_tuple=True)
+        points = origins[ray] + samples.distances[place][:, None] * directions[ray]
+        density = torch.zeros_like(samples.distances).index_put(place, self.field.density(points))
+        color = torch.zeros_like(samples.distances[..., None].expand(-1, -1, 3))
+        color = color.index_put(place, self.field.radiance(points, directions[ray]))
+        return before_backdrop(self.field, (origins, directions), density, color, samples).color - self.colors
+
+
+@lru_cache(maxsize=8)
+def _directions(camera: Camera) -> Float[Tensor, "hw 3"]:
+    """Of all pixels, row by row: every stage of an update asks for some of them."""
+    return camera.directions(camera.pixels())
+
+
+def patches(image: UInt8[Tensor, "height width 3"], side: int = 10, noise_std: float = 0.0) -> float:
+    """How many patches of a picture, of `side` by `side`, share what it tells: 1 where all edges are in one of them.
+
+    With g a patch's sum of squared differences between neighbouring pixels, that is (sum g)^2 / sum g^2, times the
+    share of g that stands out from errors of the field of `noise_std` [1 = full scale]: a patch whose colours vary by v
+    is worth w = v / (v + noise_std^2) of one (Wiener's gain), and a blank wall in all patches alike is worth nothing.
+    """
+    grey = image.float().mean(-1)
+    energy = torch.zeros_like(grey)
+    energy[:, 1:] += grey.diff(dim=1).square()
+    energy[1:] += grey.diff(dim=0).square()
+    moments = torch.nn.functional.adaptive_avg_pool2d(torch.stack([energy, grey, grey.square()])[None], side)[0]
+    shares, spread = moments[0], (moments[2] - moments[1].square()).clamp_min(0)
+    told = shares * spread / (spread + (255 * noise_std) ** 2 + 1e-9)
+    return max(1.0, float(shares.sum() * told.sum() / shares.square().sum().clamp_min(1e-9)))
+
+
+def difference(residual: Float[Tensor, "m 3"]) -> Float[Tensor, " m"]:
+    """Colour difference of each pixel, root mean square over the channels, in [0, 1]."""
+    return residual.square().mean(-1).sqrt()
+
+
+@torch.no_grad()
+def inliers(residual: Float[Tensor, "m 3"], noise: ColorNoise) -> Bool[Tensor, " m"]:
+    """Which pixels to believe: those less than so many robust deviations above the median difference.
+
+    A pixel within as many standard deviations of the noise is always believed, however alike the others are.
+    """
+    return are_inliers(difference(residual), noise)
+
+
+def are_inliers(size: Float[Tensor, " m"], noise: ColorNoise) -> Bool[Tensor, " m"]:
+    """The same by the sizes of their differences."""
+    median = size.median()
+    spread = _DEVIATION_PER_MAD * (size - median).abs().median()
+    plain = torch.full_like(median, noise.outlier_deviations * noise.std)
+    return size <= torch.maximum(median + noise.outlier_deviations * spread, plain)
+
+
+def photometric_cost(
+    residual: Float[Tensor, "m 3"], believed: Bool[Tensor, " m"], noise: ColorNoise
+) -> Float[Tensor, ""]:
+    """J_photo; pixels that are not believed count nothing and pull nowhere."""
+    return (residual.square().sum(-1) * believed).sum() / (noise.alike * noise.std**2)
+
+
+def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
+    """What the field shows from body poses (n,) less what the picture shows."""
+    grid = sight_grid_of(seen.field)
+    with torch.no_grad(), threads(THREADS):
+        if grid is None:
+            return seen.shown(poses) - seen.colors
+        shown = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
+        glance(grid, seen.sight, array_of(poses.rotation), array_of(poses.position), shown)
+        return torch.from_numpy(shown) - seen.colors
+
+
+def array_of(tensor: Tensor) -> np.ndarray:
+    """A tensor as kernels have it: of 64 bits, in one piece."""
+    return np.ascontiguousarray(tensor.detach().double().numpy())

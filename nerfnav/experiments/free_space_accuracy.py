@@ -1,0 +1,171 @@
+"""Free-space accuracy: compare what planners take for free with the truth, which tells whether plans can be trusted.
+
+Surface. Points of the true surface inside the field's box that at least one camera sees. With a mesh they are drawn
+evenly over its area, and a ray cast at it says which cameras see them; with depth maps alone they are what held-out
+pixels saw. Planners take a point for free where the density of the field that they plan in (field/unknown.py) is at
+most that of what counts as solid.
+
+Free space. Points drawn evenly in the box that lie in no solid, farther than two voxels from every surface, and that
+at least three cameras see; with depth maps alone, points on the way to what held-out pixels saw.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+import trimesh
+from jaxtyping import Bool, Float
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from nerfnav.experiments.field_geometry import is_free, views
+from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, GridField, Unknown, planning_field
+from nerfnav.geometry import Camera, Pose, PosedImages
+from nerfnav.world import Scene
+
+_TOLD = 400_000
+"""Points on surfaces that depth maps tell, at most."""
+
+
+@dataclass(frozen=True)
+class FreedomConfig:
+    """How many points are asked, and which."""
+
+    surface_points: int = 6000
+    """Points drawn on the surface."""
+    free_points: int = 10_000
+    """Points drawn in the box."""
+    surface_views: int = 1
+    """Cameras that must see a point of the surface."""
+    free_views: int = 3
+    """Cameras that must see a free point."""
+    voxels: float = 2.0
+    """Distance of free points from surfaces [voxels]."""
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What planners take for free."""
+
+    surface_taken_for_free: float | None
+    """Share of the true surface; None where nothing tells where it is."""
+    free_taken_for_free: float | None
+    """Share of truly free space; None likewise."""
+    unproven_share: float | None
+    """Share of the box that is neither proven free nor solid; None where that was never asked."""
+    voxel_m: float
+    """Size of the voxels that lengths are counted in [m]."""
+
+
+def freedom_alone(field: Field, voxel: float) -> Freedom:
+    """What a field of `voxel` [m] says of itself."""
+    unproven = field.unproven_by_height if isinstance(field, GridField) else None
+    return Freedom(None, None, None if unproven is None else float(unproven.mean()), voxel)
+
+
+def freedom_on_mesh(
+    field: Field, voxel: float, scene: Scene, seen_from: tuple[Camera, Pose], config: FreedomConfig | None = None
+) -> Freedom:
+    """Compare with the mesh that was photographed by one camera at poses T_world_camera; draws are always the same.
+
+    A figure is None where no point of its kind is found.
+    """
+    config = config or FreedomConfig()
+    drawn = trimesh.sample.sample_surface(scene.mesh, config.surface_points, seed=0)[0]
+    surface = torch.from_numpy(np.asarray(drawn)).float()
+    surface = surface[field.box.contains(surface)]
+    surface = surface[views(scene.mesh, surface, *seen_from, 0.5 * voxel) >= config.surface_views]
+    space = field.box.lower + torch.rand(config.free_points, 3, generator=_same()) * field.box.size
+    space = space[is_free(scene, space, config.voxels * voxel, 0.5 * voxel)]
+    space = space[views(scene.mesh, space, *seen_from, 0.0) >= config.free_views]
+    return _freedom(field, voxel, surface, space)
+
+
+def freedom_on_depth(
+    field: Field, voxel: float, held_out: PosedImages, others: PosedImages, config: FreedomConfig | None = None
+) -> Freedom:
+    """Compare with what held-out depth maps saw; `others` tell where surfaces are besides, and who sees what."""
+    config = config or FreedomConfig()
+    ways = [_ways(photographs, field) for photographs in (held_out, others)]
+    ends = torch.cat([origins + distance[:, None] * directions for origins, directions, distance in ways])
+    origins, directions, distance = ways[0]
+    surface = _some(origins + distance[:, None] * directions, config.surface_points)
+    share = torch.rand(len(distance), generator=_same())
+    space = _some(origins + (share * distance)[:, None] * directions, config.free_points)
+    space = space[field.box.contains(space)]
+    away, _ = KDTree(_some(ends, _TOLD).numpy()).query(space.numpy())
+    space = space[torch.from_numpy(away > config.voxels * voxel)]
+    space = space[_looks_past(others, space) >= config.free_views]
+    return _freedom(field, voxel, surface[field.box.contains(surface)], space)
+
+
+@torch.no_grad()
+def taken_for_free(field: Field, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+    """Whether planners take points [m] of a field for free."""
+    return planning_field(field, Unknown.OCCUPIED).density(points) <= SOLID_DENSITY
+
+
+def in_words(freedom: Freedom) -> str:
+    """The figures as sentences for whoever opens the place."""
+    told = []
+    if freedom.surface_taken_for_free is not None:
+        told.append(f"planners take {freedom.surface_taken_for_free:.1%} of the true surface for free")
+    if freedom.free_taken_for_free is not None:
+        told.append(f"{freedom.free_taken_for_free:.1%} of the space that is free")
+    sentences = [f"{' and '.join(told)}"] if told else []
+    if freedom.unproven_share is None:
+        sentences.append("nothing proves what is free here: plans trust the field alone")
+    else:
+        sentences.append(f"{freedom.unproven_share:.0%} of the box is unproven and counts as solid")
+    return "; ".join(sentences)
+
+
+def freedom_noted(info: FieldInfo, freedom: Freedom) -> FieldInfo:
+    """What is known of a field, with what planners take for free there."""
+    return replace(
+        info,
+        surface_taken_for_free=freedom.surface_taken_for_free,
+        free_taken_for_free=freedom.free_taken_for_free,
+        unproven_share=freedom.unproven_share,
+    )
+
+
+def _freedom(field: Field, voxel: float, surface: Float[Tensor, "n 3"], space: Float[Tensor, "m 3"]) -> Freedom:
+    shares = [_share(taken_for_free(field, points)) if len(points) else None for points in (surface, space)]
+    return Freedom(shares[0], shares[1], freedom_alone(field, voxel).unproven_share, voxel)
+
+
+def _ways(
+    photographs: PosedImages, field: Field
+) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"], Float[Tensor, " n"]]:
+    """Origins, directions and depths [m] of rays that met something in the box, from every picture."""
+    assert photographs.depth is not None
+    rays = [photographs.depth_camera.rays(photographs.poses[index]) for index in range(len(photographs))]
+    origins, directions = (torch.cat(parts) for parts in zip(*rays, strict=True))
+    distance = photographs.depth.reshape(-1)
+    told = (distance > 0) & distance.isfinite()
+    told[told.clone()] &= field.box.contains(origins[told] + distance[told, None] * directions[told])
+    return origins[told], directions[told], distance[told]
+
+
+def _looks_past(photographs: PosedImages, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+    """How many depth maps end behind each point."""
+    assert photographs.depth is not None
+    camera, seen = photographs.depth_camera, torch.zeros(len(points))
+    for index, depth in enumerate(photographs.depth):
+        uv, inside = camera.project(photographs.poses[index], points)
+        u, v = uv[inside].long().unbind(-1)
+        seen[inside] += (depth[v, u] > (points[inside] - photographs.poses.position[index]).norm(dim=-1)).float()
+    return seen
+
+
+def _some(points: Float[Tensor, "n 3"], most: int) -> Float[Tensor, "m 3"]:
+    return points[torch.randperm(len(points), generator=_same())[:most]]
+
+
+def _same() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+def _share(true: Tensor) -> float:
+    return float(true.float().mean())

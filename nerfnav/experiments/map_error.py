@@ -1,0 +1,45 @@
+"""Error of the map: measure the position error of the filter in flight beyond what each picture alone explains."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import FilterConfig, FilterOutcome, likeliest_floor
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.whole_flight import FlightTrial, flown
+from nerfnav.robots import POSITION
+
+FLIGHTS = 60
+"""That tell it to a tenth or so."""
+_FIRST_SEED = 500_000
+"""Of flights that nobody reports."""
+_FEWEST = 30
+"""Pictures that tell it at all."""
+
+
+def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
+    """f of estimator/position_floor.py [m], from flights of the quadrotor between random ends in the paper's noise.
+
+    Raises InvalidInputError where too few of their pictures show enough.
+    """
+    found = [*_found(arena, flights)]
+    if len(found) < _FEWEST:
+        raise InvalidInputError(f"{len(found)} pictures of {flights} flights tell positions: {_FEWEST} are needed")
+    errors, told = (np.stack(part) for part in zip(*found, strict=True))
+    return likeliest_floor(errors, told)
+
+
+def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
+    """Errors [m] of found positions, and what is said of them without the floor that the flights assume [m^2]."""
+    config = FilterConfig().for_field(arena.field.info)
+    assumed = config.floor_at(float(arena.field.spacing.max())).position_m
+    for seed in range(_FIRST_SEED, _FIRST_SEED + flights):
+        for step in flown(arena, FlightTrial(None, seed, robot="quadrotor")):
+            if step.update is None or step.update.outcome is not FilterOutcome.UPDATED:
+                continue  # of a picture that says little, little is believed, with any floor
+            posterior = step.update.posterior
+            assert posterior is not None, "the last step of an update has the posterior"
+            said = posterior.covariance[POSITION, POSITION].double().numpy()
+            yield posterior.mean.local(step.truth)[POSITION].double().numpy(), said - assumed**2 * np.eye(3)

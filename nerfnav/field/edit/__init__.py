@@ -1,0 +1,1 @@
+"""Field editing: move, resample, crop and bake fields without training again."""

@@ -1,0 +1,120 @@
+"""Conservative occupancy of moved fields: what was solid or unproven before is not free afterwards.
+
+A moved field has other values between its nodes than the old one had there. Each cell with a node that planners take
+for free is compared with the old field on a lattice. Where something that was solid would now be free, all corners of
+the cell are taken for unproven, or, in a field without evidence, made dense enough to be solid; what is interpolated
+lies between its corners, so all of the cell is solid then.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from nerfnav.core.jit import default_threads, threads
+from nerfnav.field.core.occupancy import State, raw_of
+from nerfnav.field.kernels.turning import mark_lost
+from nerfnav.field.models.grid_field import GridField
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.geometry import Similarity, node_positions
+
+_CORNERS = torch.cartesian_prod(torch.arange(2), torch.arange(2), torch.arange(2))
+_ABOVE = 0.1
+"""By how much raw densities that must be solid exceed the threshold: after a file has rounded them, too, they do."""
+_BORDER = 1e-4
+"""Share of a voxel that points on the border are asked inside of it: rounding must not put them outside."""
+
+Nodes = Bool[Tensor, "nx ny nz"]
+Cells = Bool[Tensor, "cx cy cz"]
+
+
+@dataclass(frozen=True)
+class SolidityConfig:
+    """How closely two fields are compared."""
+
+    parts: int = 4
+    """Into how many parts lattice points divide the edges of a cell."""
+    reach: int = 1
+    """Lattice points beside a solid one that must be solid, too: so is what lies between the points."""
+
+
+def with_solidity_of(
+    field: VoxelField, before: VoxelField, to_before: Similarity, config: SolidityConfig | None = None
+) -> VoxelField:
+    """`field` with nodes taken out of free space, so that for planners all is solid that was solid in `before`.
+
+    `to_before` takes points of now [m] to where they were.
+    """
+    config = config or SolidityConfig()
+    now, then = field.planned, before.planned
+    free = now.values[..., 0] <= raw_of(now.solid_density)
+    lost = _lost_cells(now, then, to_before, _with_any(free), config)
+    lost = torch.cat([lost, _cells_of_lost_nodes(now, then, to_before.inverted())])
+    taken = torch.zeros(field.shape, dtype=torch.bool)
+    x, y, z = (lost[:, None] + _CORNERS).reshape(-1, 3).unbind(-1)
+    taken[x, y, z] = True
+    return _solid_at(field, taken & free)
+
+
+def least_solid_raw(field: GridField) -> float:
+    """Raw density that planners surely take for solid in a grid, and no more: it shows in pictures."""
+    return raw_of(field.solid_density) + _ABOVE
+
+
+def is_solid(field: GridField, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """Whether points [m] are solid for planners; beyond its border a field is as at the border."""
+    slack = _BORDER * field.spacing
+    lower, upper = ((field.box.lower + slack).double().numpy(), (field.box.upper - slack).double().numpy())
+    return field.planned.density_and_gradient(np.clip(points, lower, upper))[0] > field.solid_density
+
+
+def between_grids(field: GridField, before: GridField, to_before: Similarity) -> tuple[np.ndarray, np.ndarray]:
+    """Matrix (3, 3) and shift (3) from grid coordinates of `field` to those of `before`."""
+    first, second = (grid.box.size.double() / (torch.tensor(grid.shape) - 1) for grid in (field, before))
+    matrix = to_before.scale * to_before.rotation * first / second[:, None]
+    shift = (to_before(field.box.lower.double()) - before.box.lower.double()) / second
+    return matrix.numpy(), shift.numpy()
+
+
+def _solid_at(field: VoxelField, nodes: Nodes) -> VoxelField:
+    """The field with some nodes solid for planners."""
+    if field.evidence is not None:
+        unproven = torch.tensor(int(State.UNPROVEN), dtype=torch.uint8)
+        return replace(field, evidence=torch.where(nodes, unproven, field.evidence))
+    values = field.values.clone()
+    dense = values[..., 0].clamp_min(least_solid_raw(field))
+    values[..., 0] = torch.where(nodes, dense, values[..., 0])
+    return replace(field, values=values)
+
+
+def _with_any(nodes: Nodes) -> Cells:
+    """Cells of which some corner is chosen."""
+    return torch.nn.functional.max_pool3d(nodes[None, None].float(), 2, 1)[0, 0] > 0
+
+
+def _lost_cells(
+    now: GridField, then: GridField, to_before: Similarity, asked: Cells, config: SolidityConfig
+) -> Int[Tensor, "n 3"]:
+    """Which of the cells in question lose something solid."""
+    values, occupied, *_ = then.kernel_grid
+    limits = tuple(np.float32(raw_of(one.solid_density)) for one in (then, now))
+    cells = asked.numpy().astype(np.uint8)
+    with threads(default_threads()):
+        mark_lost(
+            values, occupied, now.kernel_grid[0], cells, *between_grids(now, then, to_before),
+            (config.parts, config.reach), limits,
+        )  # fmt: skip
+    return torch.from_numpy(cells).nonzero()
+
+
+def _cells_of_lost_nodes(now: GridField, then: GridField, to_now: Similarity) -> Int[Tensor, "n 3"]:
+    """Cells in which solid nodes stood that lie in free space now: specks that a lattice may miss."""
+    found, solid = [], then.values[..., 0] > raw_of(then.solid_density)
+    for plane, positions in zip(solid, node_positions(then.box, then.shape), strict=True):
+        points = to_now(positions[plane].double())
+        points = points[~torch.from_numpy(is_solid(now, points.numpy()))]
+        found.append(((points - now.box.lower) / now.spacing).floor().long())
+    cells = torch.cat(found)
+    return torch.minimum(cells.clamp_min(0), torch.tensor(now.shape) - 2)

@@ -1,0 +1,125 @@
+"""Resample a voxel field on a rotated grid: what planners trust is kept, pictures change a little.
+
+Density. As when a field is baked (bake.py), raw densities are fitted so that the grid has the same optical depth
+along rays: the density of the old field is averaged around each new node with the weights of its hat function, whose
+variance is 1/6 of a squared voxel, by three points along each axis, at -1/sqrt(3), 0 and 1/sqrt(3) voxels. Colour.
+The mean of the same points, each weighted by its density, so that the space before a surface does not stain it.
+Evidence. Free is what was proven free all around; whatever else there was is solid or unproven (see
+conservative_occupancy.py), as is what the new box holds that the old one did not. Noise. What pictures lose is
+measured, and added to what filters take for the noise of the field.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.jit import default_threads, threads
+from nerfnav.field.bake import MOST_NODES, BakeConfig, fitted
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State, States, raw_of, states_of
+from nerfnav.field.edit.bake import sample_views
+from nerfnav.field.edit.conservative_occupancy import between_grids, with_solidity_of
+from nerfnav.field.edit.resample_surroundings import shells_around
+from nerfnav.field.kernels.turning import measure_turned
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.render.volume_rendering import render_image
+from nerfnav.geometry import Box, Camera, Similarity, node_positions, psnr_db, shape_for, trilinear
+
+_AXIS = torch.tensor([-1.0, 0.0, 1.0]) / math.sqrt(3.0)
+_WEIGHTS = torch.tensor([0.25, 0.5, 0.25])
+
+Grid = Float[Tensor, "nx ny nz"]
+
+
+@torch.no_grad()
+def resampled(field: VoxelField, similarity: Similarity) -> Iterator[tuple[str, float, VoxelField | None]]:
+    """What is being done, its share, and at last the field after p' = s R p + t, with nodes s times as far apart.
+
+    Raises InvalidInputError where these are too many.
+    """
+    box, spacing = similarity.box(field.box), similarity.scale * float(field.spacing.min())
+    if box.size.double().prod().item() / spacing**3 > MOST_NODES:
+        raise InvalidInputError(
+            f"turned, the field would have more than {MOST_NODES} voxels of {spacing:.3g} m: crop it first"
+        )
+    back, shape = similarity.inverted(), shape_for(box, spacing)
+    yield "turning the field", 0.0, None
+    values = _measured(field, replace(field, box=box, values=torch.zeros(*shape, 4), evidence=None), back)
+    empty = BakeConfig.empty_below / spacing
+    values[..., 0] = fitted(values[..., 0].contiguous(), BakeConfig.sweeps, empty)
+    evidence = _evidence(field, box, back, values[..., 0])
+    turned = replace(field, box=box, values=_with_spread_colors(values), outside=None, evidence=evidence)
+    yield "keeping what is solid", 0.7, None
+    turned = with_solidity_of(turned, field, back)
+    yield "turning the surroundings", 0.85, None
+    if field.outside is not None:
+        turned = replace(turned, outside=shells_around(field, box, back))
+    yield "turned", 1.0, replace(turned, info=_noted(field, turned, back))
+
+
+def _measured(field: VoxelField, empty: VoxelField, back: Similarity) -> Float[Tensor, "nx ny nz 4"]:
+    """Densities [1/m] and colours of the nodes of a new grid, those of `empty`."""
+    values, occupied, *_ = field.kernel_grid
+    weights = (_WEIGHTS[:, None, None] * _WEIGHTS[:, None] * _WEIGHTS).reshape(-1)
+    offsets = torch.cartesian_prod(_AXIS, _AXIS, _AXIS)
+    measured = np.zeros((*empty.shape, 4), np.float32)
+    with threads(default_threads()):
+        measure_turned(
+            values, occupied, np.float32(back.scale * DENSITY_SCALE), *between_grids(empty, field, back),
+            offsets.double().numpy(), weights.numpy(), measured,
+        )  # fmt: skip
+    return torch.from_numpy(measured)
+
+
+def _at_nearest(grid: Tensor, field: VoxelField, points: Float[Tensor, "*batch 3"]) -> Tensor:
+    """Values of a grid at the nodes nearest to points [m]."""
+    index = ((points - field.box.lower) / field.spacing).round().long()
+    return grid[tuple(torch.minimum(index.clamp_min(0), torch.tensor(field.shape) - 1).unbind(-1))]
+
+
+def _with_spread_colors(values: Float[Tensor, "nx ny nz 4"]) -> Float[Tensor, "nx ny nz 4"]:
+    """Nodes, the empty ones coloured as those beside them: colours are interpolated to where there is density."""
+    colors, known = values[..., 1:], (values[..., :1] > EMPTY_RAW + 1).float()
+    weight = _around(known)
+    spread = _around(known * colors) / weight.clamp_min(1e-9)
+    return torch.cat([values[..., :1], torch.where(known > 0, colors, spread)], -1)
+
+
+def _around(values: Float[Tensor, "nx ny nz c"]) -> Float[Tensor, "nx ny nz c"]:
+    """Means over the nodes beside each."""
+    return torch.nn.functional.avg_pool3d(values.permute(3, 0, 1, 2)[None], 3, 1, 1)[0].permute(1, 2, 3, 0)
+
+
+def _evidence(field: VoxelField, box: Box, back: Similarity, raw: Grid) -> States | None:
+    """The states of new nodes: free are those that lay in free space, nearest to a node that was proven free."""
+    if field.evidence is None:
+        return None
+    proven, slack = field.evidence == State.FREE, 1e-3 * field.spacing
+    wide = Box(field.box.lower - slack, field.box.upper + slack)
+    limit = raw_of(field.solid_density)
+    planes = []
+    for plane in node_positions(box, (raw.shape[0], raw.shape[1], raw.shape[2])):
+        points = back(plane)
+        clear = trilinear(field.planned.values[..., :1], field.box, points)[..., 0] <= limit
+        planes.append(clear & wide.contains(points) & _at_nearest(proven, field, points))
+    return states_of(torch.stack(planes), raw)
+
+
+def _noted(field: VoxelField, turned: VoxelField, back: Similarity) -> FieldInfo:
+    """What is known of the field, with the noise that turning has added; seen from all around."""
+    config = BakeConfig()
+    camera = Camera.from_fov(config.size, config.size, config.fov_deg)
+    poses = sample_views(turned.box, config.views, config.distance)
+    errors = torch.stack([
+        render_image(turned, camera, poses[index]).color - render_image(field, camera, back.pose(poses[index])).color
+        for index in range(config.views)
+    ])  # fmt: skip
+    lost, info = float(errors.square().mean()), field.info
+    noise = None if info.noise_std is None else math.hypot(info.noise_std, math.sqrt(lost))
+    return replace(info, noise_std=noise, baked_psnr_db=psnr_db(lost))

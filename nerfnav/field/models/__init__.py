@@ -1,0 +1,1 @@
+"""Field representations: voxel grids, bricks, levels of detail, neural networks and formulas."""

@@ -1,0 +1,168 @@
+"""The paper's own kind of field: a coarse network that says where to look, a fine one that says what is there.
+
+Notation: R, o are the pose of the networks' frame in the world, x = R' (p - o) / unit is a point in their units;
+densities per unit become densities per metre, rho(p) = activation(raw(x)) / unit. nerfnav/field/models/mlp.py has both.
+
+Rays are sampled in two passes (Mildenhall et al., "NeRF", 2020, section 5.2). The first puts `coarse_bins` bins along
+the box and weighs them by the coarse network; the second divides the bins that matter, and their neighbours, into
+`fine_per_bin` samples of the fine network. They are evenly spaced, so that a picture is the same each time, and
+samples that would come to nothing are left out; training draws at random instead (nerfnav/field/neural_train.py).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from enum import Enum
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.protocol import LAST_SAMPLE, Points, RaySamples, box_interval, chosen_samples
+from nerfnav.field.models.mlp import RadianceMlp
+from nerfnav.field.render.volume_rendering import Rendering, composite
+from nerfnav.geometry import Box, Pose
+
+_POINTS_AT_ONCE = 1 << 15  # activations of a wide network stay in a processor's cache
+
+
+class Activation(Enum):
+    """How a raw density becomes a density; the value is its name in files."""
+
+    RELU = "relu"
+    SOFTPLUS = "softplus"
+
+    def __call__(self, raw: Tensor) -> Tensor:
+        """Density per unit of length."""
+        return torch.relu(raw) if self is Activation.RELU else torch.nn.functional.softplus(raw - 1)
+
+
+@dataclass(frozen=True)
+class NeuralConfig:
+    """How networks are read as a field."""
+
+    unit: float = 1.0
+    """Length of one unit of the networks' space [m]."""
+    activation: Activation = Activation.RELU
+    """What makes raw densities positive."""
+    coarse_bins: int = 96
+    """Bins along the longest ray through the box."""
+    fine_per_bin: int = 6
+    """Samples in each bin that matters."""
+    least_weight: float = 1e-3
+    """Share of a ray's light that a bin must stop to matter."""
+
+
+@dataclass(frozen=True)
+class NeuralField:
+    """A coarse and a fine network as one radiance field."""
+
+    box: Box
+    """Where the field is defined."""
+    coarse: RadianceMlp
+    """Where there is something."""
+    fine: RadianceMlp
+    """What there is."""
+    background: Float[Tensor, "3"]
+    """Colour of a ray that nothing stops."""
+    frame: Pose
+    """T_world_networks: where the networks have their origin [m], and how they are turned."""
+    config: NeuralConfig = dataclass_field(default_factory=NeuralConfig)
+    """How they are read."""
+    info: FieldInfo = dataclass_field(default_factory=FieldInfo)
+    """Where the field comes from and how good it is."""
+
+    @property
+    def step(self) -> float:
+        """Distance of samples where they matter [m]."""
+        return self._bin / self.config.fine_per_bin
+
+    @property
+    def _bin(self) -> float:
+        return float(self.box.size.norm()) / self.config.coarse_bins
+
+    def density(self, points: Points) -> Float[Tensor, "*batch"]:
+        """rho at world points [1/m], differentiable twice; 0 outside the box."""
+        return self._density(self.fine, points)
+
+    def radiance(self, points: Points, directions: Points) -> Points:
+        """Colour in [0, 1] that points [m] send against unit viewing directions."""
+
+        def colors(at: Tensor, along: Tensor) -> Tensor:
+            return self.fine.colors(self.fine.features(self._local(at)), self._turned(along))
+
+        return _in_parts(colors, points.reshape(-1, 3), directions.reshape(-1, 3)).reshape(points.shape)
+
+    def samples(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> RaySamples:
+        """The samples of the bins that the coarse network finds light to be stopped in."""
+        with torch.no_grad():
+            matters, enter, counts = self._matters(origins, directions)
+            fine = self.config.fine_per_bin
+            chosen = matters.repeat_interleave(fine, 1)
+            index = torch.arange(chosen.shape[1], device=origins.device)
+            return chosen_samples(chosen & (index < counts[:, None]), enter, self.step)
+
+    @torch.no_grad()
+    def render_rays(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Rendering:
+        """Colours, opacities and depths without gradients; asks the network once for each sample."""
+        samples = self.samples(origins, directions)
+        points = (origins[:, None] + samples.distances[..., None] * directions[:, None])[samples.mask]
+        along = directions[:, None].expand(*samples.mask.shape, 3)[samples.mask]
+
+        def both(at: Tensor, viewed: Tensor) -> Tensor:
+            density, color = self.seen(self.fine, at, viewed)
+            return torch.cat([density[:, None], color], -1)
+
+        found = torch.zeros(*samples.mask.shape, 4, dtype=points.dtype, device=points.device)
+        if len(points):
+            found[samples.mask] = _in_parts(both, points, along)
+        return composite(found[..., 0], found[..., 1:], samples, self.background.to(points))
+
+    def seen(
+        self, network: RadianceMlp, points: Points, directions: Points
+    ) -> tuple[Float[Tensor, "*batch"], Points]:
+        """rho [1/m] and colour by one of the networks, asked once for both, inside the box and outside."""
+        features = network.features(self._local(points))
+        density = self.config.activation(network.raw_density(features)) / self.config.unit
+        return density, network.colors(features, self._turned(directions))
+
+    def _matters(
+        self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+    ) -> tuple[Bool[Tensor, "n b"], Float[Tensor, "n"], Float[Tensor, "n"]]:
+        """Which bins of rays stop light, where rays enter the box [m], and how many fine samples lie in it."""
+        enter, leave = box_interval(self.box, origins, directions)
+        counts = torch.floor((leave - enter) / self.step + LAST_SAMPLE).clamp_min(0)
+        bins = max(1, -(-int(counts.max()) // self.config.fine_per_bin))
+        middles = enter[:, None] + (torch.arange(bins, device=origins.device) + 0.5) * self._bin
+        points = origins[:, None] + middles[..., None] * directions[:, None]
+        optical = self._density(self.coarse, points) * self._bin
+        before = torch.exp(optical - torch.cumsum(optical, 1))
+        weights = before * (1 - torch.exp(-optical))
+        matters = torch.nn.functional.max_pool1d(weights[:, None], 3, 1, 1)[:, 0] > self.config.least_weight
+        return matters, enter, counts
+
+    def _density(self, network: RadianceMlp, points: Points) -> Float[Tensor, "*batch"]:
+        flat = points.reshape(-1, 3)
+        inside = self.box.contains(flat)
+
+        def at(part: Tensor) -> Tensor:
+            return self.config.activation(network.raw_density(network.features(self._local(part))))
+
+        density = _in_parts(at, flat) / self.config.unit
+        return torch.where(inside, density, torch.zeros_like(density)).reshape(points.shape[:-1])
+
+    def _local(self, points: Points) -> Points:
+        """World points [m] in the networks' space and precision."""
+        return self._turned(points - self.frame.position.to(points)) / self.config.unit
+
+    def _turned(self, vectors: Points) -> Points:
+        """Directions of the world in the networks' axes and precision."""
+        weight = self.fine.density.weight
+        return vectors.to(weight) @ self.frame.rotation.to(weight)
+
+
+def _in_parts(function: Callable[..., Tensor], *rows: Tensor) -> Tensor:
+    """`function` of rows, a part at a time, in the precision of the rows."""
+    pieces = zip(*(part.split(_POINTS_AT_ONCE) for part in rows), strict=True)
+    return torch.cat([function(*piece) for piece in pieces]).to(rows[0])

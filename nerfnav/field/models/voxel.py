@@ -1,0 +1,151 @@
+"""Voxel field, the default: raw density and colour on a dense grid, trilinear between the nodes.
+
+    rho(p) = scale * softplus(raw(p))      c(p) = rgb(p), the same from all directions
+
+(direct voxel grid optimisation: Sun, Sun, Chen, CVPR 2022, with the activation after the interpolation, so that a
+surface can be sharper than a voxel). Empty space is exactly empty: its nodes hold `EMPTY_RAW`.
+"""
+
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State
+from nerfnav.field.core.protocol import Points
+from nerfnav.field.kernels import sight
+from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
+from nerfnav.field.kernels.light import DIM, STOPPED, faint_raw, light_table
+from nerfnav.field.kernels.pose_descent import leaps_over
+from nerfnav.field.kernels.shells import Shells, paired_shells
+from nerfnav.field.models.grid_field import GridField, KernelGrid
+from nerfnav.field.render.jacobian import SightGrid
+from nerfnav.field.render.surroundings import Surroundings
+from nerfnav.geometry import Box, trilinear
+
+__all__ = ["DENSITY_SCALE", "EMPTY_RAW", "VoxelField", "occupied_blocks"]
+
+
+@dataclass(frozen=True)
+class VoxelField(GridField):
+    """A radiance field on a regular grid whose nodes are all kept; of places mostly empty see BrickField."""
+
+    box: Box
+    """Where the field is defined; nodes stand on its borders."""
+    values: Float[Tensor, "nx ny nz 4"]
+    """Raw density, red, green, blue of each node; colours in [0, 1]."""
+    background: Float[Tensor, "3"]
+    """Colour of a ray that nothing stops."""
+    info: FieldInfo = dataclass_field(default_factory=FieldInfo)
+    """Where the field comes from and how good it is."""
+    outside: Surroundings | None = None
+    """What stands around the box; None where rays that leave it see the background."""
+    evidence: UInt8[Tensor, "nx ny nz"] | None = None
+    """What is proven of each node (see field/core/occupancy.py); None where that was never asked."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of nodes along x, y, z."""
+        nx, ny, nz, _ = self.values.shape
+        return nx, ny, nz
+
+    @cached_property
+    def occupied(self) -> Bool[Tensor, "bx by bz"]:
+        """Which blocks of 4 x 4 x 4 cells hold any density."""
+        return occupied_blocks(self.values[..., 0], EMPTY_RAW + 1)
+
+    def to(self, device: torch.device | str) -> "VoxelField":
+        """The same field with its tensors on a device; away from the CPU, torch does what kernels do here."""
+        return replace(
+            self,
+            box=self.box.to(device),
+            values=self.values.to(device),
+            background=self.background.to(device),
+            outside=None if self.outside is None else Surroundings(self.outside.values.to(device)),
+            evidence=None if self.evidence is None else self.evidence.to(device),
+        )
+
+    def between_nodes(self, points: Points, channels: slice) -> Float[Tensor, "*batch c"]:
+        """See GridField."""
+        return trilinear(self.values[..., channels], self.box, points)
+
+    @cached_property
+    def unknown(self) -> Bool[Tensor, "nx ny nz"] | None:
+        """Nodes that are not proven to be anything; None where that was never asked."""
+        return None if self.evidence is None else self.evidence == State.UNPROVEN
+
+    @property
+    def unproven_by_height(self) -> Float[Tensor, " nz"] | None:
+        """See GridField."""
+        return None if self.unknown is None else self.unknown.float().mean((0, 1))
+
+    @cached_property
+    def kernel_grid(self) -> KernelGrid:
+        """See GridField."""
+        per_meter = (1 / self.spacing).cpu().numpy().astype(np.float32)
+        lower = self.box.lower.cpu().numpy().astype(np.float32)
+        return self.values.detach().cpu().numpy(), self.occupied.cpu().numpy().astype(np.uint8), lower, per_meter
+
+    def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See GridField; by the kernel that leaps over empty cells."""
+        return sight.colors_and_jacobian(self.whole_sight_grid, origins, directions)
+
+    @cached_property
+    def whole_sight_grid(self) -> SightGrid:
+        """What kernels need that follow rays with their derivatives."""
+        return self._sight(self._leaps, self._outer, NEGLIGIBLE_RAW, STOPPED)
+
+    @cached_property
+    def sight_grid(self) -> SightGrid:
+        """The same for descents of poses, without what is faint (see kernels/sight.py)."""
+        least = faint_raw(DENSITY_SCALE, self.step)
+        return self._sight(self._leaps_above(least), paired_shells(self._outer_values), least, DIM)
+
+    def _sight(self, leaps: np.ndarray, outer: Shells, least: np.float32, stopped: np.float32) -> SightGrid:
+        values, _, lower, per_meter = self.kernel_grid
+        background = self.background.cpu().numpy().astype(np.float32)
+        step = np.float32(self.step)
+        return values, leaps, lower, per_meter, self._light, step, background, outer, least, stopped
+
+    @cached_property
+    def _light(self) -> np.ndarray:
+        return light_table(DENSITY_SCALE, self.step)
+
+    @cached_property
+    def density_grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+        """What the planner's kernels need: raw densities, leaps, lower, nodes per metre, scale, corners of the box.
+
+        Raw densities without the colours between them: a plan asks for many places, and memory is what it waits for.
+        """
+        _, _, lower, per_meter = self.kernel_grid
+        first, last = (edge.double().cpu().numpy() for edge in (self.box.lower, self.box.upper))
+        return self._raw[..., None], self._leaps, lower, per_meter, DENSITY_SCALE, first, last
+
+    @cached_property
+    def _leaps(self) -> np.ndarray:
+        return self._leaps_above(NEGLIGIBLE_RAW)
+
+    @cached_property
+    def _raw(self) -> np.ndarray:
+        return np.ascontiguousarray(self.kernel_grid[0][..., 0])
+
+    def _leaps_above(self, least: np.float32) -> np.ndarray:
+        return leaps_over(self._raw, least)
+
+
+def occupied_blocks(
+    raw: Float[Tensor, "nx ny nz"], threshold: float, shift: int = BLOCK_SHIFT
+) -> Bool[Tensor, "bx by bz"]:
+    """Blocks of 2^shift cells to a side with a node, borders included, whose raw density is above the threshold."""
+    side = 1 << shift
+    blocks = [-(-count // side) for count in raw.shape]
+    padding = [part for count, size in zip(reversed(blocks), reversed(raw.shape), strict=True)
+               for part in (0, count * side + 1 - size)]  # fmt: skip
+    padded = torch.nn.functional.pad(raw[None, None], padding, value=EMPTY_RAW)
+    return torch.nn.functional.max_pool3d(padded, side + 1, side)[0, 0] > threshold
+

@@ -1,0 +1,1 @@
+"""Field files: checkpoints, and the codec of each kind of field."""

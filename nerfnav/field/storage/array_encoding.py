@@ -1,0 +1,69 @@
+"""Array encoding of grid fields: quantise node values to bytes, and store the box, the surroundings and the evidence.
+
+Raw densities are in steps of 1/8, colours in steps of 1/255.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from nerfnav.field.core.occupancy import EMPTY_RAW, State, states_of_unseen
+from nerfnav.field.render.surroundings import Surroundings
+from nerfnav.geometry import Box
+
+_RAW_STEP = 1 / 8  # [raw]: less than 13 % of a density, far below what images can tell
+
+
+def quantised(values: Float[Tensor, "*nodes 4"]) -> tuple[UInt8[np.ndarray, "*nodes"], UInt8[np.ndarray, "*nodes 3"]]:
+    """Raw densities and colours as bytes."""
+    raw = values[..., 0].detach().cpu().numpy()
+    color = values[..., 1:].detach().cpu().numpy().clip(0, 1)
+    return (
+        np.clip(np.rint((raw - EMPTY_RAW) / _RAW_STEP), 0, 255).astype(np.uint8),
+        np.rint(color * 255).astype(np.uint8),
+    )
+
+
+def values_of(raw: np.ndarray, color: np.ndarray, axes: int = 3) -> Float[Tensor, "*nodes 4"]:
+    """Node values on so many axes from their bytes. Raises ValueError for arrays of another kind."""
+    if raw.dtype != np.uint8 or raw.ndim != axes or color.dtype != np.uint8 or color.shape != (*raw.shape, 3):
+        raise ValueError("arrays of wrong shape")
+    values = np.empty((*raw.shape, 4), np.float32)
+    values[..., 0] = raw * np.float32(_RAW_STEP) + np.float32(EMPTY_RAW)
+    values[..., 1:] = color * np.float32(1 / 255)
+    return torch.from_numpy(values)
+
+
+def box_of(corners: np.ndarray) -> Box:
+    """The box between two corners (2, 3) [m]. Raises ValueError where there is none."""
+    if corners.shape != (2, 3):
+        raise ValueError("arrays of wrong shape")
+    if not (np.isfinite(corners).all() and (corners[1] > corners[0]).all()):
+        raise ValueError("an empty box")
+    return Box(torch.from_numpy(corners[0]), torch.from_numpy(corners[1]))
+
+
+def outside_of(file: Mapping[str, np.ndarray]) -> Surroundings | None:
+    """The surroundings, where a file has some."""
+    if "outside_raw" not in file:
+        return None
+    return Surroundings(values_of(file["outside_raw"], file["outside_color"]))
+
+
+def evidence_of(
+    file: Mapping[str, np.ndarray], shape: tuple[int, ...], raw: torch.Tensor | None = None
+) -> torch.Tensor | None:
+    """The state of each node; of older files, which only tell what no camera saw, as far as they and `raw` go."""
+    if "evidence" in file:
+        states = file["evidence"]
+        if states.dtype != np.uint8 or states.shape != tuple(shape) or states.max() > max(State):
+            raise ValueError("evidence of another kind or shape")
+        return torch.from_numpy(states)
+    if "unknown" not in file or raw is None:
+        return None
+    flags = np.unpackbits(file["unknown"], count=math.prod(shape)).astype(bool)
+    return states_of_unseen(torch.from_numpy(flags.reshape(shape)), raw)

@@ -1,0 +1,156 @@
+"""Texture atlas of a mesh: charts of connected triangles that face alike, flattened along an axis, side by side.
+
+Each triangle is seen from the axis, of six, that it faces most, which stretches no area by more than a factor of
+sqrt(3); where that leaves specks, neighbours decide. Charts are packed on shelves, the tallest first.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from jaxtyping import Bool, Float, Int
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.field.kernels import raster
+
+MARGIN = 2
+"""Texels around each chart that show what is nearest to it, so that lookups between texels find no other chart."""
+LARGEST = 4096
+"""Texels along an edge that every WebGL 2 is sure to have."""
+_TAKEN_APART, _FAR = 2, 3.0
+"""How often charts that lie upon themselves are taken apart; texels by which what is shown differs then."""
+_STEEPEST = 0.3
+"""Least cosine between a triangle's normal and the axis it is seen from."""
+_VOTES, _ROUNDS = 0.5, 8
+"""What each neighbour's axis counts, as a cosine, and how often that is asked."""
+_COARSER = 1.2
+
+Vertices = Float[np.ndarray, "n 3"]
+Faces = Int[np.ndarray, "m 3"]
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Where the triangles of a mesh lie in a picture."""
+
+    vertices: Int[np.ndarray, " k"]
+    """The mesh's vertex of each corner; vertices on the border of charts have a corner in each."""
+    faces: Int[np.ndarray, "m 3"]
+    """Corners of each triangle, in the mesh's order."""
+    texels: Float[np.ndarray, "k 2"]
+    """x, y of each corner; the middle of texel [row, column] is at (column, row)."""
+    size: tuple[int, int]
+    """Height and width [texels]."""
+    face_at: Int[np.ndarray, " t"]
+    """Row by row, the triangle that each texel shows, -1 for none."""
+    weights: Float[np.ndarray, "t 3"]
+    """Barycentric weights of each texel's middle there; negative where it lies beside the triangle."""
+
+    def shown(self, values: Float[np.ndarray, "n c"], texels: Int[np.ndarray, " s"]) -> Float[np.ndarray, "s c"]:
+        """What the mesh's vertices have, between them, at texels that show something."""
+        corners = self.vertices[self.faces[self.face_at[texels]]]
+        return (values[corners] * self.weights[texels][..., None]).sum(1)
+
+
+def atlas_of(vertices: Vertices, faces: Faces, texel: float, most: int) -> Atlas:
+    """The atlas of a mesh with texels of `texel` [m], or larger ones where there would be more than `most`.
+
+    Raises InvalidInputError for a mesh without triangles.
+    """
+    if len(faces) == 0:
+        raise InvalidInputError("an atlas is of a mesh with triangles: this one has none")
+    kind = _kinds(vertices, faces)
+    atlas, texel = _laid_out(vertices, faces, kind, texel, most)
+    for _ in range(_TAKEN_APART):
+        covered = _covered(atlas, vertices, faces, texel)
+        if not covered.any():
+            break
+        kind = np.where(covered, kind + 6, kind)  # of another kind: into another chart
+        atlas, texel = _laid_out(vertices, faces, kind, texel, most)
+    return atlas
+
+
+def _laid_out(
+    vertices: Vertices, faces: Faces, kind: Int[np.ndarray, " m"], texel: float, most: int
+) -> tuple[Atlas, float]:
+    """The atlas whose charts are of connected triangles of one kind, and the size of its texels [m]."""
+    across, chart_of_face = _charts(faces, kind)
+    key = chart_of_face[:, None].astype(np.int64) * len(vertices) + faces
+    corners, flat = np.unique(key, return_inverse=True)
+    vertex, chart = corners % len(vertices), corners // len(vertices)
+    flattened = np.take_along_axis(vertices[vertex], across[chart], 1)
+    low, high = (np.full((len(across), 2), sign * np.inf) for sign in (1, -1))
+    np.minimum.at(low, chart, flattened)
+    np.maximum.at(high, chart, flattened)
+    while True:
+        sizes = np.ceil((high - low) / texel).astype(np.int64) + 1 + 2 * MARGIN
+        places, size = _packed(sizes)
+        if size[0] * size[1] <= most and max(size) <= LARGEST:
+            break
+        texel *= _COARSER
+    texels = ((flattened - low[chart]) / texel + MARGIN + places[chart]).astype(np.float32)
+    flat = flat.reshape(-1, 3)
+    nearest, face_at = np.full(size, -np.inf, np.float32), np.full(size, -1, np.int32)
+    weights = np.zeros((*size, 3), np.float32)
+    raster.rasterize(texels[flat], nearest, face_at, weights)
+    return Atlas(vertex, flat, texels, size, face_at.reshape(-1), weights.reshape(-1, 3)), texel
+
+
+def _covered(atlas: Atlas, vertices: Vertices, faces: Faces, texel: float) -> Bool[np.ndarray, " m"]:
+    """Which triangles another one lies upon: the texel at their middle shows a point that is far from it."""
+    column, row = np.round(atlas.texels[atlas.faces].mean(1)).astype(np.int64).T
+    there = row * atlas.size[1] + column
+    apart = np.full(len(faces), 0.0)
+    seen = atlas.face_at[there] >= 0  # a triangle without area shows nowhere
+    apart[seen] = np.linalg.norm(atlas.shown(vertices, there[seen]) - vertices[faces[seen]].mean(1), axis=1)
+    return apart > _FAR * texel
+
+
+def _charts(faces: Faces, kind: Int[np.ndarray, " m"]) -> tuple[Int[np.ndarray, "c 2"], Int[np.ndarray, " m"]]:
+    """The two axes that each chart is spread along, and the chart of each triangle."""
+    pairs = _neighbours(faces)
+    joined = pairs[kind[pairs[:, 0]] == kind[pairs[:, 1]]]
+    graph = scipy.sparse.coo_matrix((np.ones(len(joined), bool), joined.T), shape=(len(faces), len(faces)))
+    count, chart = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    axis = np.zeros(count, np.int64)
+    axis[chart] = kind % 3
+    return np.array([(1, 2), (0, 2), (0, 1)])[axis], chart
+
+
+def _kinds(vertices: Vertices, faces: Faces) -> Int[np.ndarray, " m"]:
+    """From where each triangle is seen: 0 to 2 are +x, +y, +z, and 3 to 5 -x, -y, -z."""
+    corners, pairs = vertices[faces], _neighbours(faces)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    cosines = np.concatenate([normals, -normals], 1)
+    side = cosines.argmax(1)
+    allowed = (cosines >= _STEEPEST) | (np.arange(6) == side[:, None])  # a triangle without area has no cosine
+    for _ in range(_ROUNDS):
+        votes = np.bincount(6 * pairs[:, 0] + side[pairs[:, 1]], minlength=6 * len(side))
+        votes += np.bincount(6 * pairs[:, 1] + side[pairs[:, 0]], minlength=6 * len(side))
+        side = np.where(allowed, cosines + _VOTES * votes.reshape(-1, 6), -np.inf).argmax(1)
+    return side
+
+
+def _neighbours(faces: Faces) -> Int[np.ndarray, "p 2"]:
+    """Pairs of triangles that share an edge."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).astype(np.int64)
+    key = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order[1:]] == key[order[:-1]])
+    return np.stack([order[same] // 3, order[same + 1] // 3], 1)
+
+
+def _packed(sizes: Int[np.ndarray, "c 2"]) -> tuple[Int[np.ndarray, "c 2"], tuple[int, int]]:
+    """x, y of each chart's first texel, and height and width of what holds them all."""
+    width = max(int(sizes[:, 0].max()), math.ceil(math.sqrt(1.05 * float((sizes[:, 0] * sizes[:, 1]).sum()))))
+    places = np.zeros_like(sizes)
+    x = y = shelf = 0
+    for chart in np.argsort(-sizes[:, 1], kind="stable").tolist():
+        wide, tall = sizes[chart].tolist()
+        if x + wide > width:
+            x, y, shelf = 0, y + shelf, 0
+        places[chart] = x, y
+        x, shelf = x + wide, max(shelf, tall)
+    return places, (y + shelf, width)

@@ -1,0 +1,74 @@
+"""Surface extraction: a coloured mesh for viewers and mesh-based planners, and surface points to fit planes to."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field.core.occupancy import SOLID_DENSITY
+from nerfnav.field.core.protocol import Field
+from nerfnav.geometry import node_positions, shape_for, spacing_of
+
+if TYPE_CHECKING:
+    import trimesh
+
+_POINTS_AT_ONCE = 1 << 18
+
+
+def sample_density(field: Field, spacing: float) -> np.ndarray:
+    """Densities [1/m] on a regular grid (nx, ny, nz) whose nodes are about `spacing` [m] apart."""
+    shape = shape_for(field.box, spacing)
+    points = node_positions(field.box, shape).reshape(-1, 3)
+    with torch.no_grad():
+        parts = [field.density(part) for part in points.split(_POINTS_AT_ONCE)]
+    return torch.cat(parts).reshape(shape).numpy()
+
+
+def field_mesh(field: Field, spacing: float, level: float = 50.0) -> "trimesh.Trimesh":
+    """The surface where the density is `level` [1/m], with vertex colours, closed at the box's border.
+
+    Marching cubes on samples `spacing` [m] apart (Lorensen and Cline, 1987). An empty field gives an empty mesh.
+    """
+    # imported when meshes are made: both take long, and most fields are never a mesh
+    import trimesh
+    from skimage.measure import marching_cubes
+
+    shape = shape_for(field.box, spacing)
+    # the logarithm makes the exponential flank of a density linear: smoother surfaces
+    density = np.log(np.maximum(sample_density(field, spacing), 1e-6) / level)
+    if density.max() <= 0:
+        return trimesh.Trimesh()
+    closed = np.pad(density, 1, constant_values=min(-1.0, float(density.min())))
+    spacings = spacing_of(field.box, shape).numpy()
+    vertices, faces, normals, _ = marching_cubes(closed, 0.0, spacing=tuple(float(part) for part in spacings))
+    vertices = vertices - spacings + field.box.lower.numpy()
+    points = torch.from_numpy(np.clip(vertices, field.box.lower.numpy(), field.box.upper.numpy())).float()
+    inward = torch.from_numpy(np.ascontiguousarray(normals)).float()
+    colors = _surface_colors(field, points, inward, float(spacings.min()))
+    return trimesh.Trimesh(vertices, faces[:, ::-1], vertex_colors=colors, process=False)
+
+
+def _surface_colors(field: Field, points: torch.Tensor, outward: torch.Tensor, depth: float) -> np.ndarray:
+    """sRGB bytes (n, 3): what is seen from outside, found a little below the surface, where density is high."""
+    with torch.no_grad():
+        parts = [
+            field.radiance(point - 0.5 * depth * normal, -normal)
+            for point, normal in zip(points.split(_POINTS_AT_ONCE), outward.split(_POINTS_AT_ONCE), strict=True)
+        ]
+    return (torch.cat(parts).clamp(0, 1) * 255).round().to(torch.uint8).numpy()
+
+
+def surface_points(field: Field, spacing: float, towards: tuple[float, float, float]) -> Float[Tensor, "n 3"]:
+    """Where what is solid ends in the direction of the axis that is nearest to `towards`, in steps of `spacing` [m]."""
+    dense = torch.from_numpy(sample_density(field, spacing)) > SOLID_DENSITY
+    axis = int(torch.tensor(towards).abs().argmax())
+    sign = 1 if towards[axis] > 0 else -1
+    shape = shape_for(field.box, spacing)
+    step = torch.zeros(3)
+    step[axis] = 0.5 * sign * float(spacing_of(field.box, shape)[axis])
+    count = shape[axis] - 1
+    inner, beyond = (0, 1) if sign > 0 else (1, 0)
+    top = dense.narrow(axis, inner, count) & ~dense.narrow(axis, beyond, count)
+    return node_positions(field.box, shape).narrow(axis, inner, count)[top] + step

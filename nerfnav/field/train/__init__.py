@@ -1,0 +1,1 @@
+"""Field training: voxel fields and neural fields from posed images."""

@@ -1,0 +1,110 @@
+"""Training settings of a voxel field, and what they come to at each stage."""
+
+import itertools
+import math
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+
+from nerfnav.field.train.grid_learner import LearningRates
+from nerfnav.field.train.training_volume import Finish
+from nerfnav.geometry import Box, shape_for
+
+_FINISHING = 0.06
+"""Share of a budget that goes into the unknown and the held-out views."""
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """How a voxel field is trained."""
+
+    voxel: float = 0.013
+    """Distance of nodes in the end [m]."""
+    iterations: int = 1500
+    """Training steps, when there is no budget."""
+    budget: float | None = None
+    """Time to spend [s]; replaces `iterations`. The result then depends on how fast the machine is."""
+    rays: int = 8192
+    """Rays in a training step."""
+    patch: int = 1
+    """Pixels along each edge of the patches that rays are drawn in (see `RaySampler.draw`)."""
+    density_rate: float = 0.25
+    """Learning rate of raw densities at the start."""
+    color_rate: float = 0.03
+    """Learning rate of colours at the start."""
+    final_rate: float = 0.1
+    """What is left of the learning rates at the end."""
+    sparsity: float = 1e-4
+    """Weight of the integral of log(1 + 2 rho^2) along each ray: drives fog away."""
+    rough_density: float = 0.0
+    """Weight of the differences between raw densities of neighbours."""
+    rough_color: float = 0.0
+    """Weight of the differences between colours of neighbours."""
+    points: int = 1024
+    """Rays in a training step that lead to points which structure from motion found, where there are any."""
+    points_weight: float = 0.02
+    """Weight of the likelihood that they end there."""
+    stages: tuple[float, ...] = (4.0, 2.0, 1.0)
+    """Distance of nodes in each stage, in final voxels."""
+    stage_iterations: tuple[float, ...] = (0.4, 0.35, 0.25)
+    """Share of each stage in the iterations. Coarse steps are cheap and move most."""
+    stage_time: tuple[float, ...] = (0.12, 0.28, 0.6)
+    """Share of each stage in the budget."""
+    stage_rays: tuple[float, ...] = (1.0, 1.0, 1.0)
+    """Share of `rays` in the steps of each stage. Where time is short, more steps of fewer rays find shapes sooner."""
+    finish: Finish = dataclass_field(default_factory=Finish)
+    """What becomes of the densities in the end."""
+    firm_from: float = 0.92
+    """Share of the training from which on densities rest, finished, and only colours are learned: those that surfaces
+    had while they were softer are not theirs. Not before the last stage."""
+    outside: int = 0
+    """Nodes along each edge of the grid over what is around the box, as photographs of real places need it; 0 where the
+    background is one colour. See field/render/surroundings.py."""
+    exposure: bool = False
+    """Whether photographs may differ in exposure: their gains are then looked for all along (see exposure.py)."""
+    device: str = "cpu"
+    """Where to train: on "cpu" with compiled kernels, on "cuda" and others in torch, the same to rounding."""
+    report_every: int = 50
+    """Training steps between two TrainSteps."""
+    field_every: float | None = None
+    """Time between two fields of what is learned so far [s]; judging one takes seconds. None: only the last is made."""
+
+    @property
+    def seconds_to_learn(self) -> float | None:
+        """Time until learning ends [s]; the rest of the budget is for what follows. None without a budget."""
+        return None if self.budget is None else (1 - _FINISHING) * self.budget
+
+    @property
+    def stage_ends(self) -> list[float]:
+        """At which share of the training each stage ends."""
+        ends = list(itertools.accumulate(self.stage_iterations if self.budget is None else self.stage_time))
+        ends[-1] = math.inf  # whatever the shares add up to, the last stage lasts to the end
+        return ends
+
+    @property
+    def firm_at(self) -> float:
+        """Share of the training from which on densities rest."""
+        return max([self.firm_from, *self.stage_ends[:-1]])
+
+    def rates(self, fraction: float) -> LearningRates:
+        """How far a step goes when a share of the training is done."""
+        decay = self.final_rate**fraction
+        return LearningRates(
+            self.density_rate * decay if fraction < self.firm_at else 0.0,
+            self.color_rate * decay,
+            self.sparsity,
+            self.rough_density,
+            self.rough_color,
+            self.points_weight if fraction < self.firm_at else 0.0,
+        )
+
+    def shape(self, box: Box, stage: int) -> tuple[int, int, int]:
+        """Nodes of the grid of a stage."""
+        return shape_for(box, self.voxel * self.stages[stage])
+
+    def rays_of(self, stage: int) -> int:
+        """Rays in a step of a stage."""
+        return max(1, round(self.rays * self.stage_rays[stage]))
+
+    def nodes_outside(self, stage: int) -> int:
+        """Nodes along each edge of the grid over what is around the box."""
+        return round(self.outside / self.stages[stage])

@@ -1,0 +1,63 @@
+"""How far a field's colours are from photographs that it never saw: PSNR, and the measurement noise of a filter.
+
+The residual of a colour is far from Gaussian: most of a picture is matched closely, and edges that lie half a voxel
+off are far out. So there are three numbers. `noise_std` is the root mean square over all pixels and channels, tails and
+all: this is what the filters take for their measurement noise, since it promises no more than the field keeps.
+`noise_core_std` is 1.4826 times the median absolute residual of the pixels that show more than the background, which
+outliers do not move: what the noise would be if they were all found. `outlier_share` is the share of those pixels that
+err by more than three times as much in some channel: what a filter that rejects outliers must expect.
+
+Photographs of real places differ in exposure. Filters take one gain of each picture out; so it is taken out of held-out
+pictures before their noise is told (see field/train/exposure.py). PSNR is told both of the raw pictures, as the
+literature has it, and of these.
+"""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.protocol import Field
+from nerfnav.field.render.volume_rendering import render_image
+from nerfnav.field.train.exposure import common_gains
+from nerfnav.geometry import PosedImages, psnr_db
+
+_DEVIATION_PER_MEDIAN = 1.4826
+"""Standard deviation of a Gaussian whose median absolute value is 1."""
+_OUTLIER_DEVIATIONS = 3.0
+_SOMETHING = 0.5
+"""Opacity above which a pixel shows the field and not the background, which has no residual."""
+
+
+def calibrated(info: FieldInfo, field: Field, held_out: PosedImages, exposure: bool = False) -> FieldInfo:
+    """`info` with what held-out photographs say about the field; unchanged where there are none.
+
+    With `exposure`, these may be brighter or darker than the field.
+    """
+    if len(held_out) == 0:
+        return info
+    seen = [render_image(field, held_out.camera, held_out.poses[index]) for index in range(len(held_out))]
+    colors, opacity = torch.stack([view.color for view in seen]), torch.stack([view.opacity for view in seen])
+    taken = held_out.images.float() / 255
+    raw = _psnr_db(colors - taken)
+    gain = common_gains(taken, colors) if exposure else torch.ones(len(held_out))
+    error = gain[:, None, None, None] * colors - taken
+    shown = opacity > _SOMETHING
+    told = error[shown] if shown.any() else error.reshape(-1, 3)
+    core = _DEVIATION_PER_MEDIAN * told.abs().median()
+    return replace(
+        info,
+        psnr_db=raw,
+        psnr_one_exposure_db=_psnr_db(error) if exposure else None,
+        noise_std=float(error.square().mean().sqrt()),
+        noise_core_std=float(core),
+        outlier_share=float((told.abs() > _OUTLIER_DEVIATIONS * core).any(-1).float().mean()),
+    )
+
+
+def _psnr_db(error: Float[Tensor, "n height width 3"]) -> float:
+    """PSNR as the literature has it: the mean over the images [dB]."""
+    each = [psnr_db(image.square().mean().item()) for image in error]
+    return sum(each) / len(each)

@@ -1,0 +1,237 @@
+"""Grid learner on CPU kernels: the state of training at one resolution (box, surroundings, occupancy)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.field.clear_grids import all_blocks, clear, clear_around, views_of
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, raw_of
+from nerfnav.field.kernels import learn, march, parts
+from nerfnav.field.kernels.seen_points import seen_points_gradient
+from nerfnav.field.kernels.shells import whole_shells
+from nerfnav.field.models.voxel import VoxelField, occupied_blocks
+from nerfnav.field.proof.fusion import Fused
+from nerfnav.field.seen_points import PointBatch
+from nerfnav.field.train.rays import RayBatch
+from nerfnav.field.train.trained_grid import TrainedGrid, refined
+from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finished_field
+from nerfnav.geometry import PosedImages, node_positions, spacing_of, with_neighbours
+
+_START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
+_START_IN_HULL = 0.45  # [1/unit]: a fifth of the light is stopped in half a unit; what no ray teaches ends empty
+_OCCUPIED_ABOVE = 0.02  # [1/unit]: what is thinner is skipped in training
+_OCCUPANCY_EVERY = 64  # steps between two looks at what is empty
+_OCCUPANCY_FROM = 128  # steps of a stage before the first look
+ROUGHNESS_EVERY = 2
+"""Steps between two looks at how rough the grids are."""
+BAND = 1.5
+"""How far from a point that a photograph shows its ray may end [distances of nodes]."""
+
+
+@dataclass(frozen=True)
+class LearningRates:
+    """How far a step goes."""
+
+    density: float
+    """Adam's learning rate of raw densities."""
+    color: float
+    """Adam's learning rate of colours."""
+    sparsity: float
+    """Weight of thin density along rays."""
+    rough_density: float = 0.0
+    """Weight of the differences of neighbours' raw densities, against the mean squared error."""
+    rough_color: float = 0.0
+    """The same of their colours."""
+    points: float = 0.0
+    """Weight of the likelihood that rays to points which photographs show end there."""
+
+
+class GridLearner:
+    """Trains the values of the box, and of its surroundings where there are any."""
+
+    def __init__(self, place: Place, inner: TrainedGrid, outer: TrainedGrid) -> None:
+        """Train `inner` in the box and `outer`, which may have no nodes, around it."""
+        self.place, self.inner, self.outer = place, inner, outer
+        box = place.box
+        self.occupied = np.full([-(-count // 4) for count in inner.shape], parts.ALL_PARTS, np.uint8)
+        self._lower = box.lower.numpy().astype(np.float32)
+        spacing = spacing_of(box, inner.shape)
+        self._per_meter = (1 / spacing).numpy().astype(np.float32)
+        self.sample_step = 0.5 * float(spacing.min())
+        self._table = learn.depth_table(DENSITY_SCALE, self.sample_step, place.unit)
+        self._steps, self._firm = 0, False
+
+    @classmethod
+    def start(
+        cls, place: Place, shape: tuple[int, int, int], photographs: PosedImages, workers: int, outside: int = 0
+    ) -> "GridLearner":
+        """A nearly clear grey box, with a grid of `outside`^3 nodes around it; 0 for a plain background."""
+        seen = views_of(node_positions(place.box, shape), photographs)
+        grey = clear(shape, raw_of(_START_DENSITY / place.unit))
+        inner = TrainedGrid(grey, seen, all_blocks(shape), VALUE_BOUNDS, workers)
+        return cls(place, inner, clear_around(place, photographs, outside, workers))
+
+    @classmethod
+    def in_hull(
+        cls, place: Place, hull: Bool[Tensor, "nx ny nz"], photographs: PosedImages, workers: int
+    ) -> "GridLearner":
+        """Thicker fog in the nodes of a visual hull, and nothing elsewhere: there is nothing to learn there."""
+        nx, ny, nz = hull.shape
+        shape = (nx, ny, nz)
+        values = clear(shape, EMPTY_RAW)
+        values[..., 0][hull] = raw_of(_START_IN_HULL / place.unit)
+        seen = views_of(node_positions(place.box, shape), photographs)
+        near = dense_blocks(values, place)
+        learner = cls(place, TrainedGrid(values, seen, near, VALUE_BOUNDS, workers), TrainedGrid.nothing(workers))
+        learner.occupied = _all_parts(near)
+        return learner
+
+    @classmethod
+    def from_depth(
+        cls, place: Place, told: Fused, photographs: PosedImages, workers: int, outside: int = 0
+    ) -> "GridLearner":
+        """What depths tell, and keeps on saying: densities that they know rest, colours and all else are learned.
+
+        What depths do not know begins empty: as thin fog, it would come to stand for what surroundings should show.
+        """
+        nx, ny, nz = told.raw.shape
+        shape = (nx, ny, nz)
+        seen = views_of(node_positions(place.box, shape), photographs)
+        values = clear(shape, EMPTY_RAW)
+        values[..., 0] = torch.where(told.known, told.raw, values[..., 0])
+        values[..., 1:] = told.color
+        rates = torch.where(told.known, 0.0, seen)
+        near = with_neighbours(dense_blocks(values, place))
+        inner = TrainedGrid(values, rates, near, VALUE_BOUNDS, workers)
+        learner = cls(place, inner, clear_around(place, photographs, outside, workers))
+        learner.occupied = _all_parts(near)
+        return learner
+
+    @classmethod
+    def of(cls, field: VoxelField, unit: float, workers: int) -> "GridLearner":
+        """Learn on from a field, with all its nodes at the full rate, where it has density."""
+        inner = TrainedGrid(field.values, torch.ones(field.shape), field.occupied, VALUE_BOUNDS, workers)
+        outer = TrainedGrid.nothing(workers)
+        if field.outside is not None:
+            m = field.outside.values.shape[0]
+            scale = torch.ones(m, m, m)
+            outer = TrainedGrid(field.outside.values, scale, all_blocks((m, m, m)), VALUE_BOUNDS, workers)
+        learner = cls(Place(field.box, field.background, unit), inner, outer)
+        learner.occupied = _all_parts(field.occupied)
+        return learner
+
+    def refined(self, shape: tuple[int, int, int], outside: int = 0) -> "GridLearner":
+        """The same field on finer grids. What is empty, and not beside anything, stays so."""
+        workers = self.inner.gradients.shape[0]
+        values = self.inner.refined_values(shape)
+        near = with_neighbours(dense_blocks(values, self.place))
+        inner = TrainedGrid(values, _refined_scale(self.inner, shape), near, VALUE_BOUNDS, workers)
+        outer = self.outer
+        if outside > outer.shape[0] > 0:
+            grid = (outside, outside, outside)
+            scale = _refined_scale(outer, grid)
+            outer = TrainedGrid(outer.refined_values(grid), scale, all_blocks(grid), VALUE_BOUNDS, workers)
+        learner = GridLearner(self.place, inner, outer)
+        learner.occupied = _all_parts(near)
+        return learner
+
+    def gradient(self, batch: RayBatch, sparsity: float) -> float:
+        """Add up the gradient of a batch of rays; returns its mean squared colour error."""
+        inner, outer = self.inner, self.outer
+        errors = learn.loss_and_gradient(
+            (inner.values, self.occupied, self._lower, self._per_meter),
+            (batch.origins, batch.directions, batch.jitter, batch.targets),
+            (np.float32(self.sample_step), np.float32(sparsity), self._table),
+            self.place.background.numpy(),
+            (inner.slots, inner.gradients, inner.touched),
+            (outer.values, outer.slots, outer.gradients, outer.touched),
+        )
+        return float(errors.sum(dtype=np.float64)) / (3 * len(batch.targets))
+
+    def add_points(self, batch: PointBatch, weight: float) -> None:
+        """Add to the gradient that of the likelihood with which rays end at the points that they lead to."""
+        inner = self.inner
+        seen_points_gradient(
+            (inner.values, self.occupied, self._lower, self._per_meter),
+            (batch.origins, batch.directions, batch.jitter, batch.distances),
+            (np.float32(self.sample_step), np.float32(2 * BAND * self.sample_step), np.float32(weight), self._table),
+            (inner.slots, inner.gradients, inner.touched),
+        )
+
+    def step(self, batch: RayBatch, rates: LearningRates, points: PointBatch | None = None) -> float:
+        """Learn from a batch of rays, and from points; returns the mean squared colour error before the step."""
+        if looks_for_empty_parts(self._steps):
+            self.look_for_empty_parts()
+        error = self.gradient(batch, rates.sparsity)
+        if points is not None and rates.points:
+            self.add_points(points, rates.points)
+        grids = (self.inner, self.outer) if self.outer.values.size else (self.inner,)
+        for grid in grids:
+            if self._steps % ROUGHNESS_EVERY == 0 and (rates.rough_density or rates.rough_color):
+                much = ROUGHNESS_EVERY * 3 * len(batch.targets)  # errors are summed over rays and channels
+                grid.smooth(much * rates.rough_density, much * rates.rough_color)
+            grid.descend(rates.density, rates.color)
+        self._steps += 1
+        return error
+
+    def look_for_empty_parts(self) -> None:
+        """Skip what has become empty; blocks without a slot have nothing to learn in."""
+        threshold = np.float32(occupied_above(self.place))
+        parts.parts_above(self.inner.values, self.inner.slots, threshold, self.occupied)
+
+    def colors(self, batch: RayBatch) -> Float[Tensor, "n 3"]:
+        """What rays see of what is learned so far."""
+        seen, *_ = march.render(
+            self.inner.values, self.occupied, self._lower, self._per_meter, batch.origins, batch.directions,
+            np.float32(DENSITY_SCALE), np.float32(self.sample_step), self.place.background.numpy(),
+            whole_shells(self.outer.values),
+        )  # fmt: skip
+        return torch.from_numpy(seen)
+
+    def firm(self, finish: Finish) -> None:
+        """Give the densities their last values, once; from then on there are only colours to learn."""
+        if self._firm:
+            return
+        self._firm = True
+        finish_densities(self.place, torch.from_numpy(self.inner.values), torch.from_numpy(self.occupied > 0), finish)
+        self.look_for_empty_parts()
+
+    def so_far(self, finish: Finish) -> VoxelField:
+        """What is learned so far, finished; learning goes on."""
+        values, outer = torch.from_numpy(self.inner.values.copy()), self.outer.values
+        if not self._firm:
+            finish_densities(self.place, values, torch.from_numpy(self.occupied > 0), finish)
+        return finished_field(self.place, values, torch.from_numpy(outer.copy()) if outer.size else None)
+
+    def field(self, finish: Finish) -> VoxelField:
+        """What was learned, finished; blocks that are not looked at are empty. The learner is spent then."""
+        self.firm(finish)
+        outer = self.outer.released() if self.outer.values.size else None
+        return finished_field(self.place, self.inner.released(), outer)
+
+
+def looks_for_empty_parts(step: int) -> bool:
+    """Whether it is time to see what has become empty, so many steps after the stage began."""
+    return step >= _OCCUPANCY_FROM and step % _OCCUPANCY_EVERY == 0
+
+
+def dense_blocks(values: Float[Tensor, "nx ny nz 4"], place: Place) -> Bool[Tensor, "bx by bz"]:
+    """Blocks with enough density to be looked at in training."""
+    return occupied_blocks(values[..., 0], occupied_above(place))
+
+
+def occupied_above(place: Place) -> float:
+    """Raw density above which space is looked at in training."""
+    return raw_of(_OCCUPIED_ABOVE / place.unit)
+
+
+def _all_parts(blocks: Bool[Tensor, "bx by bz"]) -> np.ndarray:
+    """What says of each block that all of it is looked at, or nothing."""
+    return np.where(blocks.numpy(), parts.ALL_PARTS, 0).astype(np.uint8)
+
+
+def _refined_scale(grid: TrainedGrid, shape: tuple[int, int, int]) -> Float[Tensor, "nx ny nz"]:
+    return refined(torch.from_numpy(grid.rate_scale)[..., None], shape)[..., 0]

@@ -1,0 +1,98 @@
+"""Training rays: random pixels of posed images, without ever holding all rays at once."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from nerfnav.field.kernels.pixels import rays_of_pixels
+from nerfnav.geometry import PosedImages
+
+
+@dataclass(frozen=True)
+class RayBatch:
+    """What one training step looks at."""
+
+    origins: np.ndarray
+    """Camera centres (n, 3) [m]."""
+    directions: np.ndarray
+    """Unit viewing directions (n, 3)."""
+    targets: np.ndarray
+    """Colours of the photographs (n, 3), in [0, 1]."""
+    jitter: np.ndarray
+    """Offset of the samples of each ray, in steps (n), -0.5 to 0.5."""
+
+
+class RaySampler:
+    """Draws random pixels of all images, each with the same chance."""
+
+    def __init__(
+        self,
+        photographs: PosedImages,
+        generator: torch.Generator,
+        asked: Bool[Tensor, "n height width"] | None = None,
+    ) -> None:
+        """Look at `photographs`, at the pixels that are `asked` or at all; `generator` decides which come when."""
+        camera = photographs.camera
+        self._size = (camera.width, camera.height)
+        self._focal = np.array([camera.fx, camera.fy], np.float32)
+        self._center = np.array([camera.cx, camera.cy], np.float32)
+        self._pixels = photographs.images.reshape(-1, 3).numpy()
+        self._rotations = np.ascontiguousarray(photographs.poses.rotation.numpy(), np.float32)
+        self._positions = np.ascontiguousarray(photographs.poses.position.numpy(), np.float32)
+        self._generator = generator
+        self._asked = None if asked is None else asked.reshape(-1).nonzero()[:, 0]
+        self._gains = np.ones((len(photographs), 3), np.float32)
+
+    @property
+    def gains(self) -> Float[Tensor, "n 3"]:
+        """How much brighter than it should be each photograph is taken for."""
+        return torch.from_numpy(self._gains)
+
+    def correct(self, gains: Float[Tensor, "n 3"]) -> None:
+        """From now on, take each photograph for brighter than it should be by its gains (see
+        field/train/exposure.py)."""
+        self._gains = gains.numpy().astype(np.float32)
+
+    def draw(self, count: int, patch: int = 1) -> RayBatch:
+        """`count` random rays with their colours, in patches of `patch` x `patch` neighbouring pixels, or fewer rays.
+
+        Neighbours look at the same nodes, which then are read from memory once: a step of as many rays takes a third of
+        the time. A patch holds a pixel that is asked for at any place in it, so that all are seen equally often.
+        """
+        width, height = self._size
+        patch = min(patch, width, height)
+        among = len(self._pixels) if self._asked is None else len(self._asked)
+        chosen = torch.randint(among, (max(1, count // patch**2),), generator=self._generator)
+        chosen = chosen if self._asked is None else self._asked[chosen]
+        if patch == 1:
+            return self._batch(chosen.numpy())
+        before = torch.randint(patch, (2, len(chosen)), generator=self._generator)
+        image, pixel = chosen // (width * height), chosen % (width * height)
+        left = (pixel % width - before[0]).clamp(0, width - patch)
+        top = (pixel // width - before[1]).clamp(0, height - patch)
+        first, beside = image * width * height + top * width + left, torch.arange(patch)
+        return self._batch((first[:, None, None] + beside[:, None] * width + beside).reshape(-1).numpy())
+
+    def draw_quarters(self, count: int) -> RayBatch:
+        """`count` random rays of each quarter of each photograph, photograph by photograph, as they were taken."""
+        width, height = self._size
+        shape, (across, down) = (len(self._gains), 4, count), (max(1, width // 2), max(1, height // 2))
+        u = torch.randint(across, shape, generator=self._generator)
+        v = torch.randint(down, shape, generator=self._generator)
+        quarter = torch.arange(4)[:, None]
+        u, v = u + (quarter % 2) * (width - across), v + (quarter // 2) * (height - down)
+        image = torch.arange(shape[0])[:, None, None]
+        batch = self._batch((image * width * height + v * width + u).reshape(-1).numpy())
+        return replace(batch, targets=batch.targets * np.repeat(self._gains, 4 * count, axis=0))
+
+    def _batch(self, chosen: np.ndarray) -> RayBatch:
+        count = len(chosen)
+        jitter = torch.rand(count, generator=self._generator).numpy() - np.float32(0.5)
+        origins, directions = rays_of_pixels(
+            chosen, *self._size, self._focal, self._center, self._rotations, self._positions
+        )
+        gains = self._gains[chosen // (self._size[0] * self._size[1])]
+        return RayBatch(origins, directions, self._pixels[chosen] / (np.float32(255) * gains), jitter)

@@ -1,0 +1,45 @@
+"""Errors for sources of the wrong kind, which name what takes them."""
+
+from pathlib import Path
+
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.kinds import FIELD, MESHES, PICTURES, SPLATS
+from nerfnav.importers.core.magic import head_of, magic_of
+from nerfnav.importers.field_names import field_name
+from nerfnav.importers.kinds import SourceKind
+
+
+class WrongKindError(InvalidInputError):
+    """A source of another kind than a command takes; the message says which it is and what takes it."""
+
+
+def wrong_kind(what: str | Path, kind: SourceKind, wanted: str) -> WrongKindError:
+    """The error for a source of another kind than is `wanted` ("a field"), which names what takes it."""
+    path = Path(what)
+    if kind is SourceKind.MISSING:
+        return WrongKindError(f"there is no file or folder {what}")
+    if kind is SourceKind.UNKNOWN:
+        named = magic_of(head_of(path)) if path.is_file() else _folder_in_words(path)
+        return WrongKindError(
+            f"{what} is not {wanted}: it is {named or kind.value}; fields ({FIELD}), meshes ({', '.join(MESHES)}), "
+            f"splats ({', '.join(SPLATS)}), captures (a folder, transforms.json or .zip), videos and checkpoints can "
+            "be opened"
+        )
+    return WrongKindError(f"{what} is {kind.value}, and {wanted} is asked for: {_advice(path, kind)}")
+
+
+def _folder_in_words(folder: Path) -> str:
+    if any(entry.suffix.lower() in PICTURES for entry in folder.iterdir()):
+        return "a folder of pictures without poses (COLMAP, or nerfstudio's ns-process-data, finds them)"
+    return "a folder of nothing that can be opened"
+
+
+def _advice(path: Path, kind: SourceKind) -> str:
+    if kind.command is not None:
+        return f"`nerfnav {kind.command} {path} --out {field_name(path)}` makes a field of it"
+    return {
+        SourceKind.PICTURE: f"`nerfnav localize FIELD {path}` finds where it was taken",
+        SourceKind.FLIGHT: f"`nerfnav export {path} --format csv --out FILE` writes its trajectory",
+        SourceKind.PLAN: f"`nerfnav export {path} --format csv --out FILE` writes its trajectory",
+        SourceKind.TRUTH: f"open the field beside it, {path.name.replace('.truth', '')}",
+    }.get(kind, f"`nerfnav open {path}` shows it")

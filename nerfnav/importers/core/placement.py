@@ -1,0 +1,112 @@
+"""Placement: up direction, metres per unit and box of imported data, as far as they are given.
+
+Whatever is not given is guessed, and the guess is reported.
+"""
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from nerfnav.core.errors import InvalidInputError
+
+Vector = tuple[float, float, float]
+AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+"""Directions that have a name."""
+PLAUSIBLE = (0.5, 120.0)
+"""Longest edges that places have which somebody would fly a small robot in [m]."""
+FLATTER = 1.25
+"""An up axis is doubted where the place is higher along it than along another by this factor, and more."""
+LOWER = 0.03
+"""And where the middle of what is there lies lower along the other axis, by this share of its height."""
+_ABOUT = {"up": ("up is", "up:"), "scale": ("lengths", "scale:", "this place would be"), "box": ("box:",)}
+"""How importers' sentences about guesses begin."""
+ONE_UNIT = "lengths: nothing says how long a unit is, so one is taken for 1 m"
+"""The beginning of a sentence about what nobody knows."""
+_DOWN = 1e-24
+"""Squared sine of the angle between straight down and what is taken for it: its heading is lost in rounding."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where up is, how long a metre is, and which part is wanted; None: a guess."""
+
+    up: Vector | None = None
+    """Direction that is up, in the source's own axes."""
+    scale: float | None = None
+    """Metres in one unit of the source."""
+    picked: tuple[Vector, Vector, float] | None = None
+    """Two points in the source's own units and how far they are apart in truth [m]: another way to give the scale."""
+    box: tuple[Vector, Vector] | None = None
+    """Lowest and highest corner of the field, after scale and up [m]."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for what no place can have."""
+        if self.scale is not None and self.picked is not None:
+            raise InvalidInputError("give either a scale or two picked points with their distance, not both")
+        if self.picked is not None and self.picked[0] == self.picked[1]:
+            raise InvalidInputError("the two picked points are the same: their distance tells no scale")
+        for name, value in (("scale", self.scale), ("distance", self.picked and self.picked[2])):
+            if value is not None and not 0 < value < math.inf:
+                raise InvalidInputError(f"the {name} must be a number above 0, not {value:g}")
+        if self.up is not None and not 0 < math.hypot(*self.up) < math.inf:
+            raise InvalidInputError("up must be a direction of three finite numbers, not all of them 0")
+        if self.box is not None and not all(low < high for low, high in zip(*self.box, strict=True)):
+            raise InvalidInputError("a box is its lowest corner X Y Z and then its highest corner X Y Z, each above")
+
+    @property
+    def meters_per_unit(self) -> float | None:
+        """Metres in one unit of the source, given outright or by two picked points; None where it is to be guessed."""
+        if self.picked is None:
+            return self.scale
+        first, second, distance = self.picked
+        return distance / math.dist(first, second)
+
+
+def rotation_to_z(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """The smallest rotation that turns a direction, of any length, into the z axis.
+
+    Rodrigues' formula about up x z, without its angle. Straight down has no smallest: it is half a turn about x.
+    """
+    x, y, z = up / np.linalg.norm(up)
+    across = x * x + y * y
+    if z < 0 and across < _DOWN:
+        return np.diag([1.0, -1.0, -1.0])
+    # 1 / (1 + z), which is all rounding where z is near -1; there across = (1 + z) (1 - z) has the digits
+    bend = 1 / (1 + z) if z > 0 else (1 - z) / across
+    return np.array([
+        [1 - x * x * bend, -x * y * bend, -x],
+        [-x * y * bend, 1 - y * y * bend, -y],
+        [x, y, z],
+    ])  # fmt: skip
+
+
+def is_flatter(size: Float[np.ndarray, " 3"], own: int, other: int) -> bool:
+    """Whether a place is so much flatter along another axis than along its own up axis that the latter is doubtful."""
+    return bool(size[own] > FLATTER * size[other] and size[other] <= FLATTER * size.min())
+
+
+def length_in_words(meters: float) -> str:
+    """A length as people say it: in km, m, cm or mm."""
+    for unit, name in ((1000.0, "km"), (1.0, "m"), (0.01, "cm")):
+        if meters >= unit:
+            return f"{meters / unit:.3g} {name}"
+    return f"{1000 * meters:.3g} mm"
+
+
+def still_guessed(guesses: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:
+    """Sentences about what was guessed without those about what is `known` by now: "up", "scale", "box"."""
+    told = tuple(words for name in known for words in _ABOUT[name])
+    return tuple(guess for guess in guesses if not guess.startswith(told))
+
+
+def size_doubt(longest: float) -> str | None:
+    """What to say of a place whose longest edge [m] nobody gave and no place has; None where it is plausible."""
+    if PLAUSIBLE[0] <= longest <= PLAUSIBLE[1]:
+        return None
+    return (
+        f"this place would be {length_in_words(longest)} long: measure something (nerfnav place FILE --measure X Y Z "
+        "X Y Z DISTANCE takes two points and how far they are apart in truth [m], and so does the page)"
+    )

@@ -1,0 +1,1 @@
+"""Trained NeRFs: read checkpoints of nerf-pytorch as neural fields."""

@@ -1,0 +1,89 @@
+"""Placement of splats: up direction and length of a unit, as given, else guessed as those of meshes are.
+
+Up is the habit of the format: y for .spz, whose axes are right, up, back, and -y for all others, whose cameras come
+from COLMAP. Things stand on the origin: where one end of that axis is there and the other far away, that end is
+below. Else z is up where the place is much flatter along it and its opacity lies lower there, as that of places does.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from nerfnav.importers.core.placement import LOWER, ONE_UNIT, Placement, Vector, is_flatter, length_in_words, size_doubt
+from nerfnav.importers.splats.gaussians import Splats, extent
+
+_HABITS: dict[str, Vector] = {".spz": (0.0, 1.0, 0.0)}
+_HABIT: Vector = (0.0, -1.0, 0.0)
+_AT_ORIGIN = 0.03
+"""How far from the origin an end may be that something stands on, in lengths along its axis."""
+
+
+@dataclass(frozen=True)
+class Upright:
+    """How splats are to be placed, and what was guessed for it."""
+
+    up: Vector
+    """The direction that is up, in the file's own axes."""
+    scale: float
+    """Metres in one unit."""
+    longest: float
+    """Longest edge of what is there [m]."""
+    guesses: tuple[str, ...]
+    """Sentences for the user."""
+
+
+def upright(splats: Splats, placement: Placement, path: Path) -> Upright:
+    """Up and scale of splats as they were read from `path`: as told, else guessed."""
+    guesses: list[str] = []
+    lower, upper = extent(splats.centers, splats.masses)
+    up, scale = placement.up, placement.meters_per_unit
+    longest = float((upper - lower).max()) * (scale or 1.0)
+    if up is None:
+        up, why = guessed_up(splats, _HABITS.get(path.suffix.lower(), _HABIT))
+        guesses.append(f"up is {_name(up)} {why}")
+    if scale is None:
+        guesses.append(f"{ONE_UNIT}, and the place is {length_in_words(longest)} long")
+        if (doubt := size_doubt(longest)) is not None:
+            guesses.append(doubt)
+    return Upright(up, scale or 1.0, longest, tuple(guesses))
+
+
+def guessed_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
+    """The direction that is up, and why."""
+    masses = splats.masses
+    lower, upper = extent(splats.centers, masses)
+    size, own, z = upper - lower, int(np.abs(habit).argmax()), 2
+    ends = (lower[own], upper[own]) if habit[own] > 0 else (-upper[own], -lower[own])
+    standing = np.abs(ends) < _AT_ORIGIN * size[own]
+    if standing[0] and not standing[1]:
+        return habit, "(the habit of its format, and so it stands on the origin)"
+    if standing[1] and not standing[0]:
+        return _opposite(habit), f"(guessed: so it stands on the origin; {_name(habit)} is the habit of its format)"
+    heavy = _middles(splats.centers, masses, lower, upper)
+    middle = heavy[own] if habit[own] > 0 else 1 - heavy[own]
+    if is_flatter(size, own, z) and middle - heavy[z] > LOWER:
+        why = f"(guessed: along it the place is flat and heavy below; {_name(habit)} is the habit of its format)"
+        return (0.0, 0.0, 1.0), why
+    return habit, "(the habit of its format)"
+
+
+def _middles(
+    centers: Float[np.ndarray, "n 3"], masses: Float[np.ndarray, " n"], lower: np.ndarray, upper: np.ndarray
+) -> Float[np.ndarray, " 3"]:
+    """Where the middle of the opacity lies along each axis, between 0 at the lower and 1 at the upper end."""
+    inside = ((centers >= lower) & (centers <= upper)).all(1)
+    share = (centers[inside] - lower) / np.maximum(upper - lower, 1e-12)
+    weights = masses[inside] if masses[inside].any() else np.ones(int(inside.sum()))
+    return np.average(share, axis=0, weights=weights)
+
+
+def _opposite(up: Vector) -> Vector:
+    x, y, z = (-part if part else 0.0 for part in up)
+    return x, y, z
+
+
+def _name(up: Vector) -> str:
+    axis = int(np.abs(up).argmax())
+    return f"{'-' if up[axis] < 0 else ''}{'xyz'[axis]}"

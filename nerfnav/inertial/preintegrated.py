@@ -1,0 +1,33 @@
+"""Preintegrated measurements of an IMU between two times, independent of the state.
+
+(Preintegration: Forster, Carlone, Dellaert and Scaramuzza, "On-manifold preintegration for real-time visual-inertial
+odometry", 2017.)
+"""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.inertial.strapdown import Increments
+
+TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
+"""Where the parts stand in what is preintegrated."""
+GYRO, ACCEL = slice(0, 3), slice(3, 6)
+"""Where the biases stand."""
+
+
+@dataclass(frozen=True)
+class Preintegrated:
+    """What a unit has measured between two times, in its own axes at the first."""
+
+    increments: Increments
+    """Turn, speed and way, and the last body rate, without biases."""
+    rate_variance: float
+    """Of the last body rate [rad^2/s^2]."""
+    duration: float
+    """Time between the two [s]."""
+    by_biases: Float[Tensor, "9 6"]
+    """Derivative of turn, velocity and position by the biases."""
+    covariance: Float[Tensor, "9 9"]
+    """Of turn, velocity and position."""

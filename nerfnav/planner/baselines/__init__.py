@@ -1,0 +1,1 @@
+"""Baselines of the paper: minimum snap and RRT, with the controller that follows their paths."""

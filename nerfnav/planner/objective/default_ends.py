@@ -1,0 +1,215 @@
+"""Default start and goal: propose two free poses in one component of free space, joined by a path that was found.
+
+Candidates are voxels of the component, drawn at random. Of their pairs those are best that are as far apart as suits
+robot and place, that have something solid between them, and from which a camera sees something: a robot that flies by
+its camera is lost in front of the void. And they keep clear of what noise would push the robot into before any action
+can answer.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from nerfnav.field import Field, density_and_gradient
+from nerfnav.geometry import so3
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.risk.tracking_error import PAPERS_NOISE
+from nerfnav.planner.space.astar import SearchConfig, find_paths, lengths, resample
+from nerfnav.planner.space.border import holds_level
+from nerfnav.planner.space.ends import fits
+from nerfnav.planner.space.occupancy import dense_at
+from nerfnav.planner.space.regions import Region, free_regions, ground_regions
+from nerfnav.planner.space.scales import threshold_of
+from nerfnav.planner.visibility import seen_from
+from nerfnav.robots import RigidState, Robot
+
+Pair = tuple[RigidState, RigidState]
+
+_ALONG = 32
+"""Densities taken between the two of a pair."""
+_NEAREST = 0.6
+"""Least distance of a pair, in that which is wanted."""
+_SAFE = 0.05
+"""Bound on the probability of a collision along a way with which no better one is looked for."""
+_LIKELY = 0.4
+"""Bound with which there is no way to speak of."""
+_CRAMPED = 0.39
+"""Most that it may come to by what noise does at the ends: a place without room has ends all the same."""
+_PUSHED = 3.0
+"""Standard deviations of noise by which robots are pushed to see what they would touch at an end."""
+
+
+@dataclass(frozen=True)
+class FirstEndsConfig:
+    """What suits a robot."""
+
+    longest: float = 25.0
+    """Longest distance that is wanted [lengths of the body]."""
+    shortest: float = 5.0
+    """Shortest one that is worth going [lengths of the body]."""
+    share: float = 0.45
+    """Distance that is wanted, as a share of the place's horizontal diagonal."""
+    candidates: int = 128
+    """How many voxels are drawn."""
+    headings: int = 8
+    """Into how many directions each looks."""
+    tried: int = 24
+    """For how many pairs, at most, a way is looked for."""
+    seed: int = 0
+    """Of the draw."""
+
+
+def first_ends(
+    field: Field, matter: Field, robot: Robot, map_at: Callable[[float], OccupancyMap],
+    config: FirstEndsConfig | None = None,
+) -> Pair | None:  # fmt: skip
+    """Two states at rest that a robot can plan between; None where it has no room.
+
+    `field` is the one to plan in, `matter` the same as it was learned; `map_at` gives the map of free space, of one
+    height [m] for a robot on the ground and of any for others.
+    """
+    config = FirstEndsConfig() if config is None else config
+    regions = ground_regions(matter, robot.body, map_at) if robot.planar else free_regions(map_at(0.0))
+    best, least = None, _LIKELY
+    for region in regions:
+        if region.extent < config.shortest * max(robot.body.extents[:2]):
+            continue
+        pair, risk = _pair_in(region, field, matter, robot, config)
+        if risk < least:
+            best, least = pair, risk
+        if least < _SAFE:
+            break
+    return best
+
+
+def way_between(occupancy: OccupancyMap, pair: Pair) -> Float[torch.Tensor, "n c"] | None:
+    """The shortest way that a search finds between two states, its rows as of `find_paths`; None where there is none.
+    """
+    ways = find_paths(occupancy, *pair, SearchConfig.single())
+    return ways[0] if ways else None
+
+
+def _pair_in(
+    region: Region, field: Field, matter: Field, robot: Robot, config: FirstEndsConfig
+) -> tuple[Pair | None, float]:
+    """The best pair of a region that fits, with its headings, and what the way between them risks."""
+    occupancy, rounding = region.occupancy, 10**region.occupancy.scales.decimals
+    generator = np.random.default_rng(config.seed)
+    cells = np.flatnonzero(region.inside)
+    cells = generator.choice(cells, min(len(cells), config.candidates), replace=False)
+    index = torch.from_numpy(np.stack(np.unravel_index(np.sort(cells), region.inside.shape), -1))
+    points = occupancy.centers(index)
+    rounded = (points * rounding).round() / rounding
+    points = torch.cat([rounded[:, :2], points[:, 2:] if robot.planar else rounded[:, 2:]], -1)
+    points = points[holds_level(field.box, robot.body, points)]
+    if len(points) < 2:
+        return None, np.inf
+    seen = seen_from(matter, points, torch.arange(config.headings) * (2 * torch.pi / config.headings))
+    apart = _distance_wanted(region, field, robot, config)
+    best: Pair | None = None
+    least = np.inf
+    for one, other in _ranked(points, seen, matter, apart, config):
+        pair = _with_headings(points[one], points[other], (seen[one], seen[other]), occupancy, robot)
+        if pair is None or not all(fits(field, robot.body, state, occupancy.scales.threshold) for state in pair):
+            continue
+        risk = _risk_between(pair, field, robot, occupancy)
+        risk = max(risk, min(risk + _risk_at(pair, field, robot, occupancy), _CRAMPED))
+        if risk < least:
+            best, least = pair, risk
+        if risk < _SAFE:
+            break
+    return best, least
+
+
+def _risk_at(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
+    """Share of the pushes along the axes, forth and back, that bring the body into something at either end."""
+    away = _PUSHED * PAPERS_NOISE.noise[0] * torch.eye(3)[: 2 if robot.planar else 3]
+    pushed = [replace(end, position=end.position + push) for end in pair for push in torch.cat([away, -away])]
+    return sum(not fits(field, robot.body, state, occupancy.scales.threshold) for state in pushed) / len(pushed)
+
+
+def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
+    """Bound on the probability of a collision along the way that is found (Eq. 1), turning as the way does."""
+    way = way_between(occupancy, pair)
+    assert way is not None, "only pairs with a way between them are compared"
+    pieces = lengths(way[:, :3])
+    count = int(pieces.sum() / occupancy.scales.path_step) + 2
+    along = resample(way[:, :3], torch.linspace(0, 1, count))
+    ahead = along.diff(dim=0)
+    yaws = torch.atan2(ahead[:, 1], ahead[:, 0]) if robot.planar else torch.zeros(len(ahead))
+    points = torch.einsum("nij,bj->nbi", so3.from_yaw(yaws), robot.body.points_body) + along[1:, None]
+    density, _ = density_and_gradient(field, points.reshape(-1, 3).double().numpy())
+    return float((density.reshape(len(ahead), -1).sum(-1) * ahead.norm(dim=-1).numpy()).sum())
+
+
+def _distance_wanted(region: Region, field: Field, robot: Robot, config: FirstEndsConfig) -> float:
+    """[m]"""
+    length = max(robot.body.extents[:2])
+    diagonal = float(field.box.size[:2].norm())
+    return max(config.shortest * length, min(config.share * diagonal, 0.7 * region.extent, config.longest * length))
+
+
+def _ranked(
+    points: Float[torch.Tensor, "n 3"], seen: Float[np.ndarray, "n h"], matter: Field, apart: float,
+    config: FirstEndsConfig,
+) -> list[tuple[int, int]]:  # fmt: skip
+    """Pairs of candidates, the best first."""
+    first, second = np.triu_indices(len(points), 1)
+    difference = (points[second] - points[first]).numpy()
+    distance = np.linalg.norm(difference, axis=-1)
+    best = seen.max(1)
+    value = best[first] + best[second] - np.abs(distance - apart) / apart
+    value -= 0.5 * np.abs(difference[:, 2]) / distance.clip(1e-9)
+    value[distance < _NEAREST * apart] = -np.inf
+    order = np.argsort(-value, kind="stable")[: 16 * config.tried]
+    order = order[np.isfinite(value[order])]
+    if len(order) == 0:
+        return []
+    shares = torch.linspace(0, 1, _ALONG)[:, None]
+    starts, ends = points[first[order]][:, None], points[second[order]][:, None]
+    between = dense_at(matter, starts + shares * (ends - starts), threshold_of(matter)).any(-1).numpy()
+    order = order[np.argsort(-(value[order] + 0.4 * between), kind="stable")][: config.tried]
+    return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
+
+
+def _with_headings(
+    start: Float[torch.Tensor, "3"], goal: Float[torch.Tensor, "3"], seen: tuple[np.ndarray, np.ndarray],
+    occupancy: OccupancyMap, robot: Robot,
+) -> Pair | None:  # fmt: skip
+    """The two points with headings, if there is a way: along it for a robot on the ground, else to where most is seen.
+    """
+    level = RigidState.at_rest(_tuple(start), 0.0), RigidState.at_rest(_tuple(goal), 0.0)
+    way = way_between(occupancy, level)
+    if way is None:
+        return None
+    yaws = _along(way[:, :3], occupancy.scales.width) if robot.planar else _toward_most(*seen)
+    pair = RigidState.at_rest(_tuple(start), yaws[0]), RigidState.at_rest(_tuple(goal), yaws[1])
+    return pair if not robot.planar or way_between(occupancy, pair) is not None else None
+
+
+def _along(way: Float[torch.Tensor, "n 3"], width: float) -> tuple[float, float]:
+    """The headings in which a way leaves and arrives, over three widths of the body [rad]."""
+    reached = torch.cat([torch.zeros(1), lengths(way).cumsum(0)])
+    leaves = way[int((reached < 3 * width).sum().clamp_max(len(way) - 1))] - way[0]
+    arrives = way[-1] - way[int((reached <= reached[-1] - 3 * width).sum().clamp_min(1)) - 1]
+    return tuple(round(float(torch.atan2(part[1], part[0])), 4) for part in (leaves, arrives))  # type: ignore[return-value]
+
+
+def _toward_most(start: np.ndarray, goal: np.ndarray) -> tuple[float, float]:
+    """The headings that see most [rad]; half a turn between them costs half of the most that is seen from either."""
+    count, most = len(start), max(start.max(), goal.max(), 1e-9)
+    turn = np.arange(count)[None] - np.arange(count)[:, None]
+    turn = np.abs((turn + count // 2) % count - count // 2) / (count / 2)
+    best = int(((start[:, None] + goal[None]) / most - 0.5 * turn).argmax())
+    return tuple(_wrapped(heading * 2 * np.pi / count) for heading in divmod(best, count))  # type: ignore[return-value]
+
+
+def _wrapped(yaw: float) -> float:
+    return round(float((yaw + np.pi) % (2 * np.pi) - np.pi), 4)
+
+
+def _tuple(point: Float[torch.Tensor, "3"]) -> tuple[float, float, float]:
+    return point[0].item(), point[1].item(), point[2].item()

@@ -1,0 +1,170 @@
+"""Planning problem: robot, field and ends to plan between, checked, with a first path as initial guess."""
+
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from enum import Enum
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field import Field
+from nerfnav.planner import terms
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.risk.collision_map import DangerMap, dearer_by
+from nerfnav.planner.risk.costs import CostWeights
+from nerfnav.planner.risk.tracking_error import PAPERS_NOISE, Disturbance, Outlook
+from nerfnav.planner.route import Route
+from nerfnav.planner.space.astar import TURN, SearchConfig, find_paths, lengths, smooth_path, waypoints_along
+from nerfnav.planner.space.ends import check_ends, check_finite
+from nerfnav.planner.space.scales import Scales
+from nerfnav.planner.terms.evaluate import Evaluated, evaluate
+from nerfnav.planner.terms.term import CostTerm, TermContext
+from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots import Motion, RigidState, Robot
+
+
+class InitialGuess(Enum):
+    """Where the optimisation starts."""
+
+    ASTAR = "a way around what is occupied"
+    STRAIGHT = "the straight line, through everything"
+
+
+@dataclass(frozen=True)
+class PlanProblem:
+    """What is to be planned."""
+
+    field: Field
+    """Where."""
+    robot: Robot
+    """Who."""
+    start: RigidState
+    """Met exactly at time 0."""
+    goal: RigidState
+    """Met exactly at the last time."""
+    steps: int = 20
+    """Number of time steps; 20 in the paper."""
+    dt: float = 0.1
+    """Length of a step [s]; 0.1 in the paper."""
+    terms: tuple[CostTerm, ...] = dataclass_field(default_factory=terms.counted)
+    """What J is the sum of: those of Eq. 2 and all that were registered, unless others are given."""
+    disturbance: Disturbance = PAPERS_NOISE
+    """What will disturb the robot, for plans that count risk."""
+    overdue: bool = False
+    """Whether the arrival is put off at each step, see terms/risk.py."""
+    keeps_headings: bool = False
+    """Whether the search leaves the headings of a trajectory as they are, see Route."""
+
+    @property
+    def route(self) -> Route:
+        """From where to where, and in how many steps."""
+        return Route(self.start, self.goal, self.steps, self.dt, self.keeps_headings)
+
+    def context(self, weights: CostWeights) -> TermContext:
+        """What the terms are told."""
+        return TermContext(self.field, self.robot, weights, self.outlook)
+
+    @property
+    def outlook(self) -> Outlook:
+        """What is known of the flight."""
+        apart = (self.goal.position - self.start.position).norm().item()
+        pace = max(apart, self.robot.body.radius) / self.steps if self.overdue else None
+        height = self.start.position[2].item() if self.robot.planar else None
+        return Outlook(self.dt, self.disturbance, pace, height)
+
+    def cost(self, motion: Motion, weights: CostWeights) -> Evaluated:
+        """The terms of J for a motion."""
+        return evaluate(self.terms, self.context(weights), motion)
+
+
+@dataclass(frozen=True)
+class FirstGuesses:
+    """Trajectories to begin with."""
+
+    trajectories: tuple[Trajectory, ...]
+    """Along the ways that were found, at least one; along the straight line where there is none."""
+    leads: bool
+    """Whether there is a way from start to goal at all."""
+
+
+def first_guess(
+    problem: PlanProblem, initial: InitialGuess, occupancy: OccupancyMap | OccupancyConfig
+) -> FirstGuesses:
+    """The same as `first_guesses` with one trajectory, along the best way."""
+    return first_guesses(problem, initial, occupancy, SearchConfig.single())
+
+
+def first_guesses(
+    problem: PlanProblem,
+    initial: InitialGuess,
+    occupancy: OccupancyMap | OccupancyConfig,
+    search: SearchConfig,
+) -> FirstGuesses:
+    """Check the ends and look for ways between them, on a map that is made here if only its config is given.
+
+    Raises InvalidInputError, OutsideBoxError or OccupiedError for ends that cannot be planned between.
+    """
+    for name, state in (("start", problem.start), ("goal", problem.goal)):
+        check_finite(name, state)
+    problem.robot.check_ends(problem.start, problem.goal)
+    occupancy = map_for(problem, occupancy)
+    check_ends(problem.field, problem.robot.body, problem.start, problem.goal, occupancy)
+    return ways_between(problem, initial, occupancy, search)
+
+
+def ways_between(
+    problem: PlanProblem, initial: InitialGuess, occupancy: OccupancyMap, search: SearchConfig
+) -> FirstGuesses:
+    """The same for ends that are taken as they are, such as a robot's that finds itself next to a wall."""
+    straight = torch.stack([problem.start.position, problem.goal.position])
+    if initial is InitialGuess.STRAIGHT:
+        return FirstGuesses((_along(problem, straight),), True)
+    found, scales = _paths(problem, occupancy, search), occupancy.scales
+    if not found:
+        return FirstGuesses((_along(problem, straight),), False)
+    first, *others = (scales.rounding * rounding for rounding in search.roundings)
+    paths = [_smooth(path, first, scales) for path in found]
+    paths[1:1] = [_smooth(found[0], rounding, scales) for rounding in others]
+    paths += [straight] if search.straight else []
+    return FirstGuesses(tuple(_along(problem, path, scales.turn) for path in paths), True)
+
+
+def way_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> float:
+    """Length of the best way from start to goal [m], turns included; of the straight line where there is none."""
+    found = _paths(problem, occupancy, search)
+    if found:
+        scales = occupancy.scales
+        return lengths(_smooth(found[0], scales.rounding, scales), scales.turn).sum().item()
+    return (problem.goal.position - problem.start.position).norm().item()
+
+
+def _paths(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> list[Float[Tensor, "_ c"]]:
+    dearer = None
+    if search.danger:
+        danger = DangerMap.of(problem.field, problem.robot, problem.outlook)
+        dearer = dearer_by(danger, occupancy, search.danger)
+    return find_paths(occupancy, problem.start, problem.goal, search, dearer)
+
+
+def map_for(problem: PlanProblem, occupancy: OccupancyMap | OccupancyConfig) -> OccupancyMap:
+    """The map to search on: of the start's height alone for a robot that never leaves it."""
+    config = occupancy if isinstance(occupancy, OccupancyConfig) else occupancy.config
+    if problem.robot.planar:
+        height = problem.start.position[2].item()
+        if isinstance(occupancy, OccupancyMap) and occupancy.is_of(height):
+            return occupancy
+        return OccupancyMap.of(problem.field, problem.robot.body, config, height)
+    if isinstance(occupancy, OccupancyMap):
+        return occupancy
+    return OccupancyMap.of(problem.field, problem.robot.body, config)
+
+
+def _smooth(path: Float[Tensor, "n c"], rounding: float, scales: Scales) -> Float[Tensor, "m c"]:
+    return smooth_path(path, rounding, scales.turn, scales.path_step)
+
+
+def _along(problem: PlanProblem, path: Float[Tensor, "n c"], turn: float = TURN) -> Trajectory:
+    waypoints = waypoints_along(path, problem.start, problem.goal, problem.steps, turn)
+    free = problem.robot.encode(waypoints, problem.start, problem.goal, problem.dt)
+    return Trajectory(free, problem.route)

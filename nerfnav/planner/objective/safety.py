@@ -1,0 +1,185 @@
+"""Safety of a plan: the bound of Eq. 1 step by step, the clearance that is left, and whether it can be flown at all.
+
+    bound(t) = sum_b rho(x_b) s(b)      P(collision) <= sum_t bound(t)      (Boole's inequality, twice)
+
+All of it is what the field believes, and a bound is no guarantee. In a field with evidence (field/core/occupancy.py)
+it is founded on proofs, if `field` is the one to plan in: where space is proven free the density is 0, however much
+light fog was learned there, and what is unproven counts as solid. So does what is beyond the field's box
+(space/border.py).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from nerfnav.field import Field, GridField, density_and_gradient
+from nerfnav.field.core.occupancy import raw_of
+from nerfnav.planner.kernels.nearest import nearest_dense
+from nerfnav.planner.objective.problem import PlanProblem
+from nerfnav.planner.risk.costs import collision_per_step, point_exposure
+from nerfnav.planner.space.border import density_within, known_density, room_to_border
+from nerfnav.planner.space.scales import scales_of
+from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome
+from nerfnav.robots import Body, Motion, limit_uses
+
+_CERTAIN = 1.0
+"""Hits to be expected along the way of one body point."""
+_BISECTIONS = 12
+_MOST_SAMPLES = 4_000_000
+NEAR_CERTAIN = 0.5
+"""Bound on the probability of a collision from which nobody should be told that a plan is good: as likely as not."""
+
+
+@dataclass(frozen=True)
+class SafetyConfig:
+    """How a plan is judged on the field."""
+
+    samples_per_step: int = 3
+    """Densities taken along each body point's way through a step."""
+    threshold: float | None = None
+    """Density of the level set that clearance is measured to [1/m]; None: that of maps."""
+    reach: float | None = None
+    """How far around the plan dense space is looked for [m]; None: five bodies."""
+    voxel: float | None = None
+    """Distance of the densities that are looked at [m] in a field that is no grid: nothing thinner is sure to be seen
+    there. None: half a voxel of maps. Of a grid, all nodes are looked at."""
+
+    def lengths(self, field: Field, body: Body) -> tuple[float, float, float]:
+        """Threshold [1/m], reach and voxel [m] for a body in a field."""
+        scales = scales_of(field, body, threshold=self.threshold)
+        reach = scales.reach if self.reach is None else self.reach
+        return scales.threshold, reach, 0.5 * scales.voxel if self.voxel is None else self.voxel
+
+
+@dataclass(frozen=True)
+class Safety:
+    """What a plan risks, by what the field believes."""
+
+    per_step: Float[Tensor, " n"]
+    """Upper bound of the probability of a collision in each step."""
+    bound: float
+    """Their sum, an upper bound of the probability that the plan collides, at most 1. It counts every body point as
+    if it flew alone, so that light fog on many points already brings it to 1."""
+    min_clearance_m: float | None
+    """Smallest distance of a body point from dense space or from the border of the field's box [m], 0 inside or beyond
+    them; None where none is within reach."""
+    worst_step: int
+    """The step with the largest bound."""
+
+
+def safety_of(field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None) -> Safety:
+    """Judge one motion on the field."""
+    config = SafetyConfig() if config is None else config
+    with torch.no_grad():
+        steps = collision_per_step(field, motion, body, config.samples_per_step)
+        clearance = clearance_of(field, motion, body, config)
+    return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
+
+
+@torch.no_grad()
+def clearance_of(field: Field, motion: Motion, body: Body, config: SafetyConfig) -> float | None:
+    """Smallest distance of body points from the level set rho = threshold or the border of the field's box [m], None
+    where none is within reach."""
+    threshold, reach, voxel = config.lengths(field, body)
+    points = body.points_at(motion.states).reshape(-1, 3).to(field.box.lower)
+    to_border = room_to_border(field.box, points).min().item()
+    if to_border <= 0 or (field.density(points) > threshold).any():
+        return 0.0
+    known = [] if to_border > reach else [to_border]
+    return min([*known, *_to_dense(field, points, (threshold, min(reach, to_border + voxel), voxel))], default=None)
+
+
+def _to_dense(field: Field, points: Tensor, lengths: tuple[float, float, float]) -> list[float]:
+    """Smallest distance of points from the level set rho = threshold [m], nothing where it is not within reach."""
+    threshold, reach, voxel = lengths
+    if isinstance(field, GridField):
+        voxel = float(field.spacing.max())
+        distance, solid = _nearest_nodes(field, points, threshold, reach)
+    else:
+        distance, solid = _nearest_samples(field, points, threshold, reach, voxel)
+    if not torch.isfinite(distance).any():
+        return []
+    near = distance <= distance.min() + voxel
+    start, free, solid = points[near], points[near], solid[near]
+    for _ in range(_BISECTIONS):  # where the way to the nearest dense node enters the level set
+        middle = 0.5 * (free + solid)
+        inside = (field.density(middle) > threshold)[:, None]
+        free, solid = torch.where(inside, free, middle), torch.where(inside, middle, solid)
+    return [(free - start).norm(dim=-1).min().item()]
+
+
+def _nearest_nodes(field: GridField, points: Tensor, threshold: float, reach: float) -> tuple[Tensor, Tensor]:
+    """Distance [m] and place of the nearest dense node of a grid; infinite where another point is clearly nearer."""
+    at = points.double().cpu().numpy()
+    nodes, slack = np.zeros_like(at), float(field.spacing.max())
+    distance = nearest_dense(*field.kernel_grid, raw_of(threshold), at, reach, slack, nodes)
+    return torch.from_numpy(distance).to(points), torch.from_numpy(nodes).to(points)
+
+
+def _nearest_samples(
+    field: Field, points: Tensor, threshold: float, reach: float, voxel: float
+) -> tuple[Tensor, Tensor]:
+    """The same among samples `voxel` [m] apart, some points after the other where they spread over much space."""
+    lower = torch.maximum(points.amin(0) - reach, field.box.lower)
+    upper = torch.minimum(points.amax(0) + reach, field.box.upper)
+    axes = [torch.arange(low, high, voxel) for low, high in zip(lower.tolist(), upper.tolist(), strict=True)]
+    if math.prod(len(axis) for axis in axes) > _MOST_SAMPLES and len(points) > 1:
+        parts = [_nearest_samples(field, part, threshold, reach, voxel) for part in points.tensor_split(2)]
+        distances, places = zip(*parts, strict=True)
+        return torch.cat(distances), torch.cat(places)
+    nodes = torch.cartesian_prod(*axes).to(points)
+    dense = nodes[field.density(nodes) > threshold]
+    if len(dense) == 0:
+        return points.new_full((len(points),), math.inf), points
+    distance, index = scipy.spatial.KDTree(dense.cpu().numpy()).query(points.cpu().numpy(), distance_upper_bound=reach)
+    found = torch.from_numpy(np.minimum(index, len(dense) - 1)).to(points.device)
+    return torch.from_numpy(distance).to(points), dense[found]
+
+
+def verdict(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanOutcome) -> PlanOutcome:
+    """`outcome`, or what is wrong with a plan that a search has ended with."""
+    if not np.isfinite(cost.total):
+        return PlanOutcome.DIVERGED
+    told = honest(problem, motion, outcome)
+    if told is not PlanOutcome.IN_COLLISION and any(use.violated for use in limit_uses(problem.robot, motion)):
+        return PlanOutcome.OVER_LIMITS
+    return told
+
+
+def honest(problem: PlanProblem, motion: Motion, outcome: PlanOutcome) -> PlanOutcome:
+    """`outcome`, or what is wrong where that says that a plan is good and the field says that it is not.
+
+    A plan that is as likely as not to collide has not converged, nor is it worth more iterations.
+    """
+    # the bound is a sum over body points: where it is small, none of them is hit for certain
+    if outcome not in GOOD or _expected_hits(problem, motion) < NEAR_CERTAIN:
+        return outcome
+    return PlanOutcome.IN_COLLISION if meets_density(problem, motion) else PlanOutcome.LIKELY_COLLISION
+
+
+def _expected_hits(problem: PlanProblem, motion: Motion) -> float:
+    """`collision_probability_bound`, by the field's fast way to densities."""
+    points = problem.robot.body.points_at(motion.states).detach().double().cpu().numpy()
+    before, moved = points[:-1], np.diff(points, axis=0)
+    fractions = (np.arange(SafetyConfig.samples_per_step) + 0.5) / SafetyConfig.samples_per_step
+    along = before[:, None] + fractions[:, None, None] * moved[:, None]
+    density = torch.from_numpy(density_and_gradient(problem.field, along.reshape(-1, 3))[0]).reshape(along.shape[:3])
+    density = density_within(problem.field.box, torch.from_numpy(along), density).numpy()
+    return float((density.mean(1) * np.linalg.norm(moved, axis=-1)).sum())
+
+
+@torch.no_grad()
+def meets_density(problem: PlanProblem, motion: Motion) -> bool:
+    """Whether the body comes into something dense or beyond the border, and one of its points is expected to be hit.
+
+    One point alone, not the sum of Eq. 1: specks and light fog that all of them pass through bring that above 1 too.
+    """
+    points = problem.robot.body.points_at(motion.states)
+    if (known_density(problem.field, points) <= scales_of(problem.field, problem.robot.body).threshold).all():
+        return False
+    return point_exposure(problem.field, motion, problem.robot.body).max().item() >= _CERTAIN

@@ -1,0 +1,113 @@
+"""Configuration-space obstacles: where a level body does not fit, as accurately as a field can tell.
+
+Maps to search on (space/occupancy.py) err to the safe side by up to a voxel, which is 4 cm for the paper's robot;
+that is as much as noise moves it, and a chance that is computed on them may be ten times too large, more so beside
+one thing than beside another. Here nothing is added on purpose: points stand so densely that half of the body is a
+whole number of their distances, and a place is an obstacle where a point that the body would cover is dense.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from nerfnav.core.memory import require_memory
+from nerfnav.field import Field, GridField
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, headings_of
+from nerfnav.planner.space.occupancy import covered, dense_at, levels_of, pooled
+from nerfnav.planner.space.scales import Scales, grain_of
+from nerfnav.robots import Body
+
+_ACROSS, _FEWEST = 8, 4
+"""Points to the width of a body, and where so many are too many, or fields take long to ask."""
+_MOST = 6_000_000
+"""Points in all, as long as half of the body is no whole number of their distances: to make it one, up to four times as
+many are taken."""
+_BYTES = 48
+"""What a point takes, at most, until chances are made of it (collision_map.py): 36 to 43 were measured. And one for
+each heading."""
+_SLAB = 8
+"""Layers of points that are asked for at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class CSpace:
+    """Obstacles at the nodes of a grid."""
+
+    by_heading: Bool[np.ndarray, "h nx ny nz"]
+    """Whether the body's centre cannot be there with headings evenly over half a turn, begun at 0; a single one of a
+    body that is about as long as wide."""
+    lower: Float[np.ndarray, "3"]
+    """The first node [m]."""
+    spacing: Float[np.ndarray, "3"]
+    """Distance of nodes [m]."""
+
+    @classmethod
+    def of(cls, field: Field, body: Body, height: float | None = None) -> "CSpace":
+        """Of a body in a field; with a `height` [m] of a body that never leaves it, in a single layer.
+
+        Raises InvalidInputError where the memory cannot hold it, before it is made.
+        """
+        scales, grain = OccupancyConfig().scales(field, body), grain_of(field) or 0.0
+        affordable = (field.box.size.double().prod().item() / _MOST) ** (1 / 3)
+        if isinstance(field, GridField):
+            wanted = max(min(scales.width / _ACROSS, grain), affordable)
+            if wanted <= min(grain, scales.width / _FEWEST):
+                return cls._sampled(field, body, scales, wanted, height)
+        # points further apart than what the field tells apart would miss things, and networks take long to answer
+        voxel = max(scales.width / _FEWEST, grain, affordable)
+        coarse = OccupancyMap.of(field, body, OccupancyConfig(voxel=voxel, samples_per_voxel=1), height)
+        lower, spacing = coarse.box.lower.double().cpu().numpy(), coarse.spacing.double().numpy()
+        return cls(coarse.dense.numpy(), lower, spacing)
+
+    @classmethod
+    def _sampled(cls, field: Field, body: Body, scales: Scales, wanted: float, height: float | None) -> "CSpace":
+        box = field.box.to("cpu")
+        lower, size = box.lower.double().numpy(), box.size.double().numpy()
+        side, tall = _dividing(0.5 * scales.width, wanted), _dividing(0.5 * body.extents[2], wanted)
+        spacing = np.array([side, side, tall])
+        axes = [
+            first + step * torch.arange(math.ceil(edge / step - 1e-6) + 1, dtype=torch.float64)
+            for first, edge, step in zip(lower.tolist(), size.tolist(), spacing.tolist(), strict=True)
+        ]
+        if height is not None:
+            lower[2], axes[2] = height, levels_of(body, height).double()
+        headings = headings_of(OccupancyConfig(), scales)
+        count = math.prod(len(axis) for axis in axes)
+        require_room(count * (_BYTES + len(headings)), f"at {count:,} points {side:.3g} m apart")
+        columns = _dense(field, axes, scales)
+        if height is None:
+            columns = pooled(columns, round(0.5 * body.extents[2] / tall))
+        else:
+            columns = columns.amax(-1, keepdim=True)
+        marked = covered(columns.numpy(), 1, _outlines(body, headings, spacing), spacing[:2])
+        return cls(marked, lower, spacing)
+
+
+def _dividing(length: float, most: float) -> float:
+    """The largest step up to `most` of which a length [m] is a whole number; `most` where it is next to none."""
+    return length / math.ceil(length / most - 1e-6) if length > 0.5 * most else most
+
+
+def _dense(field: Field, axes: list[Tensor], scales: Scales) -> UInt8[Tensor, "nx ny nz"]:
+    """Whether it is dense at the points of a grid, given along each axis [m]; a slab at a time, to save memory."""
+    slabs = [torch.meshgrid(x, *axes[1:], indexing="ij") for x in axes[0].split(_SLAB)]
+    return torch.cat([dense_at(field, torch.stack(slab, -1), scales.threshold) for slab in slabs])
+
+
+def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
+    """Half length and half width of the body [m], to the nearest column, and each heading [rad]."""
+    half = 0.5 * np.array(body.extents[:2])
+    if len(headings) == 1:  # any heading
+        half[:] = half.max()
+    return np.array([[*(spacing[:2] * np.round(half / spacing[:2])), heading] for heading in headings])
+
+
+def require_room(needed: float, what: str) -> None:
+    """Refuse chances, or obstacles to make them of, that the memory cannot hold: `needed` bytes, for `what` of them."""
+    require_memory(
+        needed, f"the chance that noise pushes a robot into something, {what},", "plan without risk (--risk 0)"
+    )

@@ -1,0 +1,230 @@
+"""Multi-start optimisation: minimise Eq. 2 by BFGS on compiled kernels from several starts; the fast planner.
+
+Same terms, same ends, same dynamics as adam.py; some hundred iterations of a tenth of a millisecond in place of
+2,500 of several. Adam with any learning rate falls short: J at the start is nearly all control effort, whose
+curvature spans many orders of magnitude, so what matters is the preconditioner (bfgs.py).
+
+J has many minima. Several first guesses (ways around on either side, corners rounded more and less, the straight
+line) are first improved with a coarse body and little weight on collision, which lets them slide past what they
+graze; the best few then compete with the full J, and the winner goes on alone.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import islice
+
+import numpy as np
+import torch
+
+from nerfnav.planner.fused import Evaluation
+from nerfnav.planner.objective.objective import Objective
+from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
+from nerfnav.planner.objective.safety import verdict
+from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.risk.costs import CostWeights
+from nerfnav.planner.solvers.bfgs import NewtonConfig, minimise, preconditioner
+from nerfnav.planner.space.astar import SearchConfig
+from nerfnav.planner.space.ends import check_finite
+from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.trajectory import Trajectory
+from nerfnav.robots import limit_uses
+
+_FIRMER = (10.0, 100.0)
+"""How much more limits weigh, in turn, for a plan that ends beyond them."""
+_FINER = 4
+"""How many times as many densities are taken to choose between finalists: a body must not slip through a wall."""
+
+_KEPT = 1e-6
+"""Share of its scale by which a heading may change that is kept: too little to matter, and enough to divide by."""
+
+
+@dataclass(frozen=True)
+class ScoutConfig:
+    """How the first guesses are compared."""
+
+    points: int = 24
+    """Body points at which scouts ask for density: a coarse body."""
+    samples_per_step: int = 3
+    """Densities taken along each of their ways through a step."""
+    collision: float = 0.1
+    """Share of the weight of collision."""
+    heat: int = 10
+    """After so many steps only the best `survivors` go on."""
+    survivors: int = 4
+    """See heat."""
+    iterations: int = 30
+    """At most so many steps."""
+    finalists: int = 3
+    """How many of the first guesses go on with the full J."""
+    trial: int = 10
+    """After so many steps with the full J the best goes on alone."""
+
+
+@dataclass(frozen=True)
+class FastPlanConfig:
+    """How Eq. 2 is minimised, fast."""
+
+    newton: NewtonConfig = field(default_factory=NewtonConfig)
+    """The search."""
+    initial: InitialGuess = InitialGuess.ASTAR
+    """Where it starts."""
+    search: SearchConfig = field(default_factory=SearchConfig)
+    """Which ways are tried."""
+    scout: ScoutConfig = field(default_factory=ScoutConfig)
+    """How they are compared."""
+    weights: CostWeights = field(default_factory=CostWeights)
+    """What the terms of J weigh: the same as the paper's planner by default."""
+    occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
+    """How the field becomes a map for A*."""
+
+    @property
+    def iterations(self) -> int:
+        """Most iterations that planning may take."""
+        return self.newton.iterations
+
+    @property
+    def ways(self) -> SearchConfig:
+        """How ways are looked for where risk counts: a step on which noise hits something for certain costs `risk`, and
+        any other about `control`, for which a robot hovers."""
+        weights = self.weights
+        return replace(self.search, danger=weights.risk / weights.control) if weights.control else self.search
+
+
+def plan_fast(
+    problem: PlanProblem, config: FastPlanConfig | None = None, occupancy: OccupancyMap | None = None
+) -> Iterator[PlanStep]:
+    """Plan from scratch; yields every iteration with the full J, the last with the best trajectory and the outcome.
+
+    J falls from one step to the next of the same `start_index`, but for the last where it must rise to keep limits.
+    `occupancy` saves making the map again where the caller has it. Raises InvalidInputError, OutsideBoxError or
+    OccupiedError for ends that cannot be planned between, at the first step.
+    """
+    config = FastPlanConfig() if config is None else config
+    guesses = first_guesses(problem, config.initial, occupancy or config.occupancy, config.ways)
+    if not guesses.leads:
+        yield replace(_Desk(problem, guesses.trajectories[0], config).here(), outcome=PlanOutcome.NO_PATH)
+        return
+    yield from improve(problem, guesses.trajectories, config)
+
+
+def replan_fast(
+    problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig | None = None
+) -> Iterator[PlanStep]:
+    """Improve a trajectory that is already near a good one, such as `hot_start` gives; yields as `plan_fast` does."""
+    check_finite("start", trajectory.start)
+    config = FastPlanConfig() if config is None else config
+    yield from improve(problem, (trajectory,), replace(config, newton=config.newton.nearby()))
+
+
+def improve(
+    problem: PlanProblem, trajectories: tuple[Trajectory, ...], config: FastPlanConfig
+) -> Iterator[PlanStep]:
+    """The best that comes of some trajectories between the same ends; yields as `plan_fast` does."""
+    desk = _Desk(problem, trajectories[0], config)
+    starts = [trajectory.free.double().numpy() for trajectory in trajectories]
+    inverse = preconditioner(desk.objective.effort_curvature, starts[0], desk.scales, config.newton.prior)
+    reached = desk.scout(starts, inverse)
+    if len(starts) == 1:  # it may be as good as it gets already
+        reached[1] = desk.objective(starts[0])
+    order = sorted(reached, key=lambda index: _rank(reached[index]))[: config.scout.finalists]
+    searches = {index: desk.search(reached[index], inverse) for index in order}
+    latest: dict[int, tuple[Evaluation, bool]] = {}
+    for index in order:
+        for found in islice(searches[index], config.scout.trial if len(order) > 1 else None):
+            latest[index] = found
+            yield desk.record(index, found[0])
+    winner = min(order, key=lambda index: desk.fine_total(latest[index][0]))
+    for found in searches[winner]:
+        latest[winner] = found
+        yield desk.record(winner, found[0])
+    best, settled = desk.within_limits(*latest[winner])
+    outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
+    last = desk.record(winner, best)
+    yield replace(last, outcome=verdict(problem, last.motion, last.cost, outcome))
+
+
+class _Desk:
+    """What the searches between one start and one goal share."""
+
+    def __init__(self, problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig) -> None:
+        route, weights, scout = trajectory.route, config.weights, config.scout
+        self._flat = problem.robot.flat_map(route.start, route.goal, route.steps, route.dt)
+        self._problem, self._trajectory, self._config, self._count = problem, trajectory, config, 0
+        light = replace(
+            weights, collision=scout.collision * weights.collision, samples_per_step=scout.samples_per_step
+        )
+        fine = replace(weights, samples_per_step=_FINER * weights.samples_per_step)
+        self.objective, self._fine = self._weighing(weights), self._weighing(fine)
+        self._light = self._weighing(light, scout.points)
+        self.scales = problem.robot.free_scales(trajectory.free).double().numpy()
+        if problem.keeps_headings:
+            self.scales[problem.robot.free_headings(len(self.scales))] *= _KEPT
+
+    def _weighing(self, weights: CostWeights, points: int | None = None) -> Objective:
+        """J with other weights, and with a coarser body."""
+        context = replace(self._problem.context(weights), points=points)
+        return Objective(context, self._trajectory.route, self._problem.terms, self._flat)
+
+    def search(self, start: Evaluation, inverse: np.ndarray) -> Iterator[tuple[Evaluation, bool]]:
+        """The search with the full J."""
+        return minimise(self.objective, start, self.scales, self._config.newton, inverse)
+
+    def scout(self, starts: list[np.ndarray], inverse: np.ndarray) -> dict[int, Evaluation]:
+        """Where the most promising first guesses lead with the coarse body, and the full J there."""
+        scout = self._config.scout
+        newton = replace(self._config.newton, iterations=scout.iterations)
+        searches = [minimise(self._light, self._light(free), self.scales, newton, inverse) for free in starts]
+        found = {index: _last(islice(search, scout.heat)) for index, search in enumerate(searches)}
+        ahead = sorted(found, key=lambda index: _rank(found[index][0]))[: scout.survivors]
+        return {index: self.objective(_last(searches[index], found[index])[0].free) for index in ahead}
+
+    def within_limits(self, reached: Evaluation, settled: bool) -> tuple[Evaluation, bool]:
+        """The same where it keeps the robot's limits, else what heavier weights on them lead to, where that does, and
+        whether the search that led there had settled.
+
+        Penalties end a little beyond what they bound.
+        """
+        tried, rests = reached, settled
+        for firmer in (1.0, *_FIRMER):
+            if firmer > 1:
+                weights = self._config.weights
+                firm = self._weighing(replace(weights, limits=firmer * weights.limits))
+                inverse = preconditioner(firm.effort_curvature, tried.free, self.scales, self._config.newton.prior)
+                search = minimise(firm, firm(tried.free), self.scales, self._config.newton, inverse)
+                tried, rests = _last(search)
+            self._flat.forward(tried.free)
+            if not any(use.violated for use in limit_uses(self._problem.robot, self._flat.motion())):
+                return (self.objective(tried.free), rests) if firmer > 1 else (reached, settled)
+        return reached, settled
+
+    def fine_total(self, reached: Evaluation) -> float:
+        """J with so many densities that nothing is missed between them."""
+        return _rank(self._fine(reached.free))
+
+    def record(self, index: int, reached: Evaluation) -> PlanStep:
+        """The next step to yield."""
+        self._flat.forward(reached.free)  # the search may have looked elsewhere since
+        free = torch.from_numpy(reached.free).to(self._trajectory.free)
+        self._count += 1
+        trajectory = self._trajectory.with_free(free)
+        return PlanStep(self._count - 1, trajectory, self._flat.motion(), reached.cost, start_index=index)
+
+    def here(self) -> PlanStep:
+        """The trajectory as it is given."""
+        return self.record(0, self.objective(self._trajectory.free.double().numpy()))
+
+
+def _rank(reached: Evaluation) -> float:
+    """J, or infinity where it is no number."""
+    total = reached.cost.total
+    return total if np.isfinite(total) else np.inf
+
+
+def _last(
+    found: Iterator[tuple[Evaluation, bool]], before: tuple[Evaluation, bool] | None = None
+) -> tuple[Evaluation, bool]:
+    """The last of what a search yields, or what came before it."""
+    for each in found:
+        before = each
+    assert before is not None, "a search yields at least its start"
+    return before

@@ -1,0 +1,252 @@
+"""A* search: find paths through the occupancy map, and make them waypoints in time."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from nerfnav.geometry import so3
+from nerfnav.planner.kernels import search
+from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.robots import RigidState, unwrapped
+
+_CALMNESS = 2.0
+"""Weight of squared third differences against squared distances from the path: at 2 m/s, turns of a few decimetres."""
+_HELD = 2
+"""Waypoints at each end that calming leaves alone: with two, the ends keep their velocity."""
+ROUNDING, TURN, PATH_STEP = 0.06, 0.15, 0.01
+"""Of the paper's robots: length over which the corners of a path are rounded, length of way that a radian of turning
+counts for, and distance of points along a smoothed path [m]. A map's scales have those of others."""
+_LARGE = 1 << 18
+"""Voxels from which on a search is guided by a coarse map: it pays from there on."""
+_NEARLY = 1.1
+"""How much dearer than the cheapest the first way may be there: in open space very many are about as cheap."""
+_GREEDIER = 2.0
+"""How many times as greedy later searches are where danger makes prices differ much more than a straight line tells."""
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """Which ways are looked for."""
+
+    ways: int = 5
+    """How many, each to keep off the ones before it."""
+    detour: float = 3.0
+    """How much dearer the surroundings of a way become for the next one."""
+    berth: float | None = None
+    """How far these surroundings reach [m]; None: as the map's scales say."""
+    greed: float = 1.5
+    """By how much later ways may be dearer than the best for their prices, so that they are found at once."""
+    roundings: tuple[float, ...] = (1.0, 0.5, 2.0)
+    """Lengths over which the corners of the shortest way are rounded, a first guess for each, in those of the map's
+    scales; other ways take the first."""
+    straight: bool = True
+    """Whether to try the straight line too."""
+    danger: float = 0.0
+    """How many metres in the open a metre is worth on which noise hits something for certain, see collision_map.py; 0:
+    the ways of a robot that nothing disturbs. Settings that weigh risk say it themselves."""
+
+    @classmethod
+    def single(cls) -> "SearchConfig":
+        """The shortest way alone."""
+        return cls(ways=1, roundings=(1.0,), straight=False)
+
+
+def find_path(
+    occupancy: OccupancyMap, start: Float[Tensor, "3"], goal: Float[Tensor, "3"]
+) -> Float[Tensor, "n 3"] | None:
+    """The shortest way from start to goal that prefers clearance [m], both included; None where there is none.
+
+    A body with a map for each heading must fit with all of them; with `find_paths` it may turn.
+    """
+    ends = RigidState.at_rest(_tuple(start)), RigidState.at_rest(_tuple(goal))
+    any_heading, any_dense = (states.any(0, keepdim=True) for states in (occupancy.by_heading, occupancy.dense))
+    whatever = replace(occupancy, by_heading=any_heading, dense=any_dense)
+    paths = find_paths(whatever, *ends, SearchConfig(ways=1))
+    return paths[0][:, :3] if paths else None
+
+
+def find_paths(
+    occupancy: OccupancyMap,
+    start: RigidState,
+    goal: RigidState,
+    config: SearchConfig,
+    dearer: Float[np.ndarray, "m nx ny nz"] | None = None,
+) -> list[Float[Tensor, "_ c"]]:
+    """Ways from start to goal, both included, the shortest first; none where there is none.
+
+    Rows are x, y, z [m] and, where the map tells headings apart, the heading [rad], without jumps. `dearer` is what a
+    metre costs more in each voxel with each heading than by the map alone.
+    """
+    ends = [_node(occupancy, start), _node(occupancy, goal)]
+    if ends[0] is None or ends[1] is None:
+        return []
+    key = (*ends[0].tolist(), *ends[1].tolist(), config.ways, config.detour, config.berth, config.greed, config.danger)
+    known = None if occupancy.found is None else occupancy.found.get(key)
+    if known is None:
+        prices = occupancy.prices.copy() if dearer is None else occupancy.prices + dearer
+        known = _searched(occupancy, prices, (ends[0], ends[1]), config)
+        if occupancy.found is not None:
+            occupancy.found.clear()
+            occupancy.found[key] = known
+    return [_path(occupancy, nodes, start, goal) for nodes in known]
+
+
+def _searched(
+    occupancy: OccupancyMap, prices: np.ndarray, ends: tuple[np.ndarray, np.ndarray], config: SearchConfig
+) -> list[Int[np.ndarray, "_ 4"]]:
+    """The nodes of each way; prices change."""
+    spacing = occupancy.spacing.mean().item()
+    turn = occupancy.scales.turn * torch.pi / len(prices) / spacing
+    berth = occupancy.scales.berth if config.berth is None else config.berth
+    guided = prices.size > _LARGE or config.danger > 0
+    guide = search.costs_to(prices, ends[1]) if guided else np.zeros((0, 0, 0))
+    greeds = (_NEARLY if guided else 1.0, config.greed if config.danger == 0 else _GREEDIER * config.greed)
+    found = []
+    for way in range(config.ways):
+        nodes = cheapest_path(prices, ends, turn, greeds[min(way, 1)], guide)
+        if len(nodes) == 0:
+            break
+        found.append(nodes)
+        search.make_dearer(prices, nodes, max(1, round(berth / spacing)), config.detour)
+    return found
+
+
+def cheapest_path(
+    prices: Float[np.ndarray, "m nx ny nz"],
+    ends: tuple[np.ndarray, np.ndarray],
+    turn: float,
+    greed: float,
+    guide: Float[np.ndarray, "cx cy cz"],
+) -> Int[np.ndarray, "n 4"]:
+    """See the kernel of this name; no row where there is no way."""
+    nodes = prices.size * (2 if len(prices) > 1 else 1)
+    return search.cheapest_path(prices, guide, (np.empty(nodes), np.zeros(nodes, np.uint8)), ends, turn, greed)
+
+
+def _node(occupancy: OccupancyMap, state: RigidState) -> np.ndarray | None:
+    """The nearest free voxel within reach, and its heading: the state's, or the one nearest to it that fits."""
+    count = len(occupancy.by_heading)
+    if count == 1:
+        tried = [0]
+    else:
+        own = round(so3.yaw_of(state.rotation).item() * count / torch.pi)
+        tried = [(own + change) % (2 * count) for change in sorted(range(-count + 1, count + 1), key=abs)]
+    most = occupancy.scales.snap
+    beside = min(occupancy.spacing.norm().item(), most)  # nearly always enough, and few voxels are looked at
+    for heading in tried:
+        for reach in (beside, most):
+            free = occupancy.nearest_free_voxels(state.position, reach, heading % count)
+            if len(free):
+                return np.array([heading, *occupancy.index(free[0])])
+    return None
+
+
+def _path(
+    occupancy: OccupancyMap, nodes: np.ndarray, start: RigidState, goal: RigidState
+) -> Float[Tensor, "n c"]:
+    """World coordinates of a search's nodes between the exact ends."""
+    centers = occupancy.centers(torch.from_numpy(nodes[:, 1:]))
+    positions = torch.cat([start.position[None], centers, goal.position[None]])
+    if len(occupancy.by_heading) == 1:
+        return positions
+    yaw = torch.from_numpy(nodes[:, 0]) * (torch.pi / len(occupancy.by_heading))
+    first, last = so3.yaw_of(start.rotation)[None], so3.yaw_of(goal.rotation)[None]
+    return torch.cat([positions, unwrapped(torch.cat([first, yaw.to(first), last]))[:, None]], -1)
+
+
+def smooth_path(
+    path: Float[Tensor, "n c"], spread: float = ROUNDING, turn: float = TURN, step: float = PATH_STEP
+) -> Float[Tensor, "m c"]:
+    """The path with corners rounded over `spread` [m], its ends as they are, points about `step` [m] apart."""
+    pieces = lengths(path, turn)
+    shares = torch.linspace(0, 1, max(2, round(pieces.sum().item() / step)) + 1)
+    dense = _at_shares(path.numpy(), pieces.numpy(), shares.numpy())
+    reach = min(int(3 * spread / step), len(dense) - 1)
+    weights = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) * (step / spread)))
+    # reflected through the ends, so that these stay where they are and keep their direction
+    before = 2 * dense[0] - dense[1 : reach + 1][::-1]
+    after = 2 * dense[-1] - dense[-reach - 1 : -1][::-1]
+    columns = np.concatenate([before, dense, after]).astype(np.float64).T
+    rounded = [np.convolve(column, weights / weights.sum(), mode="valid") for column in columns]
+    return torch.from_numpy(np.stack(rounded, -1)).to(path)
+
+
+def resample(path: Float[Tensor, "n c"], shares: Float[Tensor, "m"], turn: float = TURN) -> Float[Tensor, "m c"]:
+    """Points of a polyline at the given shares of its length, 0 to 1; to turn is to go some way too."""
+    return torch.from_numpy(_at_shares(path.numpy(), lengths(path, turn).numpy(), shares.numpy()))
+
+
+def _at_shares(
+    points: Float[np.ndarray, "n c"], pieces: Float[np.ndarray, " pieces"], shares: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, "m c"]:
+    """The same of a polyline whose points are `pieces` [m] apart."""
+    reached = np.concatenate([[0.0], np.cumsum(pieces, dtype=np.float64)])
+    wanted = shares.astype(np.float64) * reached[-1]
+    return np.stack([np.interp(wanted, reached, column) for column in points.T], -1).astype(points.dtype)
+
+
+def as_way(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:
+    """The path with its headings, where it has some, in metres."""
+    if path.shape[-1] < 4:
+        return path
+    return path * path.new_tensor([1.0, 1.0, 1.0, turn])
+
+
+def lengths(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, " pieces"]:
+    """How far each point of a path is from the one before it [m]; to turn is to go some way too."""
+    return as_way(path, turn).diff(dim=0).norm(dim=-1)
+
+
+def late_steps(steps: int) -> int:
+    """Steps that pass before a robot leaves, of `steps` to its goal: one that must tilt first cannot leave at once."""
+    return min(2, steps // 4)
+
+
+@lru_cache(maxsize=64)
+def ease(steps: int) -> Float[Tensor, " times"]:
+    """Share of the way covered at each time step: minimum jerk (Flash and Hogan, 1985), leaving a little late."""
+    late = late_steps(steps)
+    time = ((torch.arange(steps + 1) - late) / (steps - late)).clamp_min(0)
+    return 10 * time**3 - 15 * time**4 + 6 * time**5
+
+
+def waypoints_along(
+    path: Float[Tensor, "n c"], start: RigidState, goal: RigidState, steps: int, turn: float = TURN
+) -> Float[Tensor, "times 4"]:
+    """Waypoints (x, y, z [m], yaw [rad]) along a path, eased in and out; headings of the path, or the shorter way."""
+    share = ease(steps)
+    along = resample(path, share, turn)
+    positions = calm(along[:, :3])
+    if path.shape[-1] == 4:
+        return torch.cat([positions, along[:, 3:]], -1)
+    ends = unwrapped(torch.stack([so3.yaw_of(start.rotation), so3.yaw_of(goal.rotation)]))
+    return torch.cat([positions, (ends[0] + (ends[1] - ends[0]) * share)[:, None]], -1)
+
+
+def calm(positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    """The positions near the given ones with small third differences: min_w |w - p|^2 + calmness |D^3 w|^2.
+
+    The two positions at each end stay. (Whittaker's smoothing, 1923.)
+    """
+    return (_calming(len(positions)) @ positions.double()).to(positions)
+
+
+@lru_cache(maxsize=64)
+def _calming(count: int) -> Float[Tensor, "n n"]:
+    """What `calm` does to so many positions: it is linear in them."""
+    third = torch.eye(count, dtype=torch.float64).diff(dim=0, n=3)
+    matrix = torch.eye(count, dtype=torch.float64) + _CALMNESS * third.T @ third
+    held = torch.zeros(count, dtype=torch.bool)
+    held[:_HELD], held[-_HELD:] = True, True
+    wanted = torch.eye(count, dtype=torch.float64)
+    wanted[~held] -= matrix[~held] * held
+    wanted[~held] = torch.linalg.solve(matrix[~held][:, ~held], wanted[~held])
+    return wanted
+
+
+def _tuple(point: Float[Tensor, "3"]) -> tuple[float, float, float]:
+    return point[0].item(), point[1].item(), point[2].item()

@@ -1,0 +1,60 @@
+"""`nerfnav experiment` and `nerfnav bench` as typed."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from nerfnav_app.cli.main import main, parse
+from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
+
+
+@pytest.mark.slow
+def test_an_experiment_prints_its_summary_and_writes_its_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["experiment", "planners", "--trials", "1", "--json", "--out", str(tmp_path)]) == 0
+    out, err = capsys.readouterr()
+    summary = json.loads(out.splitlines()[-1])
+    assert set(summary) == {"nerfnav", "minsnap", "rrt"}
+    assert summary["nerfnav"]["failures"] == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "planners.csv", "planners.png"}
+    assert json.loads((tmp_path / "results.json").read_text())["summary"] == summary
+    assert "results.json" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["experiment", "nothing"], "there is no experiment named 'nothing'"),
+        (["experiment", "planners", "--trials", "21"], "there are 20 tasks"),
+        (["experiment", "planners", "--jobs", "0"], "jobs must be 1 or more"),
+        (["experiment", "planners", "--truth"], "takes no options of whole flights"),
+        (["bench", "--place", "nowhere"], "'nowhere'"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and told in err and len(err.strip().splitlines()) == 1
+
+
+def test_the_help_of_the_command_names_every_experiment(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse(["experiment", "--help"])
+    told = "".join(capsys.readouterr().out.split()).replace("│", "")
+    assert ",".join(EXPERIMENTS) in told
+
+
+@pytest.mark.parametrize("planner", ["minsnap", "rrt"])
+def test_a_baseline_plans_and_prints_what_other_planners_print(
+    planner: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plan", "stonehenge", "--planner", planner, "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert main(["plan", "stonehenge", "--planner", "fast", "--json"]) == 0
+    fast = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert set(summary) == set(fast)
+    assert summary["outcome"] == "converged"
+    assert summary["mesh_overlap_m3"] == 0
+    assert summary["cost"]["control"] > fast["cost"]["control"]

@@ -1,0 +1,135 @@
+"""How many threads kernels use, and that they may be made in any thread."""
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+import torch
+
+from nerfnav.core.jit import Kernel, default_threads, kernel, prange, telling_compilation, threads
+from nerfnav.core.kernel_cache import cache_folder
+from nerfnav.field.kernels import carving
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(("usable", "expected"), [({0}, 1), ({0, 1}, 1), ({1, 4, 5, 7}, 3)])
+def test_one_of_the_cores_that_this_process_may_use_is_left_to_others(
+    usable: set[int], expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: usable, raising=False)
+    assert default_threads() == expected
+
+
+def test_kernels_that_are_made_in_several_threads_at_once_are_all_kept_in_their_own_folder() -> None:
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    make = Kernel._dispatcher.func  # type: ignore[attr-defined]  # without the lock that Python 3.11 has around it
+    kernels = [Kernel(lambda x, k=k: x + k, {"cache": True}) for k in range(60)]
+    interval = sys.getswitchinterval()
+    try:
+        sys.setswitchinterval(1e-6)
+        with ThreadPoolExecutor(8) as pool:
+            made = list(pool.map(make, kernels))
+    finally:
+        sys.setswitchinterval(interval)
+    assert before == numba.config.CACHE_DIR, "what others compile is kept where it was"  # type: ignore[attr-defined]
+    assert all(str(cache_folder()) in one._cache._cache_path for one in made)
+
+
+def test_machine_code_is_shared_by_all_installations_of_the_same_kernels() -> None:
+    located = carving.look_through._dispatcher._cache
+    assert Path(located._cache_path) == cache_folder() / "field_kernels"
+    elsewhere = Kernel(lambda x: x, {"cache": True})._dispatcher._cache
+    assert Path(elsewhere._cache_path).parent == cache_folder()
+    assert Path(__file__).parent.name in Path(elsewhere._cache_path).name, "of others, numba keeps apart the folders"
+
+
+def test_kernels_use_one_thread_unless_a_block_asks_for_more_and_none_inside_another_gets_more_than_that() -> None:
+    torch_before = torch.get_num_threads()
+    with threads(1) as outer, threads(4) as inner:
+        assert (outer, inner) == (1, 1)
+    with threads(2) as wide, threads(1) as narrow:
+        assert wide == min(2, numba.config.NUMBA_NUM_THREADS) and narrow == 1  # type: ignore[attr-defined]
+    assert torch.get_num_threads() == torch_before
+
+
+@kernel(parallel=True)
+def squares(values):
+    """Each value's square."""
+    out = np.empty_like(values)
+    for i in prange(len(values)):
+        out[i] = values[i] * values[i]
+    return out
+
+
+def test_a_parallel_kernel_gives_the_same_in_one_thread_and_in_several() -> None:
+    values = np.arange(1000.0)
+    alone = squares(values)
+    with threads(2) as used:
+        together = squares(values)
+    assert used == min(2, numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(alone, values**2)
+    np.testing.assert_array_equal(together, values**2)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="the system does not tell how long threads computed")
+def test_plans_and_updates_wake_up_no_pool_of_threads() -> None:
+    """Neither OpenMP's nor that of a library for linear algebra: none has computed for long once the loop has run."""
+    script = (
+        "import nerfnav, torch\n"
+        "torch.set_num_threads(1)\n"
+        "import os\n"
+        "from tests.planner.objective.test_objective import room, ROBOT, START, GOAL\n"
+        "from nerfnav.planner.solvers.fast import plan_fast\n"
+        "from nerfnav.planner.objective.problem import PlanProblem\n"
+        "from nerfnav.estimator.gauss_newton.fast_filter import FastFilter\n"
+        "from nerfnav.estimator.core.belief import Belief\n"
+        "from nerfnav.robots.noise import StateNoise\n"
+        "from nerfnav.field.render.volume_rendering import render_image\n"
+        "from nerfnav.geometry.camera import FORWARD_MOUNT, Camera\n"
+        "camera, field = Camera.from_fov(40, 40, 90), room()\n"
+        "picture = render_image(field, camera, START.pose.compose(FORWARD_MOUNT)).image\n"
+        "for _ in range(2):\n"
+        "    *_, plan = plan_fast(PlanProblem(field, ROBOT, START, GOAL))\n"
+        "    belief = Belief(START, StateNoise().covariance())\n"
+        "    [*FastFilter(field, ROBOT, camera).correct(belief, picture, torch.Generator().manual_seed(0))]\n"
+        "own = os.getpid()\n"
+        "def ticks(task):\n"
+        "    return sum(map(int, open(f'/proc/self/task/{task}/stat').read().rsplit(')', 1)[1].split()[11:13]))\n"
+        "others = [ticks(task) for task in os.listdir('/proc/self/task') if int(task) != own]\n"
+        "print(max(others, default=0), ticks(own))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
+    others, own = map(int, done.stdout.split()[-2:])
+    # one that is woken up and spins computes as long as the loop itself
+    assert others <= 0.1 * own, f"another thread computed for {others} ticks of {own}"
+
+
+def test_compilation_is_told_once_for_a_kernel_with_those_that_it_calls_and_only_in_its_own_thread() -> None:
+    told: list[bool] = []
+    inner = Kernel(lambda x: x + 1, {})
+
+    def outer(x: float) -> float:
+        return inner(x) + 1
+
+    with telling_compilation(told.append):
+        assert Kernel(outer, {})(1.0) == 3.0
+        assert told == [True, False]
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(Kernel(lambda x: x + 2, {}), 1.0).result() == 3.0
+    Kernel(lambda x: x + 3, {})(1.0)
+    assert told == [True, False]
+
+
+def test_reading_machine_code_from_the_cache_is_no_compilation() -> None:
+    told: list[bool] = []
+    squares(np.arange(3.0))
+    with telling_compilation(told.append):
+        np.testing.assert_array_equal(Kernel(squares._function, squares._options)(np.arange(3.0)), [0.0, 1.0, 4.0])
+    assert told == []

@@ -1,0 +1,44 @@
+"""What no picture improves upon, measured on photographs."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from nerfnav.estimator import ColorNoise, pose_floor
+from nerfnav.estimator.map_error import left_over
+from nerfnav.field.render.volume_rendering import render_image
+from nerfnav.geometry import PosedImages
+from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
+from nerfnav.robots import RigidState
+from tests.estimator.places import draws, voxel_balls
+
+CAMERA = Camera.from_fov(120, 96, 80)
+
+
+def photographs(shift: float) -> PosedImages:
+    """Rendered ones, said to be taken so far to the left of where they were [m]."""
+    poses = [RigidState.at_rest((-0.4 + 0.03 * index, 0.05, 0.28), 0.05 * index).pose.compose(FORWARD_MOUNT)
+             for index in range(6)]  # fmt: skip
+    images = [(255 * render_image(voxel_balls(), CAMERA, pose).color.clamp(0, 1)).round().to(torch.uint8)
+              .reshape(CAMERA.height, CAMERA.width, 3) for pose in poses]  # fmt: skip
+    said = [replace(pose, position=pose.position - shift * pose.rotation[:, 0]) for pose in poses]
+    return PosedImages(torch.stack(images), CAMERA, Pose.stack(said))
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.02])
+def test_the_floor_is_how_far_fits_end_from_where_photographs_were_taken(shift: float) -> None:
+    floor = pose_floor(voxel_balls(), photographs(shift), ColorNoise(std=0.02), draws(0))
+    std = torch.tensor(floor).reshape(6, 6).diagonal().sqrt()
+    assert std[0] == pytest.approx(shift, abs=0.003)
+    assert (std[1:3] < 0.004).all() and (std[3:] < 0.006).all()
+
+
+def test_errors_that_their_own_covariances_explain_are_not_counted_twice() -> None:
+    generator, count = draws(1), 400
+    told = torch.diag_embed(torch.rand(count, 6, generator=generator).double() * 2 + 0.5)
+    noise = told.diagonal(dim1=1, dim2=2).sqrt() * torch.randn(count, 6, generator=generator).double()
+    assert (left_over(noise, told).diagonal() < 0.4).all()
+    lasting = torch.tensor([3.0, 1.0, 2.0, 3.0, 1.0, 2.0]).double()
+    errors = noise + lasting * torch.randn(count, 6, generator=generator).double()
+    torch.testing.assert_close(left_over(errors, told).diagonal().sqrt(), lasting, rtol=0.2, atol=0.0)

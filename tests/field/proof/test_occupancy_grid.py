@@ -1,0 +1,58 @@
+"""What a place says of what is unproven in it."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.occupancy import State
+from nerfnav.field.models.bricks import in_bricks
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.proof.occupancy_grid import unproven_in_words
+from nerfnav.geometry.box import Box
+from tests.planner.places import ball
+
+
+def place(*layers: State) -> VoxelField:
+    """A place of three layers, each of which is known throughout to be in a state."""
+    states = torch.tensor([int(state) for state in layers], dtype=torch.uint8).repeat_interleave(4)
+    values = torch.zeros(8, 8, 12, 4)
+    values[..., 0] = -20.0
+    box = Box(torch.zeros(3), torch.tensor([1.0, 1.0, 1.5]))
+    return VoxelField(box, values, torch.ones(3), evidence=states.expand(8, 8, 12).clone())
+
+
+@pytest.mark.parametrize(
+    ("layers", "expected"),
+    [
+        ((State.UNPROVEN, State.FREE, State.FREE), "the floor"),
+        ((State.SOLID, State.UNPROVEN, State.FREE), "half its height"),
+        ((State.FREE, State.FREE, State.UNPROVEN), "high up"),
+    ],
+)
+def test_a_place_says_how_much_is_unproven_and_what_photographs_would_help(layers: tuple[State, ...], expected: str):
+    told = unproven_in_words(place(*layers))
+    assert told.startswith("33% of this place is unproven") and expected in told and "or depth maps" in told
+
+
+def test_bricks_say_what_the_dense_field_says():
+    field = place(State.FREE, State.SOLID, State.UNPROVEN)
+    dense, bricks = field.unproven_by_height, in_bricks(field).unproven_by_height
+    assert dense is not None and bricks is not None
+    assert torch.allclose(bricks, dense)
+    assert unproven_in_words(in_bricks(field)) == unproven_in_words(field) != ""
+
+
+def test_a_place_that_depth_has_proven_asks_for_photographs_alone():
+    field = place(State.UNPROVEN, State.FREE, State.FREE)
+    assert "depth maps" not in unproven_in_words(replace(field, info=FieldInfo(proven_from="depth")))
+
+
+def test_a_place_that_is_known_says_nothing():
+    assert unproven_in_words(place(State.FREE, State.SOLID, State.FREE)) == ""
+
+
+def test_a_place_without_proofs_says_so():
+    assert "Nothing proves" in unproven_in_words(replace(place(*3 * [State.FREE]), evidence=None))
+    assert "Nothing proves" in unproven_in_words(ball())

@@ -1,0 +1,141 @@
+"""Training: a picture goes in, the same picture comes out, always in the same way."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from nerfnav.core.jit import default_threads
+from nerfnav.field.clear_grids import views_of
+from nerfnav.field.train.config import TrainConfig
+from nerfnav.field.train.loop import TrainStep, train
+from nerfnav.field.train.rays import RaySampler
+from nerfnav.geometry.grid import node_positions
+from tests.field.fields import BOX, ball, photographs_of_ball
+
+CONFIG = TrainConfig(voxel=0.05, iterations=300, rays=1024, report_every=50)
+
+
+def run(config: TrainConfig = CONFIG, seed: int = 0) -> list[TrainStep]:
+    generator = torch.Generator().manual_seed(seed)
+    photographs, held_out = photographs_of_ball(24), photographs_of_ball(4, turn=0.7)
+    return list(train(photographs, held_out, BOX, ball().background, config, generator))
+
+
+@pytest.fixture(scope="module")
+def trained() -> list[TrainStep]:
+    """A training with the first seed."""
+    return run()
+
+
+@pytest.mark.slow
+def test_a_ball_is_learned_from_its_pictures(trained: list[TrainStep]):
+    steps = trained
+    field = steps[-1].field
+    assert field is not None
+    assert steps[-1].psnr_db > 25
+    assert field.info.psnr_db == steps[-1].psnr_db
+    assert field.info.noise_std is not None and 0 < field.info.noise_std < 0.06
+    on_the_skin = field.density(torch.tensor([[0.28, 0.0, 0.0], [0.0, -0.28, 0.0]]))
+    far_away = field.density(torch.tensor([[0.7, 0.7, 0.4], [-0.8, 0.0, 0.0]]))
+    assert on_the_skin.min() > 20
+    assert far_away.max() < 1
+
+
+@pytest.mark.slow
+def test_progress_counts_up_to_the_end(trained: list[TrainStep]):
+    steps = trained
+    fractions = [step.fraction for step in steps]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    assert [step.field is None for step in steps] == [True] * (len(steps) - 1) + [False]
+    assert all(step.rays_per_s > 0 for step in steps)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_field_bit_for_bit():
+    brief = replace(CONFIG, iterations=80, rays=512)
+    first, second, other = (run(brief, seed)[-1].field for seed in (0, 0, 1))
+    assert first is not None and second is not None and other is not None
+    assert torch.equal(first.values, second.values), f"with {default_threads()} threads"
+    assert not torch.equal(first.values, other.values)
+
+
+def test_asking_to_stop_gives_the_field_so_far():
+    generator = torch.Generator().manual_seed(0)
+    steps = train(photographs_of_ball(8), photographs_of_ball(1).subset([]), BOX, ball().background, CONFIG, generator)
+    assert next(steps).field is None
+    last = steps.send(True)
+    assert last.field is not None
+    assert last.field.info.iterations == 50
+    assert last.field.info.psnr_db is None  # nothing was held out
+
+
+@pytest.mark.slow
+def test_fields_of_what_is_learned_so_far_can_be_planned_in_and_change_nothing():
+    brief = replace(CONFIG, iterations=60, rays=256, report_every=20)
+    plain, told = run(brief)[-1].field, run(replace(brief, field_every=1e-3))
+    on_the_way = [step.so_far for step in told[:-1] if step.so_far is not None]
+    assert len(on_the_way) >= 20 and told[-1].so_far is None
+    last = told[-1].field
+    assert plain is not None and last is not None and torch.equal(last.values, plain.values)
+    assert on_the_way[0].shape < on_the_way[-1].shape == last.shape
+    for field in on_the_way[::10]:
+        assert field.evidence is not None and field.info.psnr_db is not None and field.info.noise_std is not None
+    assert on_the_way[0].info.iterations < 10, "time counts from the end of the first step"
+
+
+@pytest.mark.slow
+def test_from_the_given_share_on_only_colours_are_learned():
+    config = replace(CONFIG, iterations=40, rays=256, firm_from=0.3, field_every=1e-3)
+    steps = [step for step in run(config) if step.fraction > 0.8]
+    fields = [field for step in steps if (field := step.so_far or step.field) is not None]
+    assert len(fields) > 5
+    assert all(torch.equal(field.values[..., 0], fields[0].values[..., 0]) for field in fields)
+    assert not torch.equal(fields[0].values[..., 1:], fields[-1].values[..., 1:])
+
+
+@pytest.mark.slow
+def test_a_budget_ends_training_in_time():
+    last = run(TrainConfig(voxel=0.04, budget=1.0, rays=512))[-1]
+    assert last.field is not None
+    assert last.fraction == 1
+    assert 0.8 <= last.field.info.train_s < 7.0, "finishing has its share of the budget"
+
+
+def test_nodes_that_more_cameras_see_learn_faster():
+    share = views_of(node_positions(BOX, (5, 5, 5)), photographs_of_ball(12))
+    assert share.max() == 1
+    assert share[2, 2, 2] == 1
+    assert share[0, 0, 4] < 1
+
+
+def test_training_rays_are_those_of_the_camera():
+    photographs = photographs_of_ball(3, size=8)
+    batch = RaySampler(photographs, torch.Generator().manual_seed(0)).draw(500)
+    known = {}
+    for index, image in enumerate(photographs.images):
+        origins, directions = photographs.camera.rays(photographs.poses[index])
+        for origin, direction, color in zip(origins, directions, image.reshape(-1, 3) / 255, strict=True):
+            known[tuple((direction * 1e4).round().tolist())] = (origin, color)
+    for origin, direction, target in zip(batch.origins, batch.directions, batch.targets, strict=True):
+        expected_origin, expected_color = known[tuple((torch.from_numpy(direction) * 1e4).round().tolist())]
+        torch.testing.assert_close(torch.from_numpy(origin), expected_origin)
+        torch.testing.assert_close(torch.from_numpy(target), expected_color)
+
+
+def test_patches_are_neighbouring_pixels_of_one_picture_that_hold_one_that_is_asked_for():
+    photographs = photographs_of_ball(3, size=8)
+    asked = torch.zeros(3, 8, 8, dtype=torch.bool)
+    asked[1, 0, 0] = asked[2, 5, 6] = True
+    generator = torch.Generator().manual_seed(0)
+    batch = RaySampler(photographs, generator, asked).draw(4 * 200 + 3, patch=2)
+    assert len(batch.targets) == 4 * 200
+    directions = [photographs.camera.rays(photographs.poses[index])[1].reshape(8, 8, 3) for index in range(3)]
+    corners = set()
+    for rays in torch.from_numpy(batch.directions).reshape(200, 4, 3):
+        image = 1 if (directions[1][:2, :2].reshape(4, 3) - rays).abs().max() < 1e-5 else 2
+        (top, left), *_ = ((directions[image] - rays[0]).abs().amax(-1) < 1e-5).nonzero().tolist()
+        assert (directions[image][top : top + 2, left : left + 2].reshape(4, 3) - rays).abs().max() < 1e-5
+        assert asked[image, top : top + 2, left : left + 2].any()
+        corners.add((image, top, left))
+    assert corners == {(1, 0, 0), (2, 4, 5), (2, 4, 6), (2, 5, 5), (2, 5, 6)}

@@ -1,0 +1,129 @@
+"""Ways to come to rest, kept ready beside plans and flown where these are no longer good."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from nerfnav.navigation.fallback import Guard
+from nerfnav.navigation.loop import navigate
+from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
+from nerfnav.navigation.steps import Doubt, EpisodeOutcome, NavigationStep
+from nerfnav.navigation.supervisor import Recovery
+from nerfnav.planner.route import Route
+from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.robots.state import Motion, RigidState
+from tests.navigation.doubles import CALM, ROBOT, Oracle, StraightPlanner, draws, simulator
+from tests.planner.places import Colorless, Wall
+
+CONFIG = NavigateConfig(initial=CALM, noise=CALM)
+GOAL = RigidState.at_rest((0.6, 0.5, 0.6))
+CLOSED = Wall(door=0.0)
+
+
+@dataclass(frozen=True)
+class Sill(Colorless):
+    """A wall across the way up to a height of 0.4 m."""
+
+    def density(self, points: Tensor) -> Tensor:
+        solid = (points[..., 0].abs() < 0.1) & (points[..., 2] < 0.4)
+        return torch.where(solid, 200.0, 0.0).to(points)
+
+
+@dataclass
+class Blocked(StraightPlanner):
+    """A planner that finds its way blocked in some of the replannings, counted from 0."""
+
+    blocked: range = range(0)
+    count: int = field(default=0)
+
+    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
+        *steps, end = super().replan(last, route, executed)
+        outcome = PlanOutcome.IN_COLLISION if self.count in self.blocked else end.outcome
+        self.count += 1
+        yield from steps
+        yield replace(end, outcome=outcome)
+
+
+def moving(x: float, z: float, speed: float) -> RigidState:
+    return replace(RigidState.at_rest((x, 0.5, z)), velocity=torch.tensor([speed, 0.0, 0.0]))
+
+
+def planned(start: RigidState, outcome: PlanOutcome) -> PlanStep:
+    """Straight to the other side through whatever there is."""
+    *_, step = StraightPlanner(outcome).plan(Route(start, RigidState.at_rest((0.6, 0.5, 0.3)), 12))
+    return step
+
+
+def test_beside_a_good_plan_there_is_a_way_to_brake_and_the_plan_is_flown():
+    start = moving(-0.7, 0.6, 1.0)
+    backup, taken = Guard(CLOSED, ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
+    assert backup.safe and not taken and backup.bound < 0.01
+    states = backup.motion.states
+    assert states.velocity[-1].norm() < 0.1 and torch.equal(states.position[0], start.position)
+    for index, action in enumerate(backup.motion.actions):  # it obeys the dynamics
+        after = ROBOT.step(states[index], action, 0.1)
+        torch.testing.assert_close(after.position, states.position[index + 1])
+
+
+def test_in_place_of_a_plan_through_a_wall_the_robot_brakes():
+    backup, taken = Guard(CLOSED, ROBOT).beside(planned(moving(-0.7, 0.6, 1.0), PlanOutcome.IN_COLLISION), 0.1)
+    assert taken and backup.safe and backup.motion.states.position[:, 0].max() < -0.2
+
+
+def test_what_cannot_brake_before_a_wall_evades_upwards():
+    start = moving(-0.5, 0.38, 1.2)
+    straight, _ = Guard(Sill(), ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
+    assert not straight.safe
+    backup, taken = Guard(Sill(), ROBOT).beside(planned(start, PlanOutcome.LIKELY_COLLISION), 0.1)
+    assert taken and backup.safe and backup.motion.states.position[-1, 2] > 0.47
+
+
+def test_a_backup_that_is_not_safe_is_not_flown():
+    backup, taken = Guard(CLOSED, ROBOT).beside(planned(moving(-0.3, 0.6, 2.5), PlanOutcome.IN_COLLISION), 0.1)
+    assert not taken and not backup.safe and backup.bound > 0.5
+
+
+@pytest.mark.parametrize("guarded", [False, True])
+def test_a_blocked_robot_holds_and_goes_on_when_there_is_a_way_again(guarded: bool):
+    world = simulator()
+    world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
+    wall, planner = Wall(door=0.0, thickness=0.02), Blocked(blocked=range(3, 6))
+    pilot = Pilot(planner, Oracle(world), guard=Guard(wall, ROBOT) if guarded else None)
+    events = navigate(Mission(GOAL, steps=16), world, pilot, CONFIG, draws(0))
+    steps = [event for event in events if isinstance(event, NavigationStep)]
+    held = [step.index for step in steps if step.recovery is Recovery.BACKUP]
+    assert held == ([3, 4, 5] if guarded else [])
+    assert all((step.backup is not None) is guarded for step in steps[1:])
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    if guarded:  # the way is taken up with the time that stopping took
+        assert steps[6].plan.actions.shape[-2] > steps[2].plan.actions.shape[-2]
+
+
+def test_a_robot_without_a_way_on_does_not_doubt_where_it_is():
+    world = simulator()
+    world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
+    pilot = Pilot(Blocked(blocked=range(1, 3)), Oracle(world), guard=Guard(CLOSED, ROBOT))
+    events = navigate(Mission(GOAL, steps=16), world, pilot, CONFIG, draws(0))
+    steps = [event for event in events if isinstance(event, NavigationStep)][:3]
+    doubt = Doubt(steps[0].plan)
+    for step in steps[1:]:
+        doubt = doubt.after(step)
+    assert doubt.held == 2 and doubt.unsure == doubt.lost == 0
+
+
+def test_a_robot_does_not_take_off_where_no_way_is_safe_enough_and_says_what_the_safest_risks():
+    def flown(most: float) -> list[NavigationStep]:
+        world = simulator()
+        world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
+        pilot = Pilot(StraightPlanner(), Oracle(world), guard=Guard(CLOSED, ROBOT))
+        config = replace(CONFIG, most_hits=most)
+        events = navigate(Mission(GOAL, steps=16), world, pilot, config, draws(0))
+        return [event for event in events if isinstance(event, NavigationStep)]
+
+    (start,) = flown(0.5)
+    assert start.outcome is EpisodeOutcome.TOO_RISKY
+    assert start.hits_expected is not None and start.hits_expected > 0.5
+    assert len(flown(start.hits_expected + 0.01)) > 1

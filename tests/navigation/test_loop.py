@@ -1,0 +1,408 @@
+"""Algorithm 1, with stand-ins for planner and estimator."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import pytest
+import torch
+from torch import Tensor
+
+from nerfnav.core.errors import OccupiedError
+from nerfnav.estimator.core.belief import Belief
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.lasting_error import LastingError
+from nerfnav.geometry import so3
+from nerfnav.navigation.loop import navigate
+from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
+from nerfnav.navigation.orders import Orders
+from nerfnav.navigation.simulator import Simulator
+from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
+from nerfnav.navigation.supervisor import Recovery
+from nerfnav.planner.route import Route
+from nerfnav.planner.space.ends import fits
+from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.robots import ProcessNoise, StateNoise
+from nerfnav.robots.state import RigidState
+from tests.navigation.doubles import CALM, GOAL, MISSION, ROBOT, START, Oracle, StraightPlanner, draws, simulator
+from tests.planner.objective.test_default_ends import field_of
+
+CONFIG = NavigateConfig(initial=CALM, noise=CALM)
+
+
+def fly(
+    planner: StraightPlanner | None = None,
+    world: Simulator | None = None,
+    config: NavigateConfig = CONFIG,
+    mission: Mission = MISSION,
+    lost: FilterOutcome = FilterOutcome.UPDATED,
+) -> list[LoopEvent]:
+    world = simulator() if world is None else world
+    pilot = Pilot(StraightPlanner() if planner is None else planner, Oracle(world, lost))
+    return list(navigate(mission, world, pilot, config, draws(1)))
+
+
+@dataclass
+class _Told:
+    """An oracle that says something, or nothing, by the index of the picture."""
+
+    simulator: Simulator
+    says: Callable[[int], FilterOutcome]
+    index: int = 0
+
+    def update(
+        self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        says, self.index = self.says(self.index), self.index + 1
+        yield from Oracle(self.simulator, says).update(belief, image, action, dt, generator)
+
+
+def flown_by(says: Callable[[int], FilterOutcome]) -> list[LoopEvent]:
+    world = simulator()
+    return list(navigate(MISSION, world, Pilot(StraightPlanner(), _Told(world, says)), CONFIG, draws(1)))
+
+
+def steps_of(events: list[LoopEvent]) -> list[NavigationStep]:
+    return [event for event in events if isinstance(event, NavigationStep)]
+
+
+def test_the_robot_reaches_the_goal():
+    last = steps_of(fly())[-1]
+    assert last.outcome is EpisodeOutcome.REACHED
+    assert (last.truth.position - GOAL.position).norm() < CONFIG.goal_tolerance_m + 0.01
+
+
+@dataclass
+class _Listening:
+    """An oracle that remembers what it was asked to go on with."""
+
+    simulator: Simulator
+    asked: list[Belief] = field(default_factory=list)
+
+    def update(
+        self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        self.asked.append(belief)
+        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+
+
+def test_what_the_field_is_wrong_by_is_told_and_neither_averages_out_nor_holds_the_robot_up():
+    spread = torch.diag(torch.tensor([0.05, 0.06, 0.07, 0.01, 0.02, 0.03]))
+    wrong = LastingError(tuple(spread.square().flatten().tolist()))
+    world, plain = simulator(), steps_of(fly())
+    listening = _Listening(world)
+    pilot = Pilot(StraightPlanner(), listening, lasting=wrong)
+    steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
+    assert CONFIG.recovery.widest < 0.05, "so that a robot would hold for ever that took it for what pictures tell"
+    assert [step.recovery for step in steps] == [step.recovery for step in plain]
+    for step, before in zip(steps[1:], plain[1:], strict=True):
+        assert torch.equal(step.belief.mean.position, before.belief.mean.position)
+        told = step.belief.covariance - wrong.at(step.belief)
+        torch.testing.assert_close(told, before.belief.covariance, rtol=0, atol=1e-8)
+    for step, asked in zip(steps[1:-1], listening.asked[1:], strict=True):
+        torch.testing.assert_close(asked.covariance, step.belief.covariance - wrong.at(step.belief), rtol=0, atol=1e-8)
+    first = listening.asked[0].covariance - steps[0].belief.covariance
+    torch.testing.assert_close(first, wrong.at(steps[0].belief), rtol=0, atol=1e-8)
+
+
+def test_each_time_step_is_filter_then_plan_then_its_record():
+    kinds = [type(event) for event in fly()]
+    first = kinds.index(NavigationStep)
+    assert kinds[:first] == [PlanStep] * 4
+    assert kinds[first + 1 : first + 5] == [FilterStep, PlanStep, PlanStep, NavigationStep]
+    assert kinds[-1] is NavigationStep
+
+
+def test_steps_are_numbered_from_the_start_and_only_the_last_has_an_outcome():
+    steps = steps_of(fly())
+    assert [step.index for step in steps] == list(range(len(steps)))
+    assert [step.time for step in steps] == pytest.approx([0.1 * step.index for step in steps])
+    assert all(step.outcome is None for step in steps[:-1])
+    assert steps[0].action is None and steps[0].image is None and steps[0].update is None
+    assert all(step.image is not None and step.update is not None for step in steps[1:])
+
+
+def test_the_first_belief_is_off_by_what_its_covariance_says():
+    errors = []
+    for seed in range(200):
+        world = simulator()
+        pilot = Pilot(StraightPlanner(), Oracle(world))
+        flight = navigate(MISSION, world, pilot, replace(CONFIG, open_loop=True), draws(seed))
+        first = next(event for event in flight if isinstance(event, NavigationStep))
+        errors.append(first.belief.mean.local(first.truth))
+        torch.testing.assert_close(first.belief.covariance, CALM.covariance())
+    torch.testing.assert_close(torch.stack(errors).std(0), CALM.std(), rtol=0.25, atol=0)
+
+
+def test_every_plan_starts_at_the_believed_state_and_its_first_action_is_flown():
+    steps = steps_of(fly())
+    for step in steps:
+        torch.testing.assert_close(step.plan.states.position[0], step.belief.mean.position)
+    for before, after in pairwise(steps):
+        assert after.action is not None
+        assert torch.equal(after.action, before.plan.actions[0])
+
+
+def test_the_horizon_shrinks_but_never_below_the_minimum():
+    planner = StraightPlanner()
+    fly(planner)
+    assert planner.horizons[:9] == [12, 11, 10, 9, 8, 7, 6, 6, 6]
+    assert min(planner.horizons) == CONFIG.minimum_horizon
+
+
+def test_a_given_first_plan_is_not_planned_again():
+    *_, planned = StraightPlanner().plan(Route(START, GOAL, 12))
+    events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), mission=Mission(GOAL, 12, 0.1, planned.motion))
+    assert [type(event) for event in events[:3]] == [PlanStep, PlanStep, NavigationStep]
+    assert steps_of(events)[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_no_way_to_the_goal_ends_the_flight_before_it_begins():
+    (only,) = steps_of(fly(StraightPlanner(outcome=PlanOutcome.NO_PATH)))
+    assert only.outcome is EpisodeOutcome.NO_PLAN
+
+
+def test_a_plan_of_nan_is_not_flown():
+    (only,) = steps_of(fly(StraightPlanner(broken=True)))
+    assert only.outcome is EpisodeOutcome.NO_PLAN
+
+
+def test_a_flight_that_gets_nowhere_times_out():
+    config = replace(CONFIG, goal_tolerance_m=0.0)
+    steps = steps_of(fly(config=config))
+    assert steps[-1].outcome is EpisodeOutcome.TIMEOUT
+    assert steps[-1].index == 2 * MISSION.steps
+
+
+def test_pictures_that_disagree_again_and_again_end_the_flight():
+    steps = steps_of(fly(lost=FilterOutcome.DIVERGED))
+    assert steps[-1].outcome is EpisodeOutcome.DIVERGED
+    assert steps[-1].index == CONFIG.recovery.patience
+
+
+def test_pictures_that_say_nothing_do_not_end_the_flight_once_one_has_said_something():
+    steps = steps_of(flown_by(lambda index: FilterOutcome.PREDICTED_ONLY if index else FilterOutcome.UPDATED))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED and not any(step.holds for step in steps)
+
+
+def test_a_robot_looks_around_before_it_leaves_until_a_picture_says_something():
+    steps = steps_of(flown_by(lambda index: FilterOutcome.PREDICTED_ONLY if index < 4 else FilterOutcome.UPDATED))
+    assert [step.recovery for step in steps[:7]] == [None, *[Recovery.BLIND] * 4, None, None]
+    turned = so3.local(START.rotation, steps[4].truth.rotation).norm()
+    assert turned > 0.3 and (steps[4].truth.position - START.position).norm() < 0.12, "but for the first action"
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_a_robot_that_touches_flies_on_and_has_collided_in_the_end():
+    def contact(before: RigidState, after: RigidState) -> bool:
+        return bool(before.position[0] < 0 <= after.position[0])
+
+    steps = steps_of(fly(world=simulator(contact=contact)))
+    assert sum(step.touched for step in steps) == 1 and not steps[-1].touched
+    assert steps[-1].outcome is EpisodeOutcome.COLLIDED
+    assert (steps[-1].truth.position - GOAL.position).norm() < 0.1
+
+
+def test_open_loop_flies_the_first_plan_without_looking():
+    def blind(pose: object) -> torch.Tensor:
+        raise AssertionError("nobody looks in open loop")
+
+    steps = steps_of(fly(world=simulator(camera=blind), config=replace(CONFIG, open_loop=True)))
+    assert len(steps) == MISSION.steps + 1
+    assert all(step.update is None and step.image is None for step in steps)
+    flown = torch.stack([step.action for step in steps[1:] if step.action is not None])
+    assert torch.equal(flown, steps[0].plan.actions)
+    traces = [step.belief.covariance.trace().item() for step in steps]
+    assert traces == sorted(traces)
+
+
+def test_without_noise_open_loop_meets_the_goal_exactly():
+    steps = steps_of(fly(world=simulator(noise=None), config=replace(CONFIG, open_loop=True)))
+    torch.testing.assert_close(steps[-1].truth.position, GOAL.position, atol=1e-4, rtol=0)
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+
+
+def test_what_the_planner_refuses_is_refused_here():
+    class Refusing(StraightPlanner):
+        def plan(self, route: Route) -> Iterator[PlanStep]:
+            raise OccupiedError("the goal is in occupied space", None)
+
+    with pytest.raises(OccupiedError, match="occupied"):
+        fly(Refusing())
+
+
+def test_the_same_seeds_give_the_same_flight():
+    first, second = (steps_of(fly())[-1] for _ in range(2))
+    assert torch.equal(first.truth.position, second.truth.position)
+
+
+def test_the_consumers_time_is_not_counted():
+    clock, world = [0.0], simulator()
+    mission = replace(MISSION, clock=lambda: clock[0])
+    for event in navigate(mission, world, Pilot(StraightPlanner(), Oracle(world)), CONFIG, draws(1)):
+        if isinstance(event, FilterStep):
+            clock[0] += 0.5
+        if isinstance(event, NavigationStep) and event.index == 1:
+            assert event.filter_ms == 0
+            return
+    pytest.fail("the flight has no first step")
+
+
+def test_the_paper_preset_assumes_a_tenth_of_the_identity():
+    paper = NavigateConfig.paper()
+    torch.testing.assert_close(paper.filter.process_noise.covariance(), 0.1 * torch.eye(12))
+    assert ROBOT.minimum_steps <= paper.minimum_horizon
+
+
+def test_a_goal_that_moves_in_flight_is_flown_to():
+    moved = RigidState.at_rest((-0.4, 0.5, 0.3))
+    asked = []
+
+    def orders() -> Orders:
+        asked.append(None)
+        return Orders(goal=moved) if len(asked) > 3 else Orders()
+
+    planner = StraightPlanner()
+    steps = steps_of(fly(planner, mission=replace(MISSION, orders=orders)))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    assert (steps[-1].truth.position - moved.position).norm() < CONFIG.goal_tolerance_m + 0.01
+    assert planner.horizons[4] == MISSION.steps, "there is time for the whole way to the new goal"
+    assert len(steps) > MISSION.steps
+
+
+@pytest.mark.parametrize(("in_sight", "headings"), [(0.4, (1.8, 3.2)), (0.0, (0.0, 0.01))])
+def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is_asked_for(
+    in_sight: float, headings: tuple[float, float]
+) -> None:
+    world, wall = simulator(), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
+    pilot = Pilot(StraightPlanner(), Oracle(world), seen=field_of(((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), wall))
+    steps = steps_of(list(navigate(MISSION, world, pilot, replace(CONFIG, in_sight=in_sight), draws(1))))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    for step in steps:
+        if step.holds:
+            continue
+        end = step.plan.states[-1]
+        assert headings[0] <= abs(so3.yaw_of(end.rotation).item()) <= headings[1]
+        torch.testing.assert_close(end.position, GOAL.position, atol=1e-4, rtol=0)
+
+
+def test_a_goal_is_turned_to_headings_alone_with_which_the_robot_fits_there() -> None:
+    box, ahead = ((-1.0, -0.5, -1.0), (0.46, 0.5, 1.0)), ((0.3, -0.5, -1.0), (0.46, -0.3, 1.0))
+    world, field = simulator(), field_of(box, ahead)  # 6 cm to the border: enough for a side, too little for a corner
+    pilot = Pilot(StraightPlanner(), Oracle(world), seen=field)
+    steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
+    assert steps[-1].outcome is EpisodeOutcome.REACHED
+    for step in steps:
+        assert step.holds or fits(field, ROBOT.body, step.plan.states[-1])
+
+
+def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():
+    gust = StateNoise(0.3, 0.0, 0.0, 0.0)
+    asked = []
+
+    def orders() -> Orders:
+        asked.append(None)
+        return Orders(gust=gust if len(asked) == 3 else None)
+
+    steps = steps_of(fly(mission=replace(MISSION, orders=orders)))
+    off = [(step.truth.position - before.plan.states[1].position).norm() for before, step in pairwise(steps)]
+    assert off[2] > 0.1
+    assert max(off[:2] + off[3:]) < 0.02
+
+
+@pytest.mark.parametrize("leash", [0.0, 0.1])
+def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leash(leash: float) -> None:
+    world, planner = simulator(noise=None), StraightPlanner()
+    config = NavigateConfig(noise=CALM, leash_m=leash)
+    steps = [
+        event
+        for event in navigate(MISSION, world, Pilot(planner, Oracle(world)), config, draws(1))
+        if isinstance(event, NavigationStep)
+    ]
+    for before, step, start in zip(steps, steps[1:], planner.starts[1:], strict=False):
+        led = before.plan.states[1] if leash else step.belief.mean
+        assert torch.equal(start.position, led.position)
+
+
+def test_a_plan_is_moved_to_a_robot_that_is_off_its_leash_with_the_tilt_and_the_rate_that_were_planned() -> None:
+    gust, asked, world, planner = StateNoise(0.3, 0.0, 0.0, 0.0), [], simulator(), StraightPlanner()
+
+    def orders() -> Orders:
+        asked.append(None)
+        return Orders(gust=gust if len(asked) == 4 else None)
+
+    pilot, config = Pilot(planner, Oracle(world)), NavigateConfig(noise=CALM, leash_m=0.1)
+    steps = steps_of(list(navigate(replace(MISSION, orders=orders), world, pilot, config, draws(1))))
+    before, pushed, start = steps[3], steps[4], planner.starts[4]
+    led = before.plan.states[1]
+    assert (pushed.belief.mean.position - led.position).norm() > config.leash_m
+    assert torch.equal(start.position, pushed.belief.mean.position) and torch.equal(start.body_rate, led.body_rate)
+    torch.testing.assert_close(start.rotation[2], led.rotation[2])
+    yaws = so3.yaw_of(torch.stack([start.rotation, pushed.belief.mean.rotation]))
+    torch.testing.assert_close(yaws[0], yaws[1])
+
+
+@dataclass
+class _Corrector:
+    """An oracle that corrects what it is told, and counts how often."""
+
+    simulator: Simulator
+    outcome: FilterOutcome = FilterOutcome.UPDATED
+    trust_dynamics: bool = True
+    corrected: int = 0
+
+    def correct(
+        self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
+    ) -> Iterator[FilterStep]:
+        self.corrected += 1
+        seen = Belief(self.simulator.state, CALM.covariance())
+        nothing = torch.zeros(1, 2, dtype=torch.long), torch.zeros(1)
+        yield FilterStep(0, seen.mean, 1.0, 1.0, *nothing, seen, self.outcome)
+
+    def update(
+        self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
+    ) -> Iterator[FilterStep]:
+        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+
+
+def begun(config: NavigateConfig, **how: object) -> tuple[NavigationStep, _Corrector, StraightPlanner]:
+    """The first step of a robot that was put down 3 cm a coordinate off what it is told; who looked and who planned."""
+    config = replace(config, initial=StateNoise(0.03, 0.0, 0.0, 0.0))
+    world, planner = simulator(), StraightPlanner()
+    looking = _Corrector(world, **how)  # type: ignore[arg-type]
+    return next(
+        event for event in navigate(MISSION, world, Pilot(planner, looking), config, draws(1))
+        if isinstance(event, NavigationStep)
+    ), looking, planner  # fmt: skip
+
+
+def test_a_robot_looks_before_it_leaves_and_plans_from_where_it_then_believes_to_be() -> None:
+    step, looking, planner = begun(CONFIG)
+    assert looking.corrected == 1 and step.image is not None and step.update is not None
+    assert torch.equal(step.belief.mean.position, step.truth.position)
+    torch.testing.assert_close(step.belief.covariance, CALM.covariance())
+    assert torch.equal(planner.starts[0].position, step.truth.position)
+
+
+@pytest.mark.parametrize(
+    ("config", "how"),
+    [
+        (replace(CONFIG, look_first=False), {}),
+        (replace(NavigateConfig.paper(), noise=CALM), {}),
+        (replace(CONFIG, open_loop=True), {}),
+        (CONFIG, {"trust_dynamics": False}),
+    ],
+)
+def test_without_it_or_by_what_makes_nothing_of_being_told_a_robot_leaves_from_where_it_was_told_to_be(
+    config: NavigateConfig, how: dict[str, object]
+) -> None:
+    step, looking, _ = begun(config, **how)
+    assert looking.corrected == 0 and step.image is None and step.update is None
+    assert (step.belief.mean.position - step.truth.position).norm() > 0.01
+
+
+@pytest.mark.parametrize("outcome", [outcome for outcome in FilterOutcome if outcome is not FilterOutcome.UPDATED])
+def test_a_first_picture_that_says_little_or_disagrees_changes_no_belief(outcome: FilterOutcome) -> None:
+    step, looking, _ = begun(CONFIG, outcome=outcome)
+    assert looking.corrected == 1 and step.update is not None and step.update.outcome is outcome
+    assert (step.belief.mean.position - step.truth.position).norm() > 0.01
