@@ -13,10 +13,9 @@ from PIL import Image
 
 import nerfnav
 import nerfnav_scenes as scenes
-from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.config import ImportConfig
-from nerfnav.world.capture import capture
-from nerfnav.world.capture_config import CaptureConfig
+from nerfnav.importers.captures.importer import import_capture
+from nerfnav.world.capture import CaptureConfig, capture
 
 
 def write_capture(folder: Path, images: int) -> None:

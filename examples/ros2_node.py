@@ -7,7 +7,7 @@ python ros2_node.py "ws://127.0.0.1:8090/?token=T" --goal 1 2 1.5 0
 import argparse
 
 from nerfnav.live import Goal, LiveClient
-from nerfnav.tracking.sources.ros_pictures import picture_of
+from nerfnav.tracking.sources.ros_bag import picture_of
 
 
 def main(address: str, goal: Goal, topic: str) -> None:

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.core.steps import returned
-from nerfnav_app.jobs.bench_chart import picture
-from nerfnav_app.jobs.bench_training import SECONDS, Row, check_capture, measure_training
+from nerfnav_app.jobs.measure.bench import SECONDS, Row, check_capture, measure_training, picture
 from nerfnav_app.jobs.measure.results import png_of
 
 NUMBERS = Path(__file__).with_name("learning.json")

@@ -26,22 +26,22 @@ from nerfnav.field.storage.checkpoint import CODECS, load_field, save_field
 from nerfnav.geometry.box import Box
 from nerfnav.planner import planners, terms
 from nerfnav.planner.baselines.waypoint_following import step_along
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.planners import PLANNERS
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.route import Route
 from nerfnav.planner.space.astar import waypoints_along
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.terms.term import CostTerm, TermContext
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots import ROBOTS, RobotEntry
 from nerfnav.robots.body import Body
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav_app.cli.main import main
 from nerfnav_app.jobs.events import JobFinished, PlaceOpened
+from nerfnav_app.page import catalog as tabs
 from nerfnav_app.page.kit.panel import Page, PanelEntry
-from nerfnav_app.page.panels import tabs
 from nerfnav_app.queries import catalog
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.server import App

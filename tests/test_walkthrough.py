@@ -9,22 +9,20 @@ import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.estimator.paper.adam import DescentConfig
 from nerfnav.estimator.paper.pose_filter import FilterConfig, PoseFilter
-from nerfnav.export.table_text import csv_text, table_of_csv
-from nerfnav.export.tables import episode_table
+from nerfnav.export.tables import csv_text, episode_table, table_of_csv
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import train
 from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.flight import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners.paper import PaperPlanner
 from nerfnav.planner.solvers.adam import PlanConfig, plan
-from nerfnav.world.capture import capture, split
-from nerfnav.world.capture_config import CaptureConfig
+from nerfnav.world.capture import CaptureConfig, capture, split
 from nerfnav.world.contact import contact_check, judge
 from nerfnav.world.raycast import MeshRenderer
 

@@ -1,17 +1,55 @@
-"""The loop's parts beside two processes that compute without end, all on the same two cores."""
+"""Time the loop's parts beside two busy processes, all on the same two cores."""
 
+
+import os
 import statistics
-from collections.abc import Callable, Mapping
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 
 import torch
 
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, carry_on, last_step, plan_fast
-from nerfnav_app.benchmarks.company import company, on_cores
 from nerfnav_app.benchmarks.comparison import milliseconds
 from nerfnav_app.benchmarks.filter import bench_filter, situations
 from nerfnav_app.benchmarks.plan import both_threads, problems_of
 from nerfnav_app.benchmarks.replan import pushed_plan
+
+PROCESSES = 2
+"""Busy processes."""
+_SETTLE_S = 0.3
+"""Time for which they start up before anything is timed beside them [s]."""
+
+
+@contextmanager
+def company() -> Iterator[None]:
+    """Processes that compute as long as the block lasts, on the cores of this one."""
+    with ExitStack() as stack:
+        for _ in range(PROCESSES):
+            other = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+            stack.callback(other.wait)
+            stack.callback(other.kill)
+        time.sleep(_SETTLE_S)
+        yield
+
+
+@contextmanager
+def on_cores(count: int) -> Iterator[None]:
+    """Keep this process, and those that it starts, on so many cores, where the system can do that."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(before)[:count])
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # a core may have been taken away meanwhile
+            os.sched_setaffinity(0, before)
+
 
 CORES = 2
 """Cores that busy processes share with what is timed."""

@@ -7,7 +7,7 @@ from nerfnav.experiments import Arena
 from nerfnav.field import GridLearner, LearningRates, RayBatch, TorchLearner, TrainConfig
 from nerfnav.field.core.occupancy import VOXELS_IN_UNIT
 from nerfnav_app.benchmarks.comparison import Comparison, interleaved
-from nerfnav_app.benchmarks.rays import THREADS, field_threads, views_in
+from nerfnav_app.benchmarks.render import THREADS, field_threads, views_in
 
 _VIEWS, _SIZE = 8, 64
 

@@ -1,15 +1,34 @@
-"""The page: all that is put up on it once everything is imported."""
+"""Page: put up all layers and panels once everything is imported.
 
-from collections.abc import Callable
+Widgets take their icons from one open archive: viser alone lists an archive of thousands anew for each icon that it
+has not shown yet.
+"""
 
-from nerfnav_app.page.catalog import layers
-from nerfnav_app.page.icon_archive import icons_at_hand
+
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from types import SimpleNamespace
+
+from viser import _icons
+
+from nerfnav_app.page.catalog import layers, panels
 from nerfnav_app.page.kit.panel import Page, Panel
 from nerfnav_app.page.kit.theme import apply_theme
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
-from nerfnav_app.page.panels.tabs import panels
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.state.actions import Command
+
+
+@contextmanager
+def icons_at_hand() -> Iterator[None]:
+    """Let widgets that are made inside the block take their icons out of one open archive."""
+    with zipfile.ZipFile(_icons.ICONS_DIR / "tabler-icons.zip") as archive:
+        _icons.zipfile = SimpleNamespace(ZipFile=lambda _: nullcontext(archive))  # type: ignore[assignment]
+        try:
+            yield
+        finally:
+            _icons.zipfile = zipfile  # type: ignore[attr-defined]
 
 
 def put_up(

@@ -97,7 +97,7 @@ def ground_truth(field: StoredField, path: Path) -> Truth | None:
     Raises FieldFileError where what lies there is something else.
     """
     if field.info.truth:
-        from nerfnav.importers.meshes.truth import load_truth  # slow to import
+        from nerfnav.importers.meshes.ground_truth import load_truth  # slow to import
 
         beside = path.with_name(Path(field.info.truth).name)
         if not beside.is_file():

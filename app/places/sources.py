@@ -1,10 +1,22 @@
-"""What the app can open: names of scenes, fields, and files from which a field is made first."""
+"""Sources that the app can open: names of scenes, fields, files from which a field is made first; and the quality and
+time budget of making it.
+"""
+
 
 import os
 import re
 from pathlib import Path
+from typing import Literal
 
 from nerfnav.importers.core.kinds import UPLOADS as SUFFIXES
+
+QualityName = Literal["draft", "good", "best"]
+"""Names of nerfnav_app.jobs.field.request.QUALITIES."""
+USUAL: QualityName = "good"
+BUDGETS_S: dict[QualityName, float] = {"draft": 20.0, "good": 60.0, "best": 240.0}
+"""Time that is spent on learning a field in the page [s]: the usual one is enough to fly in, and short enough to wait
+for."""
+
 
 __all__ = ["SUFFIXES", "title_of", "without_folder", "without_paths"]
 

@@ -1,12 +1,17 @@
-"""Files that visitors bring: what is taken, how it is kept, and under which names, none of which leads out of a folder.
+"""Uploads: which files are accepted, and under which names they are kept, none of which leads out of a folder.
+
+Videos and zips of pictures, to have their camera tracked, are kept until the app ends.
 """
+
 
 import hashlib
 import re
+import tempfile
 from pathlib import Path
 
-from nerfnav.core.errors import NerfnavError
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.core.files import replacing
+from nerfnav.importers.core.kinds import VIDEOS
 from nerfnav_app.places.sources import SUFFIXES
 
 MOST_BYTES = 512 << 20
@@ -57,3 +62,56 @@ def write_upload(path: Path, content: bytes) -> None:
             stream.write(content)
     except OSError as error:
         raise UploadError(f"{path.name} cannot be kept: {error.strerror}") from error
+
+
+TRACK_SUFFIXES = (*VIDEOS, ".zip")
+"""Endings of what is taken."""
+_PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".txt", ".json", ".csv", ".yaml")
+"""Endings of what is unpacked: pictures, and what tells their times and their camera."""
+
+
+class TrackSources:
+    """A folder with what was brought last."""
+
+    def __init__(self) -> None:
+        """Nothing is on disk before something is brought."""
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+
+    def keep(self, name: str, content: bytes) -> Path:
+        """Where the pictures are that were brought in a file called `name`; what was brought before is kept, too.
+
+        Raises UploadError for files of other kinds, empty or too large ones, and zips that are broken or no harmless
+        ones.
+        """
+        safe = safe_name(name)
+        ending = Path(safe).suffix.lower()
+        if ending not in TRACK_SUFFIXES:
+            taken = ", ".join(TRACK_SUFFIXES)
+            raise UploadError(f"{safe} is no video and no zip of pictures; these are taken: {taken}")
+        if not 0 < len(content) <= MOST_BYTES:
+            raise UploadError(f"{safe} is empty, or larger than {MOST_BYTES >> 20} MB: use nerfnav track for it")
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
+        path = Path(tempfile.mkdtemp(dir=self._folder.name)) / safe
+        try:
+            path.write_bytes(content)
+            return path if ending != ".zip" else _unpacked(path)
+        except OSError as error:
+            raise UploadError(f"{safe} cannot be kept: {error.strerror}") from error
+
+
+def _unpacked(archive: Path) -> Path:
+    """The folder of the pictures in a zip, which is deleted."""
+    from nerfnav.importers.captures.archive import extract  # slow to import: not before the page is shown
+
+    folder = archive.parent / "pictures"
+    try:
+        extract(archive, folder, _PICTURES)
+    except InvalidInputError as error:
+        raise UploadError(str(error).replace(f"{archive.parent}/", "")) from error
+    archive.unlink()
+    while folder.is_dir() and len(inside := list(folder.iterdir())) == 1 and inside[0].is_dir():
+        folder = inside[0]
+    if not folder.is_dir():
+        raise UploadError(f"{archive.name} holds no pictures")
+    return folder

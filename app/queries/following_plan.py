@@ -1,16 +1,85 @@
-"""Query: what is the plan between the ends as they are now, with what is set now? So it follows the hand."""
+"""Query: what is the plan between the ends as they are now, with what is set now? So it follows the hand.
+
+A plan of a session is a request, which is carried out with its verdict, or drafted quickly for a hand that moves.
+"""
+
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
-from nerfnav.planner import planners
+from nerfnav.core.errors import NerfnavError
+from nerfnav.planner import FollowingPlanner, PlannerConfig, PlanStep, Route, last_step, planners
 from nerfnav.robots import Motion
+from nerfnav_app.jobs.events import JobRun
+from nerfnav_app.jobs.plan import plan
+from nerfnav_app.places.derived import occupancy_of, planning_place
 from nerfnav_app.places.ends import Ends
+from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.queries.wanted_plan import WantedPlan, drafted, plan_request, planned
 from nerfnav_app.state.records import PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice, PlanSettings
+
+
+@dataclass(frozen=True)
+class WantedPlan:
+    """A plan that was made for a session, or why there is none."""
+
+    steps: tuple[PlanStep, ...] = field(default=(), compare=False)
+    """Its iterations, the last with the outcome; empty where there is no plan."""
+    summary: dict[str, Any] = field(default_factory=dict, compare=False)
+    """The job's numbers; none of a draft."""
+    refusal: str = ""
+    """Why there is no plan."""
+
+
+def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> plan.PlanRequest:
+    """What there is to plan between some ends with what a person has set; `own` where nobody changed the weights."""
+    request = plan.PlanRequest(
+        ends, planner=planner, config=settings.config(planner, own), shortest=settings.shortest,
+        max_collision=settings.max_collision, unknown=settings.unknown,
+    )  # fmt: skip
+    return request.lasting(settings.duration_s)
+
+
+def planned(request: plan.PlanRequest, place: Place) -> WantedPlan:
+    """Plan as the job does, verdict included."""
+    planning = JobRun(plan.run(request, place))
+    try:
+        steps = tuple(event for event in planning if isinstance(event, PlanStep))
+    except NerfnavError as error:
+        return WantedPlan(refusal=str(error))
+    return WantedPlan(steps, planning.result.summary)
+
+
+def drafted(request: plan.PlanRequest, place: Place, last: Motion | None = None) -> WantedPlan:
+    """Plan as quickly as can be with the `last` plan as warm start, and without the verdict of the mesh.
+
+    Where a duration is to be found, the draft is as fast as the last plan: how long it must take is found at the end.
+    """
+    seen_as = planning_place(place, request.unknown)
+    occupancy = occupancy_of(seen_as, request.settings.occupancy, request.ends.start.position[2])
+    finder = planners.load(request.planner).planner(seen_as.field, place.robot, request.settings, occupancy=occupancy)
+    start, goal = request.ends.start.state(), request.ends.goal.state()
+    if request.shortest and last is not None:
+        request = replace(request, steps=len(last.actions), dt=last.dt * _stretch(last, request.ends))
+    route = Route(start, goal, request.steps, request.dt)
+    if last is not None and isinstance(finder, FollowingPlanner):
+        steps = finder.follow(last, route)
+    else:
+        steps = finder.plan(route)
+    try:
+        return WantedPlan((last_step(steps),))
+    except NerfnavError as error:
+        return WantedPlan(refusal=str(error))
+
+
+def _stretch(last: Motion, ends: Ends) -> float:
+    """How many times as far apart the ends are now, within a factor of two."""
+    before = (last.states.position[-1] - last.states.position[0]).norm().item()
+    now = (ends.goal.state().position - ends.start.state().position).norm().item()
+    return min(max(now / max(before, 1e-3), 0.5), 2.0)
 
 
 @dataclass(frozen=True)

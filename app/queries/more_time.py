@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from nerfnav.planner import GOOD, PlanOutcome
+from nerfnav_app.queries.following_plan import drafted, plan_request
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.queries.wanted_plan import drafted, plan_request
 from nerfnav_app.state.records import PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import LONGEST_S

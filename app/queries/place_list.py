@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nerfnav_app.places.kept_place import KeptPlace
-from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.library import KeptPlace, PlaceLibrary
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.session import Session
 

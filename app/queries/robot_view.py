@@ -8,7 +8,7 @@ import numpy as np
 
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState
-from nerfnav_app.jobs.robot_camera import view_from
+from nerfnav_app.jobs.fly.simulated_world import view_from
 from nerfnav_app.places.ends import End
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.records import FlightRecord

@@ -9,9 +9,8 @@ from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav_app.places.ends import End, Ends, Which, opening_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_paths
-from nerfnav_app.state.notice import Notice
 from nerfnav_app.state.records import FlightRecord
-from nerfnav_app.state.session import Session
+from nerfnav_app.state.session import Notice, Session
 from nerfnav_app.state.settings import PlanSettings
 
 Value = TypeVar("Value")

@@ -8,7 +8,7 @@ from nerfnav_app.reducers.common import moved
 from nerfnav_app.reducers.place import chosen
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.history import History, Moment
-from nerfnav_app.state.plan_actions import AllowTime, RestoreWeights
+from nerfnav_app.state.records import AllowTime, RestoreWeights
 from nerfnav_app.state.session import Session
 
 _STEPS = m.MoveEnd | m.TypeEnd | m.ChooseTask | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights

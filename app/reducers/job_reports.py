@@ -11,10 +11,10 @@ from nerfnav_app.jobs import events as e
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_folder
 from nerfnav_app.places.vantage import shows
-from nerfnav_app.reducers import history, jobs, placing
+from nerfnav_app.reducers import history, jobs
+from nerfnav_app.reducers import place as placing
 from nerfnav_app.reducers.common import noticed, settled
-from nerfnav_app.state.downloads import Download
-from nerfnav_app.state.job import Job, JobKind
+from nerfnav_app.state.job import Download, Job, JobKind
 from nerfnav_app.state.records import PlanRecord, SearchRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice

@@ -1,15 +1,14 @@
-"""Reducer of jobs: what a person begins and cancels."""
+"""Reducer of jobs: begin and cancel them, and steer a flight that is under way."""
+
 
 from dataclasses import replace
 
 from nerfnav.planner import CostWeights
 from nerfnav_app.reducers.common import noticed
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.downloads import DownloadAction, TakeMap, TakeTrajectory, Wish
 from nerfnav_app.state.experiments import StartExperiment
-from nerfnav_app.state.job import Job, JobKind
-from nerfnav_app.state.plan_actions import AllowTime, PlanAction, RestoreWeights, StayDown
-from nerfnav_app.state.records import FlightRecord, PlanRecord
+from nerfnav_app.state.job import DownloadAction, Job, JobKind, TakeMap, TakeTrajectory, Wish
+from nerfnav_app.state.records import AllowTime, FlightRecord, PlanAction, PlanRecord, RestoreWeights, StayDown
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
 
@@ -132,3 +131,33 @@ def given_up(session: Session) -> Session:
     if session.place is not None or before is None:
         return replace(session, job=None)
     return replace(before, job=None, jobs_begun=session.jobs_begun, notices=session.notices)
+
+
+Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.CarryAway | m.FindRobot
+
+
+def steered(session: Session, command: Steering) -> Session:
+    """The session after such a command; unchanged where nothing flies."""
+    job = session.job
+    if job is None or not session.in_flight:
+        return session
+    flight = session.flight
+    if flight is not None and isinstance(command, m.Gust):
+        flight = replace(flight, gusts=(*flight.gusts, session.steps_reported))
+    return replace(session, job=_asked(job, command, session.steps_reported), flight=flight)
+
+
+def _asked(job: Job, command: Steering, steps: int) -> Job:
+    match command:
+        case m.Pause():
+            return replace(job, paused=True, steps_granted=steps)
+        case m.Resume():
+            return replace(job, paused=False)
+        case m.StepOnce():
+            return replace(job, paused=True, steps_granted=steps + 1)
+        case m.Gust():
+            return replace(job, gusts=job.gusts + 1)
+        case m.CarryAway():
+            return replace(job, kidnaps=job.kidnaps + 1)
+        case m.FindRobot():
+            return replace(job, searches=job.searches + 1)

@@ -1,19 +1,25 @@
-"""Reducer of the place: opening another one, choosing the robot and its task, pointing at ends."""
+"""Reducer of the place: open another one, choose the robot and its task, point at ends, align the place by hand.
+
+An alignment corrects scale, floor and box; its result is opened as another place, and can be undone.
+"""
+
 
 from dataclasses import replace
 
 from nerfnav.core.errors import NerfnavError
+from nerfnav_app.jobs.events import JobResult
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import title_of
 from nerfnav_app.reducers.common import moved, noticed, settled, typed
-from nerfnav_app.reducers.jobs import emptied
+from nerfnav_app.reducers.jobs import begun, emptied
 from nerfnav_app.state import actions as m
+from nerfnav_app.state import alignment as p
 from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.session import Click, Session, Vector
 from nerfnav_app.state.settings import Choice
-from nerfnav_app.state.tab_actions import Left, Looked, TabAction, Viewed
+from nerfnav_app.state.view import Left, Looked, TabAction, Viewed
 from nerfnav_app.text import sentence
 
 PlaceCommand = (
@@ -103,3 +109,58 @@ def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
             return session
         return replace(session, placing=replace(placing, clicked=Ray(origin, direction)))
     return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)
+
+
+def placing_commanded(session: Session, command: p.PlacingAction) -> Session:
+    """The session after such a command, in an open place."""
+    placing = session.placing
+    match command:
+        case p.PointAt(pointing):
+            fresh = replace(placing, pointing=pointing, clicked=None)
+            if pointing is p.Pointing.DISTANCE:
+                fresh = replace(fresh, measured=())
+            elif pointing is p.Pointing.FLOOR:
+                fresh = replace(fresh, floor=(), above=None, find_floor=False)
+            return replace(session, placing=fresh, aiming=None)
+        case p.Measure(distance):
+            return replace(session, placing=replace(placing, distance=distance))
+        case p.FindFloor(on):
+            floor = () if on else placing.floor
+            return replace(session, placing=replace(placing, find_floor=on, floor=floor, above=None))
+        case p.Keep(box):
+            return replace(session, placing=replace(placing, kept=box))
+        case p.ForgetPlacing():
+            return replace(session, placing=p.Placing(undo=placing.undo))
+        case p.ApplyPlacing():
+            return _applied(session)
+        case p.UndoPlacing():
+            return _undone(session)
+
+
+def placed(session: Session, result: JobResult) -> Session:
+    """The session that opens the place as it was put right, and can go back to it as it was."""
+    told = tuple(map(str, result.summary["changed"]))
+    placing = p.Placing(undo=(*session.placing.undo, session.what), told=told)
+    opened = replace(opening(session, str(result.files[0])), placing=placing)
+    return noticed(opened, "Put right", sentence("; ".join(told)))
+
+
+def _applied(session: Session) -> Session:
+    placing = session.placing
+    if len(placing.measured) == 2 and placing.distance is None:
+        return noticed(session, "Not yet", "Type how far the two points are apart in truth.", bad=True)
+    try:
+        correction = placing.correction()
+    except NerfnavError as error:
+        return noticed(session, "Not changed", sentence(str(error)), bad=True)
+    if correction.is_empty:
+        text = "Measure something, click three points of the floor, or crop the place first."
+        return noticed(session, "Nothing to change", text, bad=True)
+    return begun(replace(session, placing=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
+
+
+def _undone(session: Session) -> Session:
+    placing = session.placing
+    if not placing.undo:
+        return noticed(session, "Nothing to undo", "The place is as it was opened.", bad=True)
+    return replace(opening(session, placing.undo[-1]), placing=p.Placing(undo=placing.undo[:-1]))

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
-from nerfnav_app.reducers import flight, history, jobs, place, placing, runs
+from nerfnav_app.reducers import history, jobs, place, runs
+from nerfnav_app.reducers import jobs as flight
+from nerfnav_app.reducers import place as placing
 from nerfnav_app.reducers.common import noticed
 from nerfnav_app.reducers.job_reports import reported
 from nerfnav_app.reducers.settings import adjusted, reset
@@ -10,7 +12,7 @@ from nerfnav_app.state import actions as m
 from nerfnav_app.state.alignment import PlacingAction
 from nerfnav_app.state.experiments import ListExperiments, ShowResult
 from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
-from nerfnav_app.state.run_actions import OpenRun, RunAction
+from nerfnav_app.state.runs import OpenRun, RunAction
 from nerfnav_app.state.session import Session
 
 

@@ -8,7 +8,7 @@ import torch
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.reducers.common import noticed
 from nerfnav_app.state.actions import RunChanged
-from nerfnav_app.state.run_actions import (
+from nerfnav_app.state.runs import (
     CompareRun,
     DeleteRun,
     ListRuns,
@@ -16,9 +16,11 @@ from nerfnav_app.state.run_actions import (
     PlayBack,
     RenameRun,
     RunAction,
+    RunChange,
+    Runs,
     Scrub,
+    StoredFlight,
 )
-from nerfnav_app.state.runs import RunChange, Runs, StoredFlight
 from nerfnav_app.state.session import Session
 
 

@@ -1,10 +1,13 @@
-"""Whether a server can listen at an address, asked before the server is built.
+"""Server address and token: check, before a server is built, that it can listen there and has a secret if it must.
 
-viser silently takes the next port when the asked one is taken, and hangs on a host that cannot be bound.
+viser silently takes the next port when the asked one is taken, and hangs on a host that cannot be bound. A server
+that other machines reach must have a token, which visitors bring.
 """
+
 
 import errno
 import ipaddress
+import re
 import socket
 
 from nerfnav.core.errors import NerfnavError
@@ -59,3 +62,17 @@ def _reason(host: str, port: int, error: OSError) -> str:
 
 def _no_interface(host: str) -> str:
     return f"no network interface of this machine is called {host!r}: use 127.0.0.1, or 0.0.0.0 for all of them"
+
+
+class TokenError(NerfnavError):
+    """A server that others can reach would have no token."""
+
+
+def check_token(host: str, token: str | None) -> None:
+    """Raise TokenError for a missing or unusable token; only a server that this machine alone reaches needs none."""
+    if token is None and not is_loopback(host):
+        raise TokenError(
+            f"whoever reaches {host} could steer this app: give it a secret with --token, or serve at 127.0.0.1"
+        )
+    if token is not None and not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
+        raise TokenError("a token is made of letters, digits, '.', '_', '~' and '-', for it travels in addresses")

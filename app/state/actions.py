@@ -6,18 +6,17 @@ from typing import Any, Protocol
 
 from nerfnav_app.jobs.events import JobReport
 from nerfnav_app.places.ends import End, Which
-from nerfnav_app.places.learning import QualityName
+from nerfnav_app.places.sources import QualityName
 from nerfnav_app.state.alignment import PlacingAction
-from nerfnav_app.state.downloads import DownloadAction
 from nerfnav_app.state.experiments import ExperimentAction
-from nerfnav_app.state.plan_actions import PlanAction
+from nerfnav_app.state.job import DownloadAction
+from nerfnav_app.state.records import PlanAction
 from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
-from nerfnav_app.state.run_actions import RunAction
-from nerfnav_app.state.runs import RunChange
+from nerfnav_app.state.runs import RunAction, RunChange
 from nerfnav_app.state.session import Session, Vector
 from nerfnav_app.state.settings import Choice
-from nerfnav_app.state.tab_actions import TabAction
 from nerfnav_app.state.tracks import TrackAction
+from nerfnav_app.state.view import TabAction
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,14 @@
-"""Undo history: what a person has asked for before each move and each setting."""
+"""Undo history: what a person has asked for before each move and each setting.
+
+`LeftOff` is such a moment on disk: a place is found in it again when a server opens it the next time.
+"""
+
 
 from collections.abc import Hashable
 from dataclasses import dataclass
 
 from nerfnav_app.places.ends import Ends
+from nerfnav_app.places.vantage import View
 from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
 from nerfnav_app.state.view import ViewSettings
 
@@ -41,3 +46,13 @@ class History:
         if what is not None and what == self.last and self.past:
             return History(self.past, (), what)
         return History((*self.past, before)[-MOST:], (), what)
+
+
+@dataclass(frozen=True)
+class LeftOff:
+    """How a place was left."""
+
+    moment: Moment
+    """What was asked for."""
+    view: View | None = None
+    """From where it was looked at; None where nobody has turned the camera."""

@@ -1,12 +1,70 @@
-"""Job: work that is wanted of the worker."""
+"""Job: work that is wanted of the worker, and the files that it makes for tabs of the page.
+
+A tab wishes for a map or a trajectory as a file; a job makes it, and the tab that asked gets the download.
+"""
+
 
 from dataclasses import dataclass, field
 from enum import Enum
 
 from nerfnav_app.places.ends import Ends
-from nerfnav_app.state.downloads import Wish
 from nerfnav_app.state.records import PlanRecord
 from nerfnav_app.state.tracks import StartTrack
+
+
+@dataclass(frozen=True)
+class MapWish:
+    """A map of the place that somebody wants to take away."""
+
+    ending: str
+    """Of the file, which says what kind of map: a key of `nerfnav.export.occupancy_map.ENDINGS`."""
+    client: int
+    """The tab that asks."""
+
+
+@dataclass(frozen=True)
+class TrajectoryWish:
+    """What a vehicle is to fly, as a file that somebody wants to take away."""
+
+    format: str
+    """Name of the format."""
+    client: int
+    """The tab that asks."""
+    force: bool = False
+    """Whether to have it also where it should not be flown."""
+
+
+Wish = MapWish | TrajectoryWish
+"""What is made for one tab."""
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file for one tab."""
+
+    id: int
+    """That of the job which made it: it is sent once."""
+    client: int
+    """The tab that asked."""
+    name: str
+    content: bytes = field(repr=False)
+
+
+@dataclass(frozen=True)
+class TakeMap:
+    """Make a map of the place and send it to the tab that asks."""
+
+    wish: MapWish
+
+
+@dataclass(frozen=True)
+class TakeTrajectory:
+    """Make the file for a vehicle, once it is judged, and send it to the tab that asks."""
+
+    wish: TrajectoryWish
+
+
+DownloadAction = TakeMap | TakeTrajectory
 
 
 class JobKind(Enum):

@@ -1,4 +1,8 @@
-"""What the app keeps of a plan and of a flight, as far as they have come."""
+"""Records of a plan, of a search for the robot and of a flight, as far as they have come.
+
+The actions are those of a person on a plan that is not to be flown.
+"""
+
 
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -9,6 +13,28 @@ from nerfnav.planner import GOOD, PlanCost, PlanOutcome, PlanStep
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.state.settings import PlanSettings
+
+
+@dataclass(frozen=True)
+class StayDown:
+    """Do not fly a plan that is not safe, after all."""
+
+
+@dataclass(frozen=True)
+class AllowTime:
+    """Plan again, with more time."""
+
+    seconds: float
+    """From start to goal [s]."""
+
+
+@dataclass(frozen=True)
+class RestoreWeights:
+    """Plan again, with the weights as they were at first."""
+
+
+PlanAction = StayDown | AllowTime | RestoreWeights
+
 
 NOWHERE = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
 """Outcomes of plans that are no way from start to goal."""

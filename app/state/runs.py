@@ -1,4 +1,8 @@
-"""The session's part that concerns stored runs, and the time at which the shown one is looked at."""
+"""Stored runs in the session, and the timeline: the time at which the shown flight or track is looked at.
+
+The actions are those of a person on stored runs and on the timeline.
+"""
+
 
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
@@ -7,6 +11,59 @@ from typing import TypeVar, cast
 from nerfnav_app.state.records import FlightRecord
 from nerfnav_app.state.tracks import TrackRecord
 from nerfnav_app.storage.run_metadata import StoredRun
+
+
+@dataclass(frozen=True)
+class ListRuns:
+    """List the stored runs again: other programs fly too."""
+
+
+@dataclass(frozen=True)
+class OpenRun:
+    """Show a stored run, in its place."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class CompareRun:
+    """Show a second flight beside the first; None: no second one any more."""
+
+    name: str | None
+
+
+@dataclass(frozen=True)
+class RenameRun:
+    """Give a stored run another name."""
+
+    name: str
+    to: str
+
+
+@dataclass(frozen=True)
+class DeleteRun:
+    """Delete a stored run for good."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Scrub:
+    """Show the flight at a time step."""
+
+    at: float
+    """What a browser sends: it may be anything."""
+
+
+@dataclass(frozen=True)
+class PlayBack:
+    """Let the timeline run, or hold it."""
+
+    on: bool
+
+
+RunAction = ListRuns | OpenRun | CompareRun | RenameRun | DeleteRun | Scrub | PlayBack
+
 
 Timed = FlightRecord | TrackRecord
 """What a timeline goes along: at most one of them is on the page."""

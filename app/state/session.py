@@ -1,9 +1,10 @@
-"""The app's whole state as one frozen value.
+"""Session: the app's whole state as one frozen value.
 
-It says what is wanted of the worker (`job`, and `nerfnav_app.queries`) and all that the page shows. No other place
-holds state: a reloaded page and a second tab show the same. `nerfnav_app.reducers.root` moves it from one action to the
-next.
+It says what is wanted of the worker (`job`, and `app.queries`) and all that the page shows. No other place holds
+state: a reloaded page and a second tab show the same. `app.reducers.root` moves it from one action to the next. A
+notice tells the user something once, in passing.
 """
+
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -14,21 +15,33 @@ from torch import Tensor
 from nerfnav.robots import RobotFile
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.places.ends import End, Ends, Which, opening_ends
-from nerfnav_app.places.learning import USUAL, QualityName
 from nerfnav_app.places.place import Place
+from nerfnav_app.places.sources import USUAL, QualityName
 from nerfnav_app.places.vantage import View
 from nerfnav_app.state.alignment import Placing
-from nerfnav_app.state.downloads import Download
 from nerfnav_app.state.experiments import ExperimentState
-from nerfnav_app.state.history import History, Moment
-from nerfnav_app.state.job import Job, JobKind
-from nerfnav_app.state.left_off import LeftOff
-from nerfnav_app.state.notice import Notice
+from nerfnav_app.state.history import History, LeftOff, Moment
+from nerfnav_app.state.job import Download, Job, JobKind
 from nerfnav_app.state.records import FlightRecord, PlanRecord, SearchRecord
 from nerfnav_app.state.runs import Runs, Timed
 from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
 from nerfnav_app.state.tracks import TrackRecord
 from nerfnav_app.state.view import Eye, ViewSettings
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something that the user should know now."""
+
+    id: int
+    """Rises by one from notice to notice."""
+    title: str
+    body: str
+    bad: bool = False
+    """Whether something failed."""
+    cause: Hashable = None
+    """What a person had asked for by then, `Session.asked`: once that is something else, it is old news."""
+
 
 Vector = tuple[float, float, float]
 

@@ -1,7 +1,14 @@
-"""What the page draws of the place and of a flight: one choice for everyone who looks."""
+"""View: what the page draws of the place and of a flight, one choice for all users, and the camera of each tab.
+
+Its actions come from the tabs of browsers: a camera has moved, it rests, a tab was closed. Imports nothing slow: a
+surface that was kept is shown while all else is being imported.
+"""
+
 
 from dataclasses import dataclass, replace
 from enum import Enum
+
+from nerfnav_app.places.vantage import View
 
 
 class Backdrop(Enum):
@@ -73,3 +80,29 @@ class Eye:
     def is_sound(self) -> bool:
         """Whether a picture can be rendered for it: a page that is folded away is a line without height."""
         return 0.01 < self.fov < 3.1 and 0.05 < self.aspect < 20
+
+
+@dataclass(frozen=True)
+class Looked:
+    """The camera of a tab has moved."""
+
+    client: int
+    """Which tab."""
+    eye: Eye
+
+
+@dataclass(frozen=True)
+class Viewed:
+    """Somebody has turned the camera, and let it rest."""
+
+    view: View
+
+
+@dataclass(frozen=True)
+class Left:
+    """A tab was closed."""
+
+    client: int
+
+
+TabAction = Looked | Viewed | Left

@@ -12,7 +12,7 @@ from nerfnav_app.storage import run_metadata as about
 from nerfnav_app.storage.file_lock import is_held
 from nerfnav_app.storage.output_files import OutputError, prepare_folder
 from nerfnav_app.storage.step_codec import FILE
-from nerfnav_app.storage.stored_steps import count_steps, read_steps
+from nerfnav_app.storage.step_log import count_steps, read_steps
 
 VARIABLE = "NERFNAV_RUNS"
 """Environment variable that names the folder."""

@@ -1,7 +1,8 @@
-"""The steps of a flight, one line of JSON each, on disk as soon as they are flown: kill -9 costs at most one of them.
+"""Step log of a flight: write its steps as they are flown, one line of JSON each, and read them back.
 
-What is written, and where, is in app/storage/step_codec.py.
+Each step is on disk at once: kill -9 costs at most one of them. app/storage/step_codec.py has the format.
 """
+
 
 import json
 from collections.abc import Callable, Iterator
@@ -12,13 +13,43 @@ from typing import Any
 
 from filelock import Timeout
 
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.robots import RigidState
 from nerfnav_app.places.ends import End
 from nerfnav_app.storage import run_metadata
 from nerfnav_app.storage.file_lock import lock_of
 from nerfnav_app.storage.output_files import OutputError
-from nerfnav_app.storage.step_codec import FILE, PICTURES, content_of, keep_picture
+from nerfnav_app.storage.step_codec import FILE, PICTURES, content_of, keep_picture, step_of
+
+
+def count_steps(folder: Path) -> int:
+    """Time steps in a log, the start not counted; 0 where there is none."""
+    try:
+        with (folder / FILE).open("rb") as stream:
+            return max(0, sum(line.endswith(b"\n") for line in stream) - 1)
+    except OSError:
+        return 0
+
+
+def read_steps(folder: Path, pictures: bool = True) -> tuple[NavigationStep, ...]:
+    """The steps of a log; a last line that is cut off counts as not written.
+
+    Raises InvalidInputError where there is no step, or something else than steps.
+    """
+    try:
+        *lines, rest = (folder / FILE).read_text().split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"{folder.name} holds no readable log of a flight") from error
+    del rest  # empty, or cut off
+    try:
+        steps = tuple(step_of(json.loads(line), folder if pictures else None) for line in lines)
+    except (ValueError, KeyError, TypeError, RuntimeError) as error:
+        raise InvalidInputError(f"the log of {folder.name} is damaged: {error}") from error
+    if not steps:
+        raise InvalidInputError(f"{folder.name} was cut off before its first step")
+    return steps
+
 
 _LEAST_STEPS = 2  # a flight that never left the start is not kept
 

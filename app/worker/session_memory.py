@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from nerfnav.core.files import replacing
-from nerfnav_app.state.left_off import LeftOff
+from nerfnav_app.state.history import LeftOff
 from nerfnav_app.state.session import Session
 
 

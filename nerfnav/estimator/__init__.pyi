@@ -7,8 +7,8 @@ from .core.protocol import Estimator as Estimator
 from .gauss_newton.aligned_filter import AlignedFilter as AlignedFilter
 from .gauss_newton.fast_filter import FastFilter as FastFilter
 from .gauss_newton.fast_filter import inerf as inerf
-from .lasting_error import LastingError as LastingError
 from .map_error import comparable as comparable
+from .map_error import likeliest_floor as likeliest_floor
 from .map_error import pose_floor as pose_floor
 from .map_error import rescaled as rescaled
 from .map_error import resized as resized
@@ -20,10 +20,10 @@ from .photometric.pixel_selection import PixelConfig as PixelConfig
 from .photometric.pyramid import PyramidConfig as PyramidConfig
 from .photometric.residuals import ColorNoise as ColorNoise
 from .photometric.residuals import Observation as Observation
-from .position_floor import likeliest_floor as likeliest_floor
 from .relocalize.capture_prior import remembered as remembered
 from .relocalize.capture_prior import views_moved as views_moved
 from .relocalize.global_localization import RelocaliseConfig as RelocaliseConfig
 from .relocalize.global_localization import RelocaliseOutcome as RelocaliseOutcome
 from .relocalize.global_localization import RelocaliseStep as RelocaliseStep
 from .relocalize.searcher import Searcher as Searcher
+from .schmidt_kalman import LastingError as LastingError

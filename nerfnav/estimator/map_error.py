@@ -1,25 +1,32 @@
-"""What no number of pictures improves upon: how far the poses that fit pictures best are from the true ones.
+"""Map error: covariance of pose errors that pictures do not average out, estimated from held-out photographs.
 
-Where a field is wrong, all pictures of a place err alike, so the error of a pose does not average out (Schmidt 1966,
-"consider" covariance, see schmidt_kalman.py). It is measured on held-out photographs: each is fitted from random poses
-around its own, as the tracker does, which ends e_i = (R' (p^ - p), Log(R' R^)) from the true pose, position [m] and
-turn [rad] in the camera's axes, in which a shift and a turn that look alike go together. What a filter would say of
-these errors by itself, C_i, is in its posterior already, and must not be counted twice:
+Where a field is wrong, all pictures of a place err alike, so the error of a pose does not average out (Schmidt
+1966, "consider" covariance, see schmidt_kalman.py). It is measured on held-out photographs: each is fitted from
+random poses around its own, as the tracker does, which ends e_i = (R' (p^ - p), Log(R' R^)) from the true pose,
+position [m] and turn [rad] in the camera's axes, in which a shift and a turn that look alike go together. What a
+filter would say of these errors by itself, C_i, is in its posterior already, and must not be counted twice:
 
     e_i ~ N(0, F + C_i)
 
 and F is the likeliest (random effects; by expectation and maximisation, Dempster, Laird and Rubin 1977, Sec. 4.5).
+
+Where the truth is known, a floor of positions alone shows as well. A field puts its surfaces a little beside their
+places, by no share of the distance of its nodes that would be the same for all fields. With C_i what the filter says,
+errors of position are e_i ~ N(0, C_i + f^2 I), and f is the likeliest (`likeliest_floor`).
 """
+
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+import scipy
 import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator.newton import Guess, Iterate, Prior, joined, picture_information
 from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fitted
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Iterate, Prior, joined, picture_information
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, View
 from nerfnav.estimator.photometric.residuals import ColorNoise, patches
 from nerfnav.field import Field
@@ -102,7 +109,7 @@ def _ends(
 
 @dataclass(frozen=True)
 class _Judged:
-    """What a filter makes of one photograph (see fast_update.py)."""
+    """What a filter makes of one photograph (see update.py)."""
 
     noise: ColorNoise
     patches: float
@@ -143,3 +150,17 @@ def rescaled(floor: tuple[float, ...], scale: float) -> tuple[float, ...]:
     sizes = torch.tensor([scale] * 3 + [1.0] * 3, dtype=torch.float64)
     matrix = torch.tensor(floor, dtype=torch.float64).reshape(6, 6)
     return tuple((sizes[:, None] * matrix * sizes).flatten().tolist())
+
+
+def likeliest_floor(errors: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n 3 3"]) -> float:
+    """f [m], for errors [m] of which the filter says C_i [m^2]; 0 where that explains them all."""
+    variances, axes = np.linalg.eigh(told)
+    along = np.einsum("nij,ni->nj", axes, errors)  # in the axes of C_i, where C_i + f^2 I is diagonal
+
+    def unlikelihood(floor: float) -> float:
+        more = variances + floor**2
+        return float((np.log(more) + along**2 / more).sum())
+
+    bounds = (0.0, float(np.abs(along).max()))
+    found = scipy.optimize.minimize_scalar(unlikelihood, bounds=bounds, method="bounded", options={"xatol": 1e-7})
+    return float(found.x) if found.fun < unlikelihood(0.0) else 0.0

@@ -1,4 +1,3 @@
-from .arena import Arena as Arena
 from .field_geometry import GeometryReport as GeometryReport
 from .field_geometry import measure_geometry as measure_geometry
 from .flight_options import EndsChoice as EndsChoice
@@ -9,8 +8,9 @@ from .free_space_accuracy import freedom_noted as freedom_noted
 from .free_space_accuracy import freedom_on_depth as freedom_on_depth
 from .free_space_accuracy import freedom_on_mesh as freedom_on_mesh
 from .free_space_accuracy import in_words as in_words
-from .journal import Journal as Journal
+from .study import Arena as Arena
 from .study import ExperimentStep as ExperimentStep
+from .study import Journal as Journal
 from .study import Results as Results
 from .study import Row as Row
 from .study import Study as Study

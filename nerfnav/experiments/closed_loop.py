@@ -1,21 +1,133 @@
-"""Whole flights by Algorithm 1, by the camera alone: how many arrive, how far off beliefs are, and whether they know.
+"""Closed loop: fly by Algorithm 1 with the camera alone, and count arrivals, errors, and errors that go unnoticed.
 
 Trial k is flown with the seed S + k, between the ends of a task of the place (the tasks in turn) or random ends (at
-rest anywhere, with 8 cm to spare on the mesh and free for the planner, as long as the way takes). With `robot` that
-one flies, between random ends or those of the tasks of its kind. With `truth` each
-flight is flown again with the same noise and the state known. Equal seeds give equal flights; with more trials the
-first ones stay.
+rest anywhere, with 8 cm to spare on the mesh and free for the planner, as long as the path takes). With `robot` that
+one flies, between random ends or those of the tasks of its kind. With `truth` each flight is flown again with the
+same noise and the state known. Equal seeds give equal flights; with more trials the first ones stay.
+
+Shares of flights come with Wilson's score interval of 95 % (E. B. Wilson, "Probable inference, the law of succession,
+and statistical inference", 1927).
 """
 
-from collections.abc import Iterator
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.experiments.closed_loop_results import picture, summary_of
-from nerfnav.experiments.study import ExperimentStep, Results, Study, run_trials
-from nerfnav.experiments.whole_flight import FlightTrial, fly
+from nerfnav.experiments.closed_loop_flight import REFUSED, FlightTrial, fly, mean, quantile, times_of
+from nerfnav.experiments.figures import COLORS, panels
+from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.navigation import EpisodeOutcome
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task
+
+if TYPE_CHECKING:
+    import matplotlib.axes
+    import matplotlib.figure
+
+
+_OUTCOMES = ("reached", "collided", "diverged", "timeout", "no_plan", "too_risky", REFUSED)
+_QUANTILE_95 = 1.96
+"""Of the normal distribution, both sides together."""
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """Bounds between which the probability of something lies that happened `count` times of `total`."""
+    if total == 0:
+        return 0.0, 1.0
+    share, spread = count / total, _QUANTILE_95**2 / total
+    middle = (share + 0.5 * spread) / (1 + spread)
+    half = math.sqrt(spread * (share * (1 - share) + 0.25 * spread)) / (1 + spread)
+    return min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))  # rounding is not to part them
+
+
+def summary_of(flights: Sequence[Row]) -> Row:
+    """Counts of outcomes, and errors and times over all steps of the flights by camera."""
+    camera, known = _by(flights, "state", "camera"), _by(flights, "state", "known")
+    kinds = {kind: _by(camera, "ends", kind) for kind in ("tasks", "random")}
+    return {
+        "trials": len(camera),
+        **counts(camera),
+        "truth_reached": counts(known)["reached"] if known else None,
+        **{kind: {"trials": len(some), **_rate(some)} for kind, some in kinds.items() if some},
+        **({"truth": {"trials": len(known), **counts(known)}} if known else {}),
+        "silent": sum(flight["row"]["silent"] for flight in camera),
+        **_errors(camera),
+        **times_of({name: _all(camera, name) for name in ("filter_ms", "replan_ms", "step_ms")}),
+    }
+
+
+def counts(flights: Sequence[Row]) -> Row:
+    """How many ended how, the share that arrived, and how many touched anything."""
+    found = Counter(flight["row"]["outcome"] for flight in flights)
+    return {
+        **{outcome: found[outcome] for outcome in _OUTCOMES},
+        **{name: value for name, value in _rate(flights).items() if name != "reached"},
+        "touched": sum(flight["row"]["touches"] > 0 for flight in flights),
+    }
+
+
+def picture(flights: Sequence[Row]) -> "matplotlib.figure.Figure":
+    """How flights end, how far off beliefs are, and how long steps take."""
+    figure, (ends, errors, times) = panels(("Share of flights that arrive", "Share of steps", "Share of steps"))
+    groups = {
+        f"{kind}, {state}": _by(_by(flights, "ends", kind), "state", state)
+        for state in ("camera", "known")
+        for kind in ("tasks", "random")
+    }
+    groups = {name: some for name, some in groups.items() if some}
+    for index, (name, some) in enumerate(groups.items()):
+        rate = _rate(some)
+        share, color = rate["reached"] / len(some), COLORS[index]
+        whiskers = [[share - rate["reached_low"]], [rate["reached_high"] - share]]
+        ends.bar(index, share, width=0.62, color=color, alpha=0.85, yerr=whiskers, capsize=4)
+        _steps(errors, _all(some, "position_m") if "camera" in name else [], color, name)
+        _steps(times, _all(some, "step_ms"), color, name)
+    ends.set(ylim=(0, 1), xticks=range(len(groups)))
+    ends.set_xticklabels([name.replace(", ", "\n") for name in groups], fontsize=8)
+    errors.set(xscale="log", xlabel="position error at most [m]", ylim=(0, 1))
+    times.set(xscale="log", xlabel="time at most [ms]", ylim=(0, 1))
+    errors.legend(frameon=False, fontsize=7)
+    return figure
+
+
+def _steps(axes: "matplotlib.axes.Axes", values: Sequence[float], color: str, name: str) -> None:
+    """Distribution function of some values."""
+    if values:
+        axes.step(np.sort(values), np.arange(1, len(values) + 1) / len(values), where="post", color=color, label=name)
+
+
+def _rate(flights: Sequence[Row]) -> Row:
+    reached = sum(flight["row"]["outcome"] == EpisodeOutcome.REACHED.name.lower() for flight in flights)
+    low, high = wilson(reached, len(flights))
+    return {"reached": reached, "reached_low": low, "reached_high": high}
+
+
+def _errors(flights: Sequence[Row]) -> Row:
+    by_flight = [flight["row"]["nees_mean"] for flight in flights if flight["row"]["nees_mean"] is not None]
+    return {
+        "position_median_m": quantile(_all(flights, "position_m"), 0.5),
+        "position_p95_m": quantile(_all(flights, "position_m"), 0.95),
+        "nees_mean": mean(_all(flights, "nees")),
+        "nees_of_flights_median": quantile(by_flight, 0.5),
+        "inside_95": mean(_all(flights, "inside_95")),
+    }
+
+
+def _by(flights: Sequence[Row], name: str, value: str) -> list[Row]:
+    return [flight for flight in flights if flight["row"][name] == value]
+
+
+def _all(flights: Sequence[Row], name: str) -> list[float]:
+    """Over all time steps of all flights."""
+    return list(chain.from_iterable(flight["steps"][name] for flight in flights))
+
 
 _TRIALS = 100
 

@@ -1,11 +1,25 @@
-"""Trials on flights, the tasks in turn."""
+"""Disturbed flights: plan, then fly blindly under the paper's noise, to try pose filters on.
+
+Flights are drawn anew until they touch nothing and have something in sight all the time: without a picture of
+anything there is nothing to estimate by. The tasks take turns; the filter under trial is made once in each process.
+"""
+
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from functools import lru_cache
 
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.study import Row, Study, TrialDone, run_trials
-from nerfnav.world import Task
+import torch
+from torch import Tensor
+
+from nerfnav import robots
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import FastFilter, FilterConfig
+from nerfnav.experiments.study import Arena, Row, Study, TrialDone, run_trials
+from nerfnav.geometry import FORWARD_MOUNT
+from nerfnav.planner import FastPlanConfig, FastPlanner, Route, last_step, with_room
+from nerfnav.robots import CAMERA, Motion, Quadrotor, RigidState, StateNoise
+from nerfnav.world import MeshRenderer, Task, contact_check
 
 _TRIALS = 100
 
@@ -28,3 +42,53 @@ def over_flights(
     trials = [Trial(study.tasks[index % len(study.tasks)], study.seed * _TRIALS + index) for index in range(count)]
     answers = yield from run_trials(study, label, trial, trials)
     return [row for answer in answers for row in answer]
+
+
+@lru_cache(maxsize=2)
+def fast_filter(arena: Arena) -> FastFilter:
+    """The quadrotor's filter for the arena's field, made once in each process."""
+    config = FilterConfig().for_field(arena.field.info)
+    return FastFilter(arena.field, robots.load("quadrotor"), CAMERA, config=config)
+
+
+STEPS, DT = 20, 0.1
+"""Time steps of a flight, and their length [s]."""
+_REDRAWS = 2000
+"""Blind flights drift, and of some tasks not one in fifty touches nothing."""
+_IN_SIGHT = 0.05
+"""Least share of each picture that shows more than sky."""
+_GLANCE = CAMERA.scaled(0.2)
+"""What looks whether anything is in sight."""
+
+
+def disturbed_flight(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
+    """Actions (20, 4) of a plan, and the states (21) under noise: nothing is touched, and something always in sight."""
+    robot, plan = Quadrotor(), _plan(arena, trial.task)
+    touches, renderer = contact_check(arena.scene, robot.body), MeshRenderer(arena.scene)
+    generator = torch.Generator().manual_seed(trial.seed)
+    states = [trial.task.start_state]
+    for _ in range(_REDRAWS):
+        states = states[:1]
+        for action in plan.actions:
+            states.append(robot.step(states[-1], action, DT).retract(StateNoise().sample(generator)))
+            if touches(states[-2], states[-1]) or _share_in_sight(renderer, states[-1]) < _IN_SIGHT:
+                break
+        else:
+            return plan.actions, RigidState.stack(states)
+    raise InvalidInputError(
+        f'of {_REDRAWS} blind flights of "{trial.task.name}" all touch something or lose sight of everything: '
+        "estimate on another task"
+    )
+
+
+def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
+    """Share of a picture that shows more than sky."""
+    depth = renderer.render(_GLANCE, state.pose.compose(FORWARD_MOUNT)).depth
+    return depth.isfinite().float().mean().item()
+
+
+@lru_cache(maxsize=64)
+def _plan(arena: Arena, task: Task) -> Motion:
+    """The flight as it was planned, with room for noise."""
+    planner = FastPlanner(arena.field, Quadrotor(), with_room(FastPlanConfig()))
+    return last_step(planner.plan(Route(task.start_state, task.goal_state, STEPS, DT))).motion

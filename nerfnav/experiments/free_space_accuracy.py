@@ -2,8 +2,8 @@
 
 Surface. Points of the true surface inside the field's box that at least one camera sees. With a mesh they are drawn
 evenly over its area, and a ray cast at it says which cameras see them; with depth maps alone they are what held-out
-pixels saw. Planners take a point for free where the density of the field that they plan in (field/unknown.py) is at
-most that of what counts as solid.
+pixels saw. Planners take a point for free where the density of the field that they plan in
+(field/proof/occupancy_grid.py) is at most that of what counts as solid.
 
 Free space. Points drawn evenly in the box that lie in no solid, farther than two voxels from every surface, and that
 at least three cameras see; with depth maps alone, points on the way to what held-out pixels saw.

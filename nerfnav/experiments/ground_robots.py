@@ -9,16 +9,180 @@ its heading, at any time.
 Planned on the field, judged on the mesh. Drives that the field does not allow to begin or end are counted as refused.
 """
 
-from collections.abc import Iterator
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
+import trimesh
+from jaxtyping import Float
+from torch import Tensor
 
-from nerfnav.experiments.drives import drives_of
-from nerfnav.experiments.ground_results import COUCH, WHEELS, picture, summary_of
-from nerfnav.experiments.ground_trial import drive
-from nerfnav.experiments.outlines import outlines
-from nerfnav.experiments.study import ExperimentStep, Results, Study, run_trials
+from nerfnav import robots
+from nerfnav.core.errors import OccupiedError
+from nerfnav.experiments.figures import COLORS, panels
+from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.geometry import so3
+from nerfnav.planner import (
+    CostTerm,
+    PlanProblem,
+    PlanStep,
+    TermContext,
+    collision_probability_bound,
+    last_step,
+    plan_fast,
+    terms,
+)
+from nerfnav.robots import Motion, unwrapped
+from nerfnav.world import Task, judge
+
+if TYPE_CHECKING:
+    import matplotlib.axes
+    import matplotlib.figure
+
+
+Way = list[list[float]]
+"""x, y [m] and heading [rad] at each time."""
+COUCH, WHEELS = "couch", "diffdrive"
+
+
+def summary_of(rows: Sequence[Row]) -> Row:
+    """Overlaps of couches that may turn and may not, and whether wheels slid."""
+    turning, held = ([row for row in rows if row["robot"] == COUCH and row["heading_held"] is so]
+                     for so in (False, True))  # fmt: skip
+    wheels = [row for row in rows if row["robot"] == WHEELS]
+    return {
+        "couch_drives": len(turning),
+        "couch_touched": sum(row["touched"] for row in turning),
+        "couch_max_overlap_m3": max((row["max_overlap_m3"] for row in turning), default=None),
+        "couch_held_touched": sum(row["touched"] for row in held),
+        "couch_held_max_overlap_m3": max((row["max_overlap_m3"] for row in held), default=None),
+        "gap_overlap_m3": turning[0]["max_overlap_m3"] if turning else None,
+        "gap_overlap_held_m3": held[0]["max_overlap_m3"] if held else None,
+        "wheel_drives": len(wheels),
+        "wheel_touched": sum(row["touched"] for row in wheels),
+        "wheel_lateral_speed_max_mps": max((row["lateral_speed_max_mps"] for row in wheels), default=None),
+        "goal_missed_max_m": max((row["goal_missed_by_m"] for row in rows), default=None),
+    }
+
+
+def picture(rows: Sequence[Row], ways: Sequence[Way], walls: np.ndarray) -> "matplotlib.figure.Figure":
+    """The first couch with and without its turn, and the ways of all wheels, from above."""
+    from matplotlib.collections import LineCollection
+
+    figure, (free, held, wheels) = panels(("May turn", "May not turn", "On wheels"), height=3.8)
+    for axes, so in ((free, False), (held, True)):
+        index = next((i for i, row in enumerate(rows) if row["robot"] == COUCH and row["heading_held"] is so), None)
+        if index is not None:
+            _trail(axes, ways[index], COUCH, COLORS[4 if rows[index]["touched"] else 0])
+            overlap = 1e6 * rows[index]["max_overlap_m3"]
+            axes.set_title(f"{axes.get_title()}: overlap {overlap:.3g} cm$^3$", fontsize=10)
+    for k, index in enumerate(i for i, row in enumerate(rows) if row["robot"] == WHEELS):
+        _trail(wheels, ways[index], WHEELS, COLORS[k // 2 % len(COLORS)])
+    for axes in (free, held, wheels):
+        axes.add_collection(LineCollection(walls.tolist(), colors="0.45", linewidths=0.8), autolim=False)
+        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    return figure
+
+
+def _trail(axes: "matplotlib.axes.Axes", way: Way, name: str, color: str) -> None:
+    """Outlines of a robot along its way."""
+    half = 0.5 * torch.tensor(robots.load(name).body.extents[:2])
+    outline = half * torch.tensor([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
+    for x, y, heading in way:
+        corners = outline @ so3.from_yaw(torch.tensor(heading))[:2, :2].T + torch.tensor([x, y])
+        axes.plot(*corners.T.tolist(), color=color, linewidth=0.6, alpha=0.7)
+    axes.plot([x for x, _, _ in way], [y for _, y, _ in way], color=color, linewidth=1.2)
+
+
+def outlines(arena: Arena, height: float) -> np.ndarray:
+    """Where the solids are cut at a height [m]: pieces of lines, (n, 2, 2)."""
+    cuts = [trimesh.intersections.mesh_plane(solid, [0, 0, 1], [0, 0, height]) for solid in arena.scene.solids]
+    return np.concatenate([np.reshape(cut, (-1, 2, 3))[..., :2] for cut in cuts])
+
+
+_HELD = 1e4
+"""Weight of a heading that is held, in units of J for a squared radian: it strays by less than a degree."""
+
+
+def heading_held(_: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
+    """What it costs to turn away from the first attitude: squared angles [rad^2], summed over time."""
+    rotation = motion.states.rotation
+    turned = so3.local(rotation[..., :1, :, :].expand_as(rotation), rotation)
+    return turned.square().sum((-2, -1))
+
+
+HEADING_HELD = CostTerm("heading held", heading_held, _HELD)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One trial."""
+
+    task: Task
+    """From where to where, and with which robot."""
+    held: bool = False
+    """Whether the heading must stay that of the start."""
+
+
+def drives_of(task: Task) -> list[Drive]:
+    """The trials of a task: a heading can only be held where start and goal have the same."""
+    if task.robot == WHEELS:
+        return [Drive(task), Drive(_back(task))]
+    return [Drive(task, held) for held in ((False, True) if task.start_yaw == task.goal_yaw else (False,))]
+
+
+def _back(task: Task) -> Task:
+    """The way back, in reverse gear."""
+    return replace(
+        task, name=f"{task.name}, and back", start=task.goal, goal=task.start, start_yaw=task.goal_yaw,
+        goal_yaw=task.start_yaw,
+    )  # fmt: skip
+
+
+_STEPS, _DT = 30, 0.1
+"""Length of a drive: 3 s."""
+
+
+def drive(arena: Arena, item: Drive) -> tuple[Row, Way] | None:
+    """Plan one drive and judge it; also its way. None where the field has something dense at one of the ends."""
+    try:
+        planned = plan_of(arena, item)
+    except OccupiedError:
+        return None
+    robot, motion = robots.load(item.task.robot), planned.motion
+    report = judge(arena.scene, robot.body, motion.states)
+    yaw = unwrapped(so3.yaw_of(motion.states.rotation))
+    row: Row = {
+        "task": item.task.name,
+        "robot": item.task.robot,
+        "heading_held": item.held,
+        "height_m": item.task.start[2],
+        "outcome": planned.outcome.name.lower() if planned.outcome else "",
+        "touched": bool(report.touched_poses.any()),
+        "max_overlap_m3": report.max_overlap_m3,
+        "lateral_speed_max_mps": lateral_speed(motion),
+        "goal_missed_by_m": (motion.states.position[-1] - item.task.goal_state.position).norm().item(),
+        "turned_rad": yaw.diff().abs().sum().item(),
+        "bound": collision_probability_bound(arena.field, motion, robot.body),
+    }
+    return row, torch.cat([motion.states.position[:, :2], yaw[:, None]], -1).tolist()
+
+
+def plan_of(arena: Arena, item: Drive) -> PlanStep:
+    """The fast planner's plan."""
+    start, goal = item.task.start_state, item.task.goal_state
+    counted = (*terms.counted(), HEADING_HELD) if item.held else terms.counted()
+    problem = PlanProblem(arena.field, robots.load(item.task.robot), start, goal, _STEPS, _DT, counted)
+    return last_step(plan_fast(problem))
+
+
+def lateral_speed(motion: Motion) -> float:
+    """Largest velocity across the heading [m/s]."""
+    return (motion.states.rotation[..., 1] * motion.states.velocity).sum(-1).abs().max().item()
 
 
 def run(study: Study) -> Iterator[ExperimentStep]:

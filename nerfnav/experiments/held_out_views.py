@@ -7,7 +7,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.estimator import ColorNoise, Searcher
-from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.study import Arena
 from nerfnav.geometry import FORWARD_MOUNT, Pose
 from nerfnav.robots import CAMERA, RigidState
 from nerfnav.world import CaptureConfig, MeshRenderer, capture_poses

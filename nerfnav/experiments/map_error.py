@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import FilterConfig, FilterOutcome, likeliest_floor
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.whole_flight import FlightTrial, flown
+from nerfnav.experiments.closed_loop_flight import FlightTrial, flown
+from nerfnav.experiments.study import Arena
 from nerfnav.robots import POSITION
 
 FLIGHTS = 60
@@ -20,7 +20,7 @@ _FEWEST = 30
 
 
 def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
-    """f of estimator/position_floor.py [m], from flights of the quadrotor between random ends in the paper's noise.
+    """f of estimator/map_error.py [m], from flights of the quadrotor between random ends in the paper's noise.
 
     Raises InvalidInputError where too few of their pictures show enough.
     """

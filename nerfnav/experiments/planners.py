@@ -1,4 +1,4 @@
-"""Planners side by side on the same flights, judged on the ground truth: the paper's comparison of planners.
+"""Comparison of planners (paper): plan the same flights side by side, judged on the ground truth.
 
 Each trial is one planner on one task. What a plan costs is measured alike for all, with the robot's bare body:
 
@@ -6,20 +6,98 @@ Each trial is one planner on one task. What a plan costs is measured alike for a
     effort      sum over steps of u' Gamma u
 """
 
+
+import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import torch
 
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.contenders import ROBOT, contender_for, missing
-from nerfnav.experiments.planners_results import PLANNERS, picture, summary_of
-from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.planner import PlanOutcome, PlanStep, Route, collision_per_step
+from nerfnav.core.errors import MissingExtraError
+from nerfnav.experiments.figures import bars, panels
+from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.planner import OccupancyMap, Planner, PlanOutcome, PlanStep, Route, RRTConfig, collision_per_step, planners
+from nerfnav.planner.baselines.rrt import BallCheck, ball_check, require_ompl
 from nerfnav.planner.risk.costs import control
+from nerfnav.robots import Quadrotor
 from nerfnav.world import Task, judge
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
+
+PLANNERS = ("nerfnav", "minsnap", "rrt")
+"""Who takes part: all whose libraries are installed; the summary names the others under `left_out`."""
+
+
+def summary_of(rows: Sequence[Row]) -> dict[str, Row]:
+    """For each planner: its failures and what its plans cost on average."""
+    summary = {}
+    for name in _contenders(rows):
+        mine = [row for row in rows if row["planner"] == name]
+        summary[name] = {
+            "flights": len(mine),
+            "failures": sum(row["failed"] for row in mine),
+            "touched": sum(row["touched"] for row in mine),
+            "collision_mean": statistics.fmean(row["collision"] for row in mine),
+            "collision_median": statistics.median(row["collision"] for row in mine),
+            "effort_mean": statistics.fmean(row["effort"] for row in mine),
+            "effort_median": statistics.median(row["effort"] for row in mine),
+            "plan_ms_median": statistics.median(row["plan_ms"] for row in mine),
+        }
+    return summary
+
+
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
+    """Bars as in the paper's figure, and every flight as a dot."""
+    figure, (collision, effort, failures) = panels(("Collision cost (Eq. 1)", "Control effort", "Failed flights"))
+    names = _contenders(rows)
+    for axes, key, unit in ((collision, "collision", "sum of density x way"), (effort, "effort", "sum of u' Gamma u")):
+        spread = {name: [row[key] for row in rows if row["planner"] == name] for name in names}
+        axes.set_yscale("log")
+        bars(axes, {name: statistics.fmean(values) for name, values in spread.items()}, unit + ", mean", spread)
+    failed = {name: float(sum(row["failed"] for row in rows if row["planner"] == name)) for name in names}
+    bars(failures, failed, f"of {len(rows) // len(names)}")
+    return figure
+
+
+def _contenders(rows: Sequence[Row]) -> tuple[str, ...]:
+    """The planners that took part, in the order of PLANNERS."""
+    return tuple(name for name in PLANNERS if any(row["planner"] == name for row in rows))
+
+
+ROBOT = Quadrotor()
+"""What all of them plan for."""
+
+
+def missing() -> Row:
+    """Planners whose library is not installed, and what to do about it."""
+    try:
+        require_ompl()
+    except MissingExtraError as error:
+        return {"rrt": str(error)}
+    return {}
+
+
+def contender_for(arena: Arena, name: str, seed: int) -> Planner:
+    """The planner of that name, with its maps made before; `seed` is of what is random in it."""
+    occupancy, check = _maps(arena)
+    if name == "rrt":
+        tree = RRTConfig(seed=seed)
+        return planners.load("rrt").make(arena.field, ROBOT, tree, occupancy=occupancy, check=check)
+    known_as = {"nerfnav": "fast"}.get(name, name)
+    return planners.load(known_as).make(arena.field, ROBOT, occupancy=occupancy)
+
+
+@lru_cache(maxsize=2)
+def _maps(arena: Arena) -> tuple[OccupancyMap, BallCheck]:
+    """What planners know of the field, made once."""
+    occupancy = OccupancyMap.of(arena.field, ROBOT.body)
+    return occupancy, ball_check(arena.field, ROBOT, RRTConfig())
+
 
 _STEPS, _DT = 20, 0.1
 """Length of a flight: 2 s, as in the paper."""

@@ -1,32 +1,262 @@
-"""Exports flown again: plans leave as files, and vehicles of other people's simulators fly what the files say.
+"""Reflight of exports: fly exported plans with the vehicles of other simulators.
 
 Each task of a quadrotor is planned on the field and exported twice: as setpoints for PX4, which RotorPy's SE(3)
 controller follows with a quick attitude loop; and as polynomials for a Crazyflie, with a duration that its thrust
-allows, which Mellinger's controller follows (nerfnav.experiments.reflight_vehicles). What was flown is judged on the
-true mesh with the body that was planned for, and compared with what was wished for.
+allows, which Mellinger's controller follows, as the Crazyflie's firmware has it (drone-controllers). The files are
+read as others read them: with NumPy, and with nothing of nerfnav. What was flown is judged on the true mesh with the
+body that was planned for, and compared with the setpoints.
+
+    quick        a multirotor of the mass, inertia and thrust that were planned for, with the rotors of RotorPy's
+                 Hummingbird and a quick attitude loop, on setpoints as PX4 gets them, each held until the next comes
+    crazyflie    RotorPy's Crazyflie under Mellinger's controller, on polynomials, evaluated as the firmware does
+
+Lee, Leok and McClamroch 2010 (SE(3)); Mellinger and Kumar 2011; Folk, Paulos and Kumar, "RotorPy", 2023.
 """
 
-from collections.abc import Callable, Iterator
+
+import io
+import math
+import os
+import statistics
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.contenders import ROBOT, contender_for
-from nerfnav.experiments.reflight_results import picture, summary_of
-from nerfnav.experiments.reflight_tracks import track_of_crazyflie, track_of_px4
-from nerfnav.experiments.reflight_vehicles import Flown, FlownConfig, Track, fly_crazyflie, fly_quick
-from nerfnav.experiments.study import ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.core.extras import from_extra
+from nerfnav.experiments.figures import bars, panels
+from nerfnav.experiments.planners import ROBOT, contender_for
+from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.export import Exported, Recording
 from nerfnav.export.crazyflie import FitConfig, crazyflie
 from nerfnav.export.px4 import px4
 from nerfnav.geometry import so3
 from nerfnav.planner import PlanStep, Route
-from nerfnav.robots import Quadrotor, RigidState
+from nerfnav.robots import Quadrotor, QuadrotorConfig, RigidState
 from nerfnav.world import Task, judge
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
+
+def summary_of(rows: Sequence[Row]) -> dict[str, Row]:
+    """For each vehicle: how many flights were clean, and how far off they were (rms over all instants and flights)."""
+    summary = {}
+    for name in _vehicles(rows):
+        mine = [row for row in rows if row["vehicle"] == name]
+        flown = [row for row in mine if row["rms_mm"] is not None]
+        summary[name] = {
+            "exports": len(mine),
+            "refused": len(mine) - len(flown),
+            "clean": sum(bool(row["clean"]) for row in mine),
+            "clean_plans": sum(not row["plan_touched"] for row in mine),
+        }
+        if flown:
+            summary[name] |= {
+                "rms_mm": math.sqrt(statistics.fmean(row["rms_mm"] ** 2 for row in flown)),
+                "rms_mm_max": max(row["rms_mm"] for row in flown),
+                "max_mm": max(row["max_mm"] for row in flown),
+                "duration_s_mean": statistics.fmean(row["duration_s"] for row in flown),
+            }
+    return summary
+
+
+def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
+    """Errors of every flight as dots, and the largest of them as bars."""
+    figure, (rms, most) = panels(("Tracking error, rms", "Tracking error, largest"))
+    for axes, key in ((rms, "rms_mm"), (most, "max_mm")):
+        spread = {name: [row[key] for row in rows if row["vehicle"] == name and row[key]] for name in _vehicles(rows)}
+        bars(axes, {name: statistics.fmean(values) for name, values in spread.items() if values}, "mm, mean", spread)
+    return figure
+
+
+def _vehicles(rows: Sequence[Row]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(row["vehicle"] for row in rows))
+
+
+_USER = "the experiment reflight"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """Setpoint of an instant: what is to be flown, ENU."""
+
+    position: np.ndarray
+    """[m]"""
+    velocity: np.ndarray
+    """[m/s]"""
+    acceleration: np.ndarray
+    """[m/s^2]"""
+    yaw: float
+    """[rad]"""
+    yaw_rate: float
+    """[rad/s]"""
+
+
+@dataclass(frozen=True)
+class Track:
+    """What a vehicle is told, and for how long."""
+
+    wish: Callable[[float], Wish]
+    """Setpoint at a time [s]; at rest at the last position after the end."""
+    duration: float
+    """[s]"""
+
+
+@dataclass(frozen=True)
+class FlownConfig:
+    """How flights are simulated."""
+
+    rate_hz: int = 500
+    """Of controllers and of the integration."""
+    settling_s: float = 0.5
+    """How long the end is held."""
+    kp_att: float = 2000.0
+    """Attitude gain of the quick loop [1/s^2]."""
+    kd_att: float = 90.0
+    """Rate gain of the quick loop [1/s]."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Where a vehicle was, and should have been."""
+
+    times: np.ndarray
+    """(n,) [s]."""
+    position: np.ndarray
+    """(n, 3) [m]."""
+    velocity: np.ndarray
+    """(n, 3) [m/s]."""
+    quaternion: np.ndarray
+    """(n, 4), (x, y, z, w) of R_world_body."""
+    error_m: np.ndarray
+    """(n,): distance from what was wished."""
+
+
+Control = Callable[[float, dict[str, Any], Wish], dict[str, Any]]
+
+
+def fly_quick(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
+    """The robot with the rotors of a Hummingbird, which answer within 5 ms, under the SE(3) controller."""
+    params = _scaled(_params("hummingbird"), robot.config) | {"kp_att": config.kp_att, "kd_att": config.kd_att}
+    controller = from_extra("rotorpy.controllers.quadrotor_control", "reflight", _USER).SE3Control(params)
+
+    def control(time: float, state: dict[str, Any], wish: Wish) -> dict[str, Any]:
+        return controller.update(time, state, _flat_output(wish))
+
+    return _fly(params, "cmd_motor_speeds", control, track, config)
+
+
+def _scaled(params: dict[str, Any], robot: QuadrotorConfig) -> dict[str, Any]:
+    """A vehicle of a robot's mass, inertia, size and thrust: forces of rotors and air in proportion to the thrust."""
+    arm = np.linalg.norm(next(iter(params["rotor_pos"].values())))
+    size = np.hypot(*robot.extents[:2]) / 2 / arm
+    strength = robot.max_thrust / (params["num_rotors"] * params["k_eta"] * params["rotor_speed_max"] ** 2)
+    forces = {name: strength * params[name] for name in ("k_eta", "k_m", "k_d", "k_z", "k_h", "c_Dx", "c_Dy", "c_Dz")}
+    inertia = dict(zip(("Ixx", "Iyy", "Izz"), robot.inertia, strict=True))
+    places = {name: size * place for name, place in params["rotor_pos"].items()}
+    return params | forces | inertia | {"mass": robot.mass, "rotor_pos": places}
+
+
+def fly_crazyflie(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
+    """RotorPy's Crazyflie, whatever was planned for, under Mellinger's controller with the gains of the firmware."""
+    os.environ.setdefault("SCIPY_ARRAY_API", "1")  # drone-controllers asks for it where scipy is imported already
+    library = from_extra("drone_controllers", "reflight", _USER)
+    mellinger = from_extra("drone_controllers.mellinger", "reflight", _USER)
+    position = library.parametrize(mellinger.state2attitude, "cf2x_L250")
+    attitude = library.parametrize(mellinger.attitude2force_torque, "cf2x_L250")
+    errors: dict[str, Any] = {"position": None, "attitude": None, "rate": None}
+
+    def control(time: float, state: dict[str, Any], wish: Wish) -> dict[str, Any]:
+        seen = {"pos": state["x"], "quat": state["q"], "vel": state["v"], "ang_vel": state["w"]}
+        asked = np.concatenate([wish.position, wish.velocity, wish.acceleration, [wish.yaw, 0.0, 0.0, wish.yaw_rate]])
+        attitude_wish, errors["position"] = position(
+            **seen, cmd=asked, ctrl_errors=_kept(errors["position"]), ctrl_freq=config.rate_hz
+        )
+        force, torque, errors["attitude"] = attitude(
+            **seen, cmd=attitude_wish, prev_ang_vel=errors["rate"], ctrl_errors=_kept(errors["attitude"]),
+            ctrl_freq=config.rate_hz,
+        )  # fmt: skip
+        errors["rate"] = state["w"]
+        return {"cmd_thrust": float(force[0]), "cmd_moment": torque}
+
+    return _fly(_params("crazyflie"), "cmd_ctbm", control, track, config)
+
+
+def _kept(error: Any) -> tuple[Any] | None:
+    return None if error is None else (error,)
+
+
+def _params(vehicle: str) -> dict[str, Any]:
+    return dict(from_extra(f"rotorpy.vehicles.{vehicle}_params", "reflight", _USER).quad_params)
+
+
+def _flat_output(wish: Wish) -> dict[str, Any]:
+    still = np.zeros(3)
+    return {
+        "x": wish.position, "x_dot": wish.velocity, "x_ddot": wish.acceleration, "x_dddot": still, "x_ddddot": still,
+        "yaw": wish.yaw, "yaw_dot": wish.yaw_rate,
+    }  # fmt: skip
+
+
+def _fly(params: dict[str, Any], abstraction: str, control: Control, track: Track, config: FlownConfig) -> Flown:
+    """From rest at the first setpoint along the track, and for a while at its end."""
+    first, dt = track.wish(0.0), 1 / config.rate_hz
+    hover = np.sqrt(params["mass"] * 9.81 / (params["num_rotors"] * params["k_eta"]))
+    state = {
+        "x": first.position.copy(), "v": np.zeros(3),
+        "q": np.array([0, 0, np.sin(first.yaw / 2), np.cos(first.yaw / 2)]),
+        "w": np.zeros(3), "wind": np.zeros(3), "rotor_speeds": np.full(params["num_rotors"], hover),
+    }  # fmt: skip
+    multirotor = from_extra("rotorpy.vehicles.multirotor", "reflight", _USER).Multirotor
+    vehicle = multirotor(params, state, abstraction, integrator_kwargs={"method": "RK23", "max_step": dt})
+    rows = []
+    for index in range(round((track.duration + config.settling_s) * config.rate_hz) + 1):
+        wish = track.wish(index * dt)
+        rows.append((index * dt, state["x"], state["v"], state["q"], np.linalg.norm(state["x"] - wish.position)))
+        state = vehicle.step(state, control(index * dt, state, wish), dt)
+    return Flown(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def track_of_px4(content: bytes) -> Track:
+    """Setpoints of a file of the format px4; each row is held until the next comes."""
+    rows = np.genfromtxt(io.BytesIO(content), delimiter=",", skip_header=2)
+    seconds = 1e-6 * rows[:, 0]
+    position, velocity, acceleration = (_enu(rows[:, first : first + 3]) for first in (1, 4, 7))
+    yaw, yaw_rate = np.pi / 2 - rows[:, 13], -rows[:, 14]
+
+    def wish(time: float) -> Wish:
+        row = max(0, int(np.searchsorted(seconds, time + 1e-9, side="right")) - 1)
+        return Wish(position[row], velocity[row], acceleration[row], float(yaw[row]), float(yaw_rate[row]))
+
+    return Track(wish, float(seconds[-1]))
+
+
+def track_of_crazyflie(content: bytes) -> Track:
+    """Polynomials of a file of the format crazyflie, evaluated piece by piece."""
+    rows = np.loadtxt(io.BytesIO(content), delimiter=",", skiprows=1, usecols=range(33))
+    ends = rows[:, 0].cumsum()
+    derivatives = [[np.polynomial.Polynomial(row[1:].reshape(4, 8)[axis]) for axis in range(4)] for row in rows]
+    orders = [[[one.deriv(order) for one in piece] for piece in derivatives] for order in (1, 2)]
+
+    def wish(time: float) -> Wish:
+        held = min(time, ends[-1])
+        piece = min(int(np.searchsorted(ends, held)), len(rows) - 1)
+        local = held - ends[piece] + rows[piece, 0]
+        value, first, second = (np.array([one(local) for one in part[piece]]) for part in (derivatives, *orders))
+        moving = float(time <= ends[-1])
+        return Wish(value[:3], moving * first[:3], moving * second[:3], float(value[3]), moving * float(first[3]))
+
+    return Track(wish, float(ends[-1]))
+
+
+def _enu(ned: np.ndarray) -> np.ndarray:
+    return ned[:, [1, 0, 2]] * [1, 1, -1]
+
 
 _STEPS, _DT = 20, 0.1
 """Length of a flight: 2 s, as in the paper."""

@@ -1,25 +1,73 @@
-"""How experiments are run: many trials, each on its own, on one core, on many, or on a cluster.
+"""Studies: run the trials of an experiment on one core, on many, or on a cluster.
 
-An experiment is a function that takes a Study and yields what it has done so far (TrialDone), and Results at last.
+An experiment is a function that takes a Study and yields what it has done so far (TrialDone), and Results at last. It
+happens in an Arena, a scene with its trained field. A Journal notes the answers of trials that are done, so that an
+experiment that was interrupted goes on there.
+
 To add one: write a file here with such a function, and name it in the app's table of experiments.
 """
 
+
+import json
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.extras import from_extra
-from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.flight_options import FlightOptions
-from nerfnav.experiments.journal import Journal
-from nerfnav.world import Task
+from nerfnav.field import VoxelField
+from nerfnav.world import Scene, Task
 
 if TYPE_CHECKING:
     import matplotlib.figure
+
+
+@dataclass(frozen=True, eq=False)
+class Arena:
+    """A world as it is and as it was learned: plan in one, judge on the other."""
+
+    scene: Scene
+    """The ground truth."""
+    field: VoxelField
+    """What was trained from its pictures."""
+
+
+@dataclass(frozen=True)
+class Journal:
+    """A file with a line of JSON for each trial that is done."""
+
+    path: Path
+    """The file; made with the first answer."""
+    about: str
+    """What else the answers depend on: those that were noted about something else do not count."""
+
+    def answers(self, items: Sequence[Any]) -> dict[int, Any]:
+        """What was answered already, by index of the item; a line that was not written to its end does not count."""
+        if not self.path.exists():
+            return {}
+        noted = {}
+        for line in self.path.read_text().splitlines():
+            try:
+                key, answer = json.loads(line)
+            except ValueError:
+                continue
+            noted[key] = answer
+        keys = [self._key(index, item) for index, item in enumerate(items)]
+        return {index: noted[key] for index, key in enumerate(keys) if key in noted}
+
+    def add(self, index: int, item: Any, answer: Any) -> None:
+        """Note an answer: plain numbers, words, lists and tables of them."""
+        with self.path.open("a") as stream:
+            stream.write("\n" + json.dumps([self._key(index, item), answer]) + "\n")
+
+    def _key(self, index: int, item: Any) -> str:
+        return f"{self.about}: {index} {item!r}"
+
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

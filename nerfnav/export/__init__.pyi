@@ -5,11 +5,11 @@ from .occupancy_map import map_files as map_files
 from .overlay import OverlayVideo as OverlayVideo
 from .recording import Exported as Exported
 from .recording import Recording as Recording
-from .ros.track import TrackRecorder as TrackRecorder
-from .table_text import csv_text as csv_text
-from .table_text import json_text as json_text
-from .table_text import table_of_json as table_of_json
+from .tables import csv_text as csv_text
 from .tables import episode_table as episode_table
+from .tables import json_text as json_text
 from .tables import motion_table as motion_table
+from .tables import table_of_json as table_of_json
 from .track import TRACK_FILES as TRACK_FILES
+from .track import TrackRecorder as TrackRecorder
 from .track import texts_of_track as texts_of_track

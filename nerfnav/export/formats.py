@@ -14,9 +14,8 @@ from nerfnav.export.px4 import px4, px4_odometry
 from nerfnav.export.qgroundcontrol import qgroundcontrol
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.replay import replay
-from nerfnav.export.ros.rosbag2 import rosbag2
-from nerfnav.export.ros_bags import mcap
-from nerfnav.export.table_text import csv_text, json_text
+from nerfnav.export.ros_bags import mcap, rosbag2
+from nerfnav.export.tables import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import GOOD, PiecewisePolynomial, PlanOutcome

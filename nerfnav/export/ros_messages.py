@@ -1,18 +1,41 @@
-"""Message types of ROS 2, and what messages of all kinds are made of."""
+"""ROS 2 messages of a flight or a plan, and the message types and parts that all messages share.
 
+Axes are those of ROS (REP 103): world ENU, body FLU, so nothing is turned. Quaternions are (x, y, z, w). Stamps count
+from the start, 0 s.
+
+    /about       std_msgs/String                        what this is, how it ended, and what the numbers mean, as JSON
+    /path        nav_msgs/Path                          all poses at once, at the start
+    /odometry    nav_msgs/Odometry                      pose in `map`, velocities in the axes of `base_link`
+    /tf          tf2_msgs/TFMessage                     the same pose as the transform from `map` to `base_link`
+    /estimate    geometry_msgs/PoseWithCovarianceStamped   of a flight: what the robot believed, with its covariance
+    /picture     sensor_msgs/CompressedImage            of a flight: what its camera saw, JPEG
+
+/about and /path come once, latched: their durability is transient_local. The odometry of a flight is what truly
+happened in the simulation, that of a plan what is intended: both are exact, which the zeros of their covariance say.
+"""
+
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.extras import from_extra
-from nerfnav.geometry import picture_file
+from nerfnav.export.recording import Recording
+from nerfnav.geometry import picture_file, so3
+from nerfnav.navigation import NavigationStep
+from nerfnav.robots import ATTITUDE, POSITION
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Qos
     from rosbags.typesys.store import Typestore
+
 
 _JPEG_QUALITY = 90
 _FOREVER_S, _FOREVER_NS = 9223372036, 854775807
@@ -68,3 +91,127 @@ def pose_of(position: list[float], wxyz: list[float]) -> Any:
     w, x, y, z = wxyz
     point, quaternion = new("geometry_msgs/msg/Point", *position), new("geometry_msgs/msg/Quaternion", x, y, z, w)
     return new("geometry_msgs/msg/Pose", point, quaternion)
+
+
+WORLD, BODY = "map", "base_link"
+"""Frames."""
+TOPICS = {
+    "/about": "std_msgs/msg/String",
+    "/path": "nav_msgs/msg/Path",
+    "/odometry": "nav_msgs/msg/Odometry",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/estimate": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "/picture": "sensor_msgs/msg/CompressedImage",
+}
+"""What is said under which name."""
+_OF_FLIGHTS = ("/estimate", "/picture")
+LATCHED = ("/about", "/path")
+"""What comes once, and is kept for who comes later."""
+
+
+@dataclass(frozen=True)
+class RosMessage:
+    """One message, ready to be written."""
+
+    topic: str
+    """A key of TOPICS."""
+    time_ns: int
+    """From the start [ns]."""
+    content: bytes
+    """In CDR, the encoding of ROS 2."""
+
+
+def topics(recording: Recording) -> dict[str, str]:
+    """Topics of a recording and their message types; plans have neither an estimate nor pictures."""
+    return {topic: kind for topic, kind in TOPICS.items() if recording.steps or topic not in _OF_FLIGHTS}
+
+
+def about(recording: Recording) -> dict[str, str]:
+    """What readers should know of a recording besides its messages."""
+    exact = "the true state in the simulation" if recording.steps else "the plan"
+    return {
+        "made by": "nerfnav",
+        "title": recording.title,
+        "robot": str(recording.table.info.get("robot", "")),
+        "outcome": recording.outcome or "not known",
+        "odometry": f"{exact}, exact: its covariance is zero, not unknown",
+    }
+
+
+def messages(recording: Recording) -> Iterator[RosMessage]:
+    """All messages in the order of their times."""
+    made = _Maker(recording)
+    yield made.message("/about", 0, new("std_msgs/msg/String", json.dumps(about(recording))))
+    yield made.message("/path", 0, made.path())
+    for row in range(len(recording.times)):
+        yield made.message("/odometry", row, made.odometry(row))
+        yield made.message("/tf", row, made.transform(row))
+        if recording.steps:
+            yield made.message("/estimate", row, made.estimate(row))
+            seen = recording.steps[row].image
+            if seen is not None:
+                yield made.message("/picture", row, compressed(seen, made.header(row, BODY)))
+
+
+class _Maker:
+    """Makes messages of the rows of a recording."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._times = recording.times.tolist()
+        self._position, self._quaternion = recording.position.tolist(), recording.quaternion.tolist()
+        rotation = so3.matrix_from_quaternion(recording.quaternion)
+        self._velocity_body = (recording.velocity[:, None] @ rotation)[:, 0].tolist()
+        self._rate = recording.body_rate.tolist()
+        self._believed = [] if recording.believed is None else recording.believed.tolist()
+        self._steps = recording.steps
+
+    def message(self, topic: str, row: int, content: Any) -> RosMessage:
+        cdr = bytes(typestore().serialize_cdr(content, TOPICS[topic]))
+        return RosMessage(topic, round(1e9 * self._times[row]), cdr)
+
+    def path(self) -> Any:
+        rows = range(len(self._times))
+        poses = [new("geometry_msgs/msg/PoseStamped", self.header(row), self._pose(row)) for row in rows]
+        return new("nav_msgs/msg/Path", self.header(0), poses)
+
+    def odometry(self, row: int) -> Any:
+        exact = np.zeros(36)
+        twist = new("geometry_msgs/msg/Twist", vector(self._velocity_body[row]), vector(self._rate[row]))
+        return new(
+            "nav_msgs/msg/Odometry",
+            self.header(row),
+            BODY,
+            new("geometry_msgs/msg/PoseWithCovariance", self._pose(row), exact),
+            new("geometry_msgs/msg/TwistWithCovariance", twist, exact),
+        )
+
+    def transform(self, row: int) -> Any:
+        pose = self._pose(row)
+        moved = vector([pose.position.x, pose.position.y, pose.position.z])
+        transform = new("geometry_msgs/msg/Transform", moved, pose.orientation)
+        stamped = new("geometry_msgs/msg/TransformStamped", self.header(row), BODY, transform)
+        return new("tf2_msgs/msg/TFMessage", [stamped])
+
+    def estimate(self, row: int) -> Any:
+        believed = self._believed[row]  # whose quaternions have no sign flips
+        covariance = pose_covariance(self._steps[row])
+        pose = new("geometry_msgs/msg/PoseWithCovariance", pose_of(believed[:3], believed[3:]), covariance)
+        return new("geometry_msgs/msg/PoseWithCovarianceStamped", self.header(row), pose)
+
+    def header(self, row: int, frame: str = WORLD) -> Any:
+        return header(round(1e9 * self._times[row]), frame)
+
+    def _pose(self, row: int) -> Any:
+        return pose_of(self._position[row], self._quaternion[row])
+
+
+def pose_covariance(step: NavigationStep) -> np.ndarray:
+    """Covariance of position [m] and attitude [rad] about fixed world axes, 36 numbers row by row.
+
+    The belief's attitude error is in the body, R Exp(dtheta); about world axes it is R dtheta.
+    """
+    picked = [*range(12)[POSITION], *range(12)[ATTITUDE]]
+    covariance = step.belief.covariance.double()[picked][:, picked]
+    turn = torch.eye(6, dtype=torch.float64)
+    turn[3:, 3:] = step.belief.mean.rotation.double()
+    return (turn @ covariance @ turn.T).numpy().reshape(-1)

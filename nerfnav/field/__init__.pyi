@@ -1,5 +1,3 @@
-from .bake import BakeConfig as BakeConfig
-from .bake import BakeStep as BakeStep
 from .core.info import FieldInfo as FieldInfo
 from .core.occupancy import SOLID_DENSITY as SOLID_DENSITY
 from .core.occupancy import states_of as states_of
@@ -8,6 +6,8 @@ from .core.protocol import Field as Field
 from .core.protocol import RaySamples as RaySamples
 from .core.protocol import density_and_gradient as density_and_gradient
 from .core.protocol import uniform_samples as uniform_samples
+from .edit.bake import BakeConfig as BakeConfig
+from .edit.bake import BakeStep as BakeStep
 from .edit.crop import cropped as cropped
 from .edit.crop import overlap as overlap
 from .edit.move import MoveStep as MoveStep
@@ -18,8 +18,12 @@ from .models.mlp import MlpConfig as MlpConfig
 from .models.neural import NeuralConfig as NeuralConfig
 from .models.neural import NeuralField as NeuralField
 from .models.voxel import VoxelField as VoxelField
-from .neural_train import train_neural as train_neural
+from .proof.occupancy_grid import StateGrid as StateGrid
+from .proof.occupancy_grid import Unknown as Unknown
+from .proof.occupancy_grid import VoxelState as VoxelState
+from .proof.occupancy_grid import planning_field as planning_field
 from .proof.occupancy_grid import unproven_in_words as unproven_in_words
+from .proof.occupancy_grid import voxel_states as voxel_states
 from .render.composite import CompositeField as CompositeField
 from .render.composite import PlacedField as PlacedField
 from .render.jacobian import SightGrid as SightGrid
@@ -30,9 +34,6 @@ from .render.volume_rendering import FastRenderer as FastRenderer
 from .render.volume_rendering import Rendering as Rendering
 from .render.volume_rendering import render_image as render_image
 from .render.volume_rendering import render_rays as render_rays
-from .states import StateGrid as StateGrid
-from .states import VoxelState as VoxelState
-from .states import voxel_states as voxel_states
 from .storage.checkpoint import StoredField as StoredField
 from .storage.checkpoint import load_field as load_field
 from .storage.checkpoint import save_field as save_field
@@ -44,7 +45,6 @@ from .train.grid_learner import GridLearner as GridLearner
 from .train.grid_learner import LearningRates as LearningRates
 from .train.loop import TrainStep as TrainStep
 from .train.neural import NeuralTrainConfig as NeuralTrainConfig
+from .train.neural import train_neural as train_neural
 from .train.rays import RayBatch as RayBatch
 from .train.torch_learner import TorchLearner as TorchLearner
-from .unknown import Unknown as Unknown
-from .unknown import planning_field as planning_field

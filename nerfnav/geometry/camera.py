@@ -13,8 +13,7 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.structs import TensorStruct
-from nerfnav.geometry.fisheye import fisheye_directions
-from nerfnav.geometry.lens import COUNTS, undistorted
+from nerfnav.geometry.lens import COUNTS, fisheye_directions, undistorted
 
 R_BODY_CAMERA = torch.tensor([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Attitude of a camera that looks along the body's x axis (FLU) with its top towards the body's z axis."""
@@ -57,7 +56,7 @@ class Camera:
     """Principal point along v [pixels]."""
     distortion: tuple[float, ...] = ()
     """OpenCV's k1, k2, p1, p2 and perhaps k3 (see geometry/lens.py); none: straight lines stay straight.
-    Of a fisheye, k1, k2, k3, k4 (see geometry/fisheye.py)."""
+    Of a fisheye, k1, k2, k3, k4 (see geometry/lens.py)."""
     fisheye: bool = False
     """Whether the lens is a fisheye: a pixel tells an angle, not a point of a plane."""
 

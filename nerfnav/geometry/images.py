@@ -1,4 +1,8 @@
-"""Photographs with known poses: what a capture yields and what a field is trained from."""
+"""Posed images: photographs with known poses, from which fields are trained, with depth maps and sparse points.
+
+Sightings are the tracks of structure from motion: points of a place, and the images that show each of them.
+"""
+
 
 import math
 from dataclasses import dataclass, replace
@@ -6,12 +10,41 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera, Pose
-from nerfnav.geometry.sightings import Sightings
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Points, and which images show which of them."""
+
+    points: Float[Tensor, "m 3"]
+    """Where they are, in the world [m]."""
+    image: Int[Tensor, " k"]
+    """Of each sighting, which image."""
+    point: Int[Tensor, " k"]
+    """Of each sighting, which point that image shows."""
+
+    def __len__(self) -> int:
+        """How many sightings there are."""
+        return len(self.image)
+
+    def of_images(self, chosen: Int[Tensor, " n"]) -> "Sightings":
+        """Those of the `chosen` images, which are numbered in this order from then on; all points stay."""
+        known = torch.cat([self.image, chosen])
+        number = torch.full((int(known.max()) + 1 if len(known) else 0,), -1)
+        number[chosen] = torch.arange(len(chosen))
+        image = number[self.image]
+        return Sightings(self.points, image[image >= 0], self.point[image >= 0])
+
+    def where(self, kept: Tensor) -> "Sightings":
+        """The sightings of those points alone for which `kept` (m) is true."""
+        number = kept.long().cumsum(0) - 1
+        told = kept[self.point]
+        return Sightings(self.points[kept], self.image[told], number[self.point[told]])
 
 
 @dataclass(frozen=True)

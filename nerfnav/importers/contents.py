@@ -6,11 +6,11 @@ Imported only when needed, with the readers of all kinds: most places are fields
 from pathlib import Path
 
 from nerfnav.importers.captures.formats import is_capture
+from nerfnav.importers.core.kinds import SourceKind
 from nerfnav.importers.core.magic import head_of, magic_of
-from nerfnav.importers.kinds import SourceKind
 from nerfnav.importers.meshes.folders import mesh_in, meshes_in_archive
-from nerfnav.importers.nerf_pytorch_files import is_checkpoint
-from nerfnav.importers.splats.layouts import holds_splats
+from nerfnav.importers.nerf.checkpoint import is_checkpoint
+from nerfnav.importers.splats.formats import holds_splats
 
 _FLIGHT, _PLAN = "run.json", "plan.json"
 

@@ -11,8 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
-from nerfnav.importers.core.kinds import ARCHIVES, CHECKPOINTS, FIELD, MESHES, OWN_SPLATS, PICTURES, SPLATS, VIDEOS
-from nerfnav.importers.kinds import SourceKind
+from nerfnav.importers.core.kinds import (
+    ARCHIVES,
+    CHECKPOINTS,
+    FIELD,
+    MESHES,
+    OWN_SPLATS,
+    PICTURES,
+    SPLATS,
+    VIDEOS,
+    SourceKind,
+)
 
 _TRUTH = "nerfnav-ground-truth"
 

@@ -20,8 +20,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.estimator import Belief
 from nerfnav.field import Field, Unknown, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
-from nerfnav.live.guided import expected
-from nerfnav.live.setpoints import half_a_step_back, on_curve, setpoints_of
+from nerfnav.live.setpoints import expected, half_a_step_back, on_curve, setpoints_of
 from nerfnav.navigation import NavigateConfig, guarded
 from nerfnav.navigation.fallback import Backup, Guard
 from nerfnav.planner import (

@@ -25,7 +25,7 @@ from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.live.answer import Answer, Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
-from nerfnav.live.guided import Guided, change
+from nerfnav.live.setpoints import Guided, change
 from nerfnav.robots import RigidState, Robot, StateNoise
 from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.live.messages import Picture
-from nerfnav.tracking.sources.decoded import decoded
+from nerfnav.tracking.sources.pictures import decoded
 
 _MOST_PIXELS = 1 << 24
 

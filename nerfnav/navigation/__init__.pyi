@@ -1,10 +1,10 @@
 from .episode import Episode as Episode
-from .guarding import guarded as guarded
+from .fallback import guarded as guarded
+from .flight import Mission as Mission
+from .flight import NavigateConfig as NavigateConfig
+from .flight import Orders as Orders
+from .flight import Pilot as Pilot
 from .loop import navigate as navigate
-from .mission import Mission as Mission
-from .mission import NavigateConfig as NavigateConfig
-from .mission import Pilot as Pilot
-from .orders import Orders as Orders
 from .physical.config import PhysicalConfig as PhysicalConfig
 from .physical.worlds import WORLDS as WORLDS
 from .physical.worlds import WorldName as WorldName

@@ -1,14 +1,18 @@
-"""A backup: beside the plan, a way to come to rest in free space, flown when the plan is no longer good.
+"""Fallback trajectory: beside the plan, a way to come to rest in free space, flown when the plan is no longer safe.
 
-Each candidate brakes to a wanted velocity and then to rest: straight on, upwards, and away from what is near (down the
-slope of danger.py). It is judged as plans are, by Eq. 1 on the field that planners see, where unproven space is solid;
-it counts as safe when no point of the body is as likely as not to be hit and it ends at rest where the body fits. (As
-SUPER does on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science Robotics, 2025.)
+Each candidate brakes to a wanted velocity and then to rest: straight on, upwards, and away from what is near (down
+the slope of the collision map). It is judged as plans are, by Eq. 1 on the field that planners see, where unproven
+space is solid; it counts as safe when no point of the body is as likely as not to be hit and it ends at rest where
+the body fits. (As SUPER does on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science
+Robotics, 2025.)
+
+`guarded` makes the planner of a disturbed robot, and the safety filter that keeps a fallback ready.
 """
+
 
 import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -19,19 +23,25 @@ from nerfnav.field import Field
 from nerfnav.planner import (
     NEAR_CERTAIN,
     PAPERS_NOISE,
+    CostTerm,
     CostWeights,
     DangerMap,
     Disturbance,
+    FieldPlanner,
+    OccupancyMap,
     Outlook,
+    Planner,
+    PlannerConfig,
+    PlannerEntry,
     PlanOutcome,
     PlanProblem,
     PlanStep,
     collision_probability_bound,
     fits,
 )
-from nerfnav.planner.kernels.danger import endangered
+from nerfnav.planner.kernels.terms import endangered
 from nerfnav.planner.terms.risk import RISK
-from nerfnav.robots import Motion, RigidState, Robot
+from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
 _NO_GOOD = (
     PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.NO_PATH, PlanOutcome.DIVERGED,
@@ -134,3 +144,27 @@ class Guard:
         bound, last = self._bound(motion), motion.states[-1]
         rests = bool(last.velocity.norm() < self.config.resting) and fits(self.field, self.robot.body, last)
         return Backup(motion, bound, rests and bound < NEAR_CERTAIN)
+
+
+def guarded(
+    entry: PlannerEntry,
+    where: tuple[Field, OccupancyMap, Robot],
+    settings: PlannerConfig,
+    again: PlannerConfig | None,
+    noise: StateNoise,
+    terms: tuple[CostTerm, ...] | None = None,
+) -> tuple[Planner, Guard | None]:
+    """The planner of `entry` for the field as planners see it, its map and a robot, and what keeps a backup ready.
+
+    The first plan counts as much risk as those `again` do (None: as the entry has them); where they count none, there
+    is no backup. `noise` is what pushes the robot at each step; `terms` are what J is the sum of, None: all that
+    are registered.
+    """
+    field, occupancy, robot = where
+    again = again or entry.again(settings)
+    risk, pushed = again.weights.risk, Disturbance(noise.deviations)
+    first = replace(settings, weights=replace(settings.weights, risk=risk))
+    planner = entry.planner(field, robot, first, again, occupancy)
+    if isinstance(planner, FieldPlanner):
+        planner = replace(planner, disturbance=pushed, terms=planner.terms if terms is None else terms)
+    return planner, Guard(field, robot, pushed) if risk else None

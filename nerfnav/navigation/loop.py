@@ -14,17 +14,14 @@ import torch
 from torch import Tensor
 
 from nerfnav.estimator import Belief, Corrector, FilterOutcome, FilterStep
-from nerfnav.estimator.predict import predict
+from nerfnav.estimator.core.prediction import predict
 from nerfnav.geometry import so3
-from nerfnav.navigation.flight import Flight
+from nerfnav.navigation.flight import Course, Flight, Mission, NavigateConfig, Pilot
 from nerfnav.navigation.looking import at_rest, looking_first, turning
-from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
-from nerfnav.navigation.orders import Course
-from nerfnav.navigation.realtime import Overrun
+from nerfnav.navigation.realtime import Overrun, timed
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.supervisor import LITTLE, Recovery
-from nerfnav.navigation.timed import timed
 from nerfnav.planner import PlanOutcome, PlanStep, Route
 from nerfnav.robots import Motion, RigidState
 

@@ -3,11 +3,16 @@
 A step whose filter and planner take longer than dt is late. Meanwhile the robot does what was planned before, without
 looking, and its belief is moved on without a picture; what it does is counted step by step. Then the late plan
 goes on from where it is by then.
+
+`timed` measures how long a generator's work takes, without what its consumer does between the steps.
 """
 
+
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
+from time import perf_counter
+from typing import TypeVar
 
 import torch
 
@@ -16,6 +21,26 @@ from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
 from nerfnav.navigation.supervisor import RecoveryConfig, come_to_rest
 from nerfnav.robots import Motion, RigidState, Robot
+
+Step = TypeVar("Step")
+
+
+def timed(
+    steps: Iterator[Step], clock: Callable[[], float] = perf_counter
+) -> Generator[Step, None, tuple[Step, float]]:
+    """Pass all steps on; returns the last one and the time that the work took [ms] by a clock [s]."""
+    spent, last = 0.0, None
+    while True:
+        began = clock()
+        step = next(steps, None)
+        spent += clock() - began
+        if step is None:
+            break
+        last = step
+        yield step
+    assert last is not None, "lasting work yields at least one step"
+    return last, 1e3 * spent
+
 
 Clock = Callable[[], float]
 """Seconds since any time."""

@@ -70,7 +70,7 @@ class NavigationStep:
     backup: Backup | None = None
     """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
     apparent: Belief | None = None
-    """Where the field shows the robot, without errors that come with every picture (estimator/lasting_error.py): what
+    """Where the field shows the robot, without errors that come with every picture (estimator/schmidt_kalman.py): what
     the estimator goes on with, and what doubts are about; None: as `belief`, which has them."""
 
     @property

@@ -1,4 +1,5 @@
 from . import planners as planners
+from .baselines.rrt import RRTConfig as RRTConfig
 from .objective.objective import Objective as Objective
 from .objective.problem import InitialGuess as InitialGuess
 from .objective.problem import PlanProblem as PlanProblem
@@ -11,8 +12,6 @@ from .objective.safety import SafetyConfig as SafetyConfig
 from .objective.safety import clearance_of as clearance_of
 from .objective.safety import honest as honest
 from .objective.safety import safety_of as safety_of
-from .occupancy import OccupancyConfig as OccupancyConfig
-from .occupancy import OccupancyMap as OccupancyMap
 from .planners import PLANNERS as PLANNERS
 from .planners.fast import FastPlanner as FastPlanner
 from .planners.planner import FieldPlanner as FieldPlanner
@@ -33,8 +32,6 @@ from .risk.costs import collision_probability_bound as collision_probability_bou
 from .risk.tracking_error import PAPERS_NOISE as PAPERS_NOISE
 from .risk.tracking_error import Disturbance as Disturbance
 from .risk.tracking_error import Outlook as Outlook
-from .route import Route as Route
-from .rrt import RRTConfig as RRTConfig
 from .solvers.adam import PlanConfig as PlanConfig
 from .solvers.adam import plan as plan
 from .solvers.adam import replan as replan
@@ -44,10 +41,13 @@ from .solvers.duration import shortest_plan as shortest_plan
 from .solvers.duration import timing_of as timing_of
 from .solvers.fast import FastPlanConfig as FastPlanConfig
 from .solvers.fast import plan_fast as plan_fast
+from .solvers.warm_start import carry_on as carry_on
 from .space.astar import SearchConfig as SearchConfig
 from .space.ends import fits as fits
 from .space.ends import nearest_free_pose as nearest_free_pose
 from .space.ends import unfit_words as unfit_words
+from .space.occupancy import OccupancyConfig as OccupancyConfig
+from .space.occupancy import OccupancyMap as OccupancyMap
 from .space.scales import scales_of as scales_of
 from .space.scales import threshold_of as threshold_of
 from .steps import GOOD as GOOD
@@ -57,5 +57,5 @@ from .steps import PlanStep as PlanStep
 from .steps import last_step as last_step
 from .terms.term import CostTerm as CostTerm
 from .terms.term import TermContext as TermContext
+from .trajectory import Route as Route
 from .trajectory import Trajectory as Trajectory
-from .warm_start import carry_on as carry_on

@@ -1,4 +1,5 @@
-"""A trajectory: the flat waypoints that a planner is free to choose, between fixed ends."""
+"""Trajectory: the flat waypoints that a planner may choose, along a route with fixed ends and time steps."""
+
 
 from dataclasses import dataclass
 
@@ -6,8 +7,23 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.structs import TensorStruct
-from nerfnav.planner.route import Route
 from nerfnav.robots import Motion, RigidState, Robot
+
+
+@dataclass(frozen=True)
+class Route(TensorStruct):
+    """A boundary value problem in time: two states, and the steps between them."""
+
+    start: RigidState
+    """Met exactly at time 0."""
+    goal: RigidState
+    """Met exactly at the last time."""
+    steps: int = 20
+    """Number of time steps; 20 in the paper."""
+    dt: float = 0.1
+    """Length of a step [s]; 0.1 in the paper."""
+    keeps_headings: bool = False
+    """Whether a plan that is carried on keeps the headings that it has (see active_yaw.py), and is not free to turn."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The couch: a long box on the ground that can be pushed in any direction and turned at will.
+"""Couch: a long box on the ground that can be pushed in any direction and turned at will.
 
 Notation: m mass, J inertia about z, F force in the plane of the world, tau torque about z; p, v, R, w as in
 robots/state.py, psi the heading. Dynamics, explicit Euler with step dt, as for the quadrotor:
@@ -10,22 +10,114 @@ All of it is linear, so positions and headings alone give every state and action
 states the first two poses follow from the start, the last one and the last velocities from the goal. Free are
 
     free = (x_2, y_2, .. x_{N-1}, y_{N-1}, psi_2 .. psi_{N-1}),  3 (N - 2) numbers
+
+`CouchMap` is the same map compiled.
 """
 
 
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots.couch_config import CouchConfig
-from nerfnav.robots.couch_map import CouchMap
+from nerfnav.robots.body import Body
+from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrapped
+from nerfnav.robots.kernels import couch as kernels
 from nerfnav.robots.limits import length, penalty, speed
-from nerfnav.robots.robot import Robot
+from nerfnav.robots.robot import Limit, Robot
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav.robots.thrust import shortened
+
+
+@dataclass(frozen=True)
+class CouchConfig:
+    """A couch in the paper's scale: three times as long as wide."""
+
+    mass: float = 1.0
+    """m [kg]."""
+    extents: tuple[float, float, float] = (0.3, 0.1, 0.1)
+    """Edge lengths of the body [m]."""
+    point_counts: tuple[int, int, int] = (13, 5, 5)
+    """Body points along each edge at which density is asked for: 2.5 cm apart."""
+    max_speed: float = 3.0
+    """[m/s]"""
+    max_yaw_rate: float = 6.0
+    """[rad/s]"""
+    max_force: float = 15.0
+    """[N]"""
+    name: str = "couch"
+    """What users call it."""
+
+    @property
+    def inertia(self) -> float:
+        """J of a solid box [kg m^2]."""
+        return self.mass * (self.extents[0] ** 2 + self.extents[1] ** 2) / 12
+
+    @property
+    def body(self) -> Body:
+        """A box, filled with points."""
+        return Body.box(self.extents, self.point_counts)
+
+    @property
+    def bounds(self) -> tuple[Limit, ...]:
+        """What it can do at most."""
+        return (
+            Limit("speed", "m/s", upper=self.max_speed),
+            Limit("yaw rate", "rad/s", -self.max_yaw_rate, self.max_yaw_rate),
+            Limit("force", "N", upper=self.max_force),
+        )
+
+
+@final
+class CouchMap(FlatMap):
+    """Free numbers of a couch to its motion, and back."""
+
+    def __init__(self, config: CouchConfig, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
+        """Map the free numbers of a robot with these constants between `start` and `goal`."""
+        self.dt, self._count = dt, 3 * (steps - 2)
+        self._ends = np.stack([_end(state) for state in (start, goal)])
+        self._constants = np.array([config.mass, config.inertia, dt, start.position[2].item()])
+        self._bounds = np.array([config.max_speed, config.max_yaw_rate, config.max_force])
+        self.position, self.velocity, self.rate = np.empty((3, steps + 1, 3))
+        self.rotation, self.action = np.empty((steps + 1, 3, 3)), np.empty((steps, 3))
+        self._slopes = (np.zeros((steps + 1, 2)), np.zeros(steps + 1), np.zeros((steps, 3)))
+
+    def forward(self, free: np.ndarray) -> None:
+        """See FlatMap."""
+        for slope in self._slopes:
+            slope[:] = 0.0
+        kernels.motion(
+            free, self._ends, self._constants, self.position, self.velocity, self.rotation, self.rate, self.action
+        )
+
+    def limits(self, weight: float) -> float:
+        """See FlatMap."""
+        for slope in self._slopes:
+            slope[:] = 0.0
+        return kernels.limits(self.velocity, self.rate, self.action, self._bounds, weight, *self._slopes)
+
+    def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
+        """See FlatMap."""
+        of_velocity, of_rate, of_action = self._slopes
+        gradient = np.empty(self._count)
+        kernels.adjoint(
+            self._constants, by_position, by_rotation, of_velocity.copy(), of_rate.copy(), by_action + of_action,
+            gradient,
+        )  # fmt: skip
+        return gradient
+
+
+def _end(state: RigidState) -> np.ndarray:
+    state = state.to(torch.float64)
+    planar = [state.position[:2].numpy(), state.velocity[:2].numpy()]
+    return np.concatenate([*planar, [heading(state).item(), state.body_rate[2].item()]])
+
 
 _FREE_POSITION, _FREE_YAW = 0.15, 0.5
 """How far a waypoint [m] and a heading [rad] may move before the motion is quite another one."""

@@ -5,9 +5,8 @@ from pathlib import Path
 import msgspec
 
 from nerfnav.robots.body_file import BodyFile
-from nerfnav.robots.camera_file import CameraFile
 from nerfnav.robots.robot import CAMERA, Robot
-from nerfnav.robots.robot_file import LIMITS, Kind, RobotFile, decoded, robot_of
+from nerfnav.robots.robot_file import LIMITS, CameraFile, Kind, RobotFile, decoded, robot_of
 from nerfnav.robots.robots import BUNDLED, is_file, load
 
 WITH_MASS = ("quadrotor", "couch")

@@ -1,7 +1,7 @@
-"""The differential drive: two wheels that roll and never slide; it heads where it drives, or against it.
+"""Differential drive: two wheels that roll and never slide; it heads where it drives, or against it.
 
-Notation: psi heading, e(psi) its unit vector, s signed forward speed, w yaw rate, a and alpha their changes. A step of
-dt is driven along an arc with the speeds that the robot has at its start; the wheels change speed at its end:
+Notation: psi heading, e(psi) its unit vector, s signed forward speed, w yaw rate, a and alpha their changes. A step
+of dt is driven along an arc with the speeds that the robot has at its start; the wheels change speed at its end:
 
     psi_{t+1} = psi_t + w_t dt                      w_{t+1} = w_t + alpha_t dt
     p_{t+1} = p_t + s_t dt S(w_t dt) e((psi_t + psi_{t+1}) / 2)      s_{t+1} = s_t + a_t dt,   v_t = s_t e(psi_t)
@@ -13,34 +13,142 @@ they are what is free,
     free = (s_1 .. s_{N-1}, psi_2 .. psi_{N-1}),  2 N - 3 numbers,
 
 and the two equations that are left, p_N = goal, are met by moving the free numbers to the nearest ones that lead
-there (arcs.py), a smooth map wherever the robot moves at all. Forward and reverse are signs of s.
+there (arcs.py), a smooth map wherever the robot moves at all. Forward and reverse are signs of s. `DiffDriveMap` is
+the same map compiled.
 """
 
-from dataclasses import replace
 
+import math
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.robots.arcs import EXACT, TYPICAL_SPEED, TYPICAL_TURN, Path, chord, closed, displacements, unit
-from nerfnav.robots.diffdrive_config import DiffDriveConfig
-from nerfnav.robots.diffdrive_map import DiffDriveMap
+from nerfnav.robots.arcs import EXACT, ROUNDS, TYPICAL_SPEED, TYPICAL_TURN, Path, chord, closed, displacements, unit
+from nerfnav.robots.body import Body
+from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.ground import (
     about_z,
     check_ground_ends,
     forward_speed,
     heading,
+    headings_along,
     on_the_ground,
     row,
     spatial,
+    unwrapped,
     wrapped,
 )
-from nerfnav.robots.headings import headings_along, unwrapped
+from nerfnav.robots.kernels import arcs
+from nerfnav.robots.kernels import diffdrive as kernels
 from nerfnav.robots.limits import penalty
-from nerfnav.robots.robot import Robot
+from nerfnav.robots.robot import Limit, Robot
 from nerfnav.robots.state import Motion, RigidState
+
+
+@dataclass(frozen=True)
+class DiffDriveConfig:
+    """A small robot on two wheels."""
+
+    extents: tuple[float, float, float] = (0.14, 0.12, 0.08)
+    """Edge lengths of the body [m]."""
+    point_counts: tuple[int, int, int] = (7, 6, 4)
+    """Body points along each edge at which density is asked for: 2.5 cm apart."""
+    max_speed: float = 3.0
+    """Forward or reverse [m/s]."""
+    max_yaw_rate: float = 8.0
+    """[rad/s]"""
+    max_acceleration: float = 12.0
+    """[m/s^2]"""
+    max_yaw_acceleration: float = 60.0
+    """[rad/s^2]"""
+    name: str = "diffdrive"
+    """What users call it."""
+
+    @property
+    def body(self) -> Body:
+        """A box, filled with points."""
+        return Body.box(self.extents, self.point_counts)
+
+    @property
+    def bounds(self) -> tuple[Limit, ...]:
+        """What it can do at most."""
+        most = {
+            ("speed", "m/s"): self.max_speed,
+            ("yaw rate", "rad/s"): self.max_yaw_rate,
+            ("acceleration", "m/s^2"): self.max_acceleration,
+            ("yaw acceleration", "rad/s^2"): self.max_yaw_acceleration,
+        }
+        return tuple(Limit(*named, -value, value) for named, value in most.items())
+
+
+@final
+class DiffDriveMap(FlatMap):
+    """Free numbers of a differential drive to its motion, and back."""
+
+    def __init__(self, config: DiffDriveConfig, start: RigidState, goal: RigidState, steps: int, dt: float) -> None:
+        """Map the free numbers of a robot with these constants between `start` and `goal`."""
+        self.dt = dt
+        start, goal = start.to(torch.float64), goal.to(torch.float64)
+        self._ends = np.array([_end(state) for state in (start, goal)])
+        self._goal = goal.position.numpy()
+        self._bounds = np.array(
+            [config.max_speed, config.max_yaw_rate, config.max_acceleration, config.max_yaw_acceleration]
+        )
+        self._iterates = np.empty((ROUNDS + 1, 2 * steps - 3))
+        self._speeds = np.empty(steps + 1)
+        self.position, self.velocity, self.rate = np.zeros((3, steps + 1, 3))
+        self.position[:, 2], self.velocity[0] = start.position[2].item(), start.velocity.numpy()
+        self.rotation, self.action = np.empty((steps + 1, 3, 3)), np.empty((steps, 2))
+        self._slopes = (np.zeros(steps + 1), np.zeros(steps + 1), np.zeros((steps, 2)))
+
+    def forward(self, free: np.ndarray) -> None:
+        """See FlatMap."""
+        self._clear()
+        short = self._ends[1, 2] - free[-1]
+        self._last = free[-1] + math.atan2(math.sin(short), math.cos(short))
+        self._rounds = arcs.close(free, self._ends, self._last, self.dt, self._iterates)
+        kernels.motion(
+            self._iterates[self._rounds], self._ends, self._last, self.dt, self._speeds, self.position,
+            self.velocity, self.rotation, self.rate, self.action,
+        )  # fmt: skip
+        self._reached = bool(np.linalg.norm(self.position[-1, :2] - self._goal[:2]) < EXACT)
+        self.position[-1, 2] = self.position[0, 2]
+        if self._reached:
+            self.position[-1] = self._goal
+
+    def limits(self, weight: float) -> float:
+        """See FlatMap."""
+        self._clear()
+        return kernels.limits(self._speeds, self.rate, self.action, self._bounds, weight, *self._slopes)
+
+    def backward(self, by_position: np.ndarray, by_rotation: np.ndarray, by_action: np.ndarray) -> np.ndarray:
+        """See FlatMap."""
+        of_speed, of_rate, of_action = self._slopes
+        if self._reached:  # the goal does not move
+            by_position[-1] = 0.0
+        gradient = np.empty(self._iterates.shape[1])
+        kernels.adjoint(
+            self._iterates, self._rounds, self._ends, self._last, self.dt, by_position, by_rotation,
+            of_speed.copy(), of_rate.copy(), by_action + of_action, gradient,
+        )  # fmt: skip
+        return gradient
+
+    def _clear(self) -> None:
+        for slope in self._slopes:
+            slope[:] = 0.0
+
+
+def _end(state: RigidState) -> list[float]:
+    return [
+        *state.position[:2].tolist(), heading(state).item(), forward_speed(state).item(), state.body_rate[2].item()
+    ]  # fmt: skip
+
 
 _ALONG = 0.8
 """Share of a path along its waypoints' headings from which on these are taken as they are."""

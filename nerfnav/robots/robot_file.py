@@ -1,4 +1,4 @@
-"""Robots in files: what moves, described in YAML, in SI units (kg, m, s, N, rad).
+"""Robots in files: kind, constants, body, limits and camera, described in YAML, in SI units (kg, m, s, N, rad).
 
     name: scout
     kind: quadrotor                                    # quadrotor, couch, diffdrive or handheld
@@ -6,12 +6,15 @@
     inertia: [4.0e-3, 4.0e-3, 7.3e-3]                  # quadrotors; left out: of a solid box
     body: {box: [0.25, 0.25, 0.08]}                    # see robots/body_file.py
     limits: {thrust: 16.8, tilt: 0.9, speed: 3.0}      # all may be left out
-    camera: {position: [0.1, 0, 0], pitch: 0.2, width: 200, height: 200, fov: 90}
+    camera: {position: [0.1, 0, 0.05], pitch: 0.2, width: 200, height: 200, fov: 90}
+    camera: {file: camera.yaml, pitch: -0.3}           # or a calibration, see geometry/camera_file.py
 
 Limits that are left out are those of the bundled robot of the same kind, at the size and mass of this one: under the
 same thrust per weight a quadrotor L times as large turns L times as slowly (Froude scaling: angular accelerations go
-with 1 / L, body rates with 1 / sqrt(L)).
+with 1 / L, body rates with 1 / sqrt(L)). The camera stands at `position` [m] in the body's axes and looks ahead,
+`pitch` [rad] downwards; `fov` is its horizontal field of view [degrees].
 """
+
 
 import math
 from collections.abc import Callable
@@ -19,18 +22,52 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+import torch
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, read_camera, so3
 from nerfnav.robots.body_file import BodyFile, Vector, body_of
-from nerfnav.robots.camera_file import CameraFile, seen_with
-from nerfnav.robots.couch import Couch
-from nerfnav.robots.couch_config import CouchConfig
-from nerfnav.robots.diffdrive import DiffDrive
-from nerfnav.robots.diffdrive_config import DiffDriveConfig
+from nerfnav.robots.couch import Couch, CouchConfig
+from nerfnav.robots.diffdrive import DiffDrive, DiffDriveConfig
 from nerfnav.robots.handheld import HandHeld
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_config import QuadrotorConfig
-from nerfnav.robots.robot import Robot
+from nerfnav.robots.robot import CAMERA, Robot
+
+
+class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
+    """What `camera` may hold in a robot's file."""
+
+    position: Vector = (0.0, 0.0, 0.0)
+    pitch: float = 0.0
+    width: int | None = None
+    height: int | None = None
+    fov: float = 90.0
+    file: str | None = None
+
+
+def seen_with(robot: Robot, told: CameraFile | None, folder: Path) -> Robot:
+    """The robot with the camera of its file, which lies in `folder`. Raises InvalidInputError if it is none."""
+    return robot if told is None else robot.with_camera(_camera_of(told, folder), mount_of(told.position, told.pitch))
+
+
+def mount_of(position: Vector, pitch: float) -> Pose:
+    """T_body_camera of a camera at `position` [m] in the body that looks ahead, `pitch` [rad] downwards."""
+    if not all(map(math.isfinite, position)) or not abs(pitch) <= math.pi / 2:
+        raise InvalidInputError(
+            f"a camera looks at most pi/2 = 1.57 rad downwards or upwards, not {pitch:g}, from a finite position"
+        )
+    downwards = so3.exp(torch.tensor([0.0, pitch, 0.0]))
+    return Pose(downwards @ FORWARD_MOUNT.rotation, torch.tensor(position))
+
+
+def _camera_of(told: CameraFile, folder: Path) -> Camera:
+    if told.file is not None:
+        if (told.width, told.height) != (None, None):
+            raise InvalidInputError("a camera's size is in its calibration: leave out width and height beside `file`")
+        return read_camera(folder / told.file)
+    return Camera.from_fov(told.width or CAMERA.width, told.height or CAMERA.height, told.fov)
+
 
 Kind = Literal["quadrotor", "couch", "diffdrive", "handheld"]
 """How a robot moves."""

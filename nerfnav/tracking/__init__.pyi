@@ -4,7 +4,7 @@ from .frame import Inertial as Inertial
 from .motions import InertialMotion as InertialMotion
 from .sources.registry import SourceOptions as SourceOptions
 from .sources.registry import open_source as open_source
-from .tracked import Tracked as Tracked
+from .tracked_frame import Tracked as Tracked
 from .tracked_frame import TrackStatus as TrackStatus
 from .tracker import Tracker as Tracker
 from .tracker_config import TrackerConfig as TrackerConfig

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Belief
-from nerfnav.estimator.predict import predict
+from nerfnav.estimator.core.prediction import predict
 from nerfnav.inertial import ImuConfig, inertial_motion
 from nerfnav.robots import MeasuredNoise, ProcessNoise, RandomAcceleration, Robot
 from nerfnav.tracking.frame import Inertial

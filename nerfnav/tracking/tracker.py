@@ -1,22 +1,24 @@
-"""A tracker: where a camera is, from one picture after the other, when nothing was known at first.
+"""Tracker: estimate the pose of a camera from one picture after the other, without an initial pose.
 
     tracker = Tracker(field, camera)                  # a hand-held camera; or robot=, mount=, config=
     for frame in source.frames():
         tracked = tracker.observe(frame)              # -> Tracked: status, pose, covariance 6 x 6, ms
 
 Until the camera is known a search looks everywhere (estimator/relocalize/global_localization.py). From then on a
-robot's dynamics or an inertial measurement unit predicts over the time since the last frame, however long (motions.py),
-and a filter corrects (corrections.py). A picture that fits much worse than those before it is looked for around the
-prediction, and if it fits nowhere there, everywhere. Where no other place fits it better, the pose that shows most of
-it is believed; where the pose does not, no pose is told. Pictures in a row that contradict, or say nothing, end the
-track: then the search begins again.
+robot's dynamics or an inertial measurement unit predicts over the time since the last frame, however long
+(motions.py), and a filter corrects: that of real pictures, or that of flights (`correction`). A picture that fits
+much worse than those before it is looked for around the prediction, and if it fits nowhere there, everywhere. Where
+no other place fits it better, the pose that shows most of it is believed; where the pose does not, no pose is
+reported. Pictures in a row that contradict, or say nothing, end the track: then the search begins again.
 
 A `Tracker` is one object for one run, with a little state: the belief and its time, how many pictures in a row were
 of no use, and how well pictures fitted so far.
 """
 
+
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import TypeGuard
@@ -25,7 +27,9 @@ import torch
 from torch import Tensor
 
 from nerfnav.estimator import (
+    AlignedFilter,
     Belief,
+    FastFilter,
     FilterOutcome,
     FilterStep,
     LastingError,
@@ -35,18 +39,35 @@ from nerfnav.estimator import (
     comparable,
     resized,
 )
+from nerfnav.estimator.core.filter_step import contrast
 from nerfnav.estimator.schmidt_kalman import apparent, true_state
-from nerfnav.estimator.verdict import contrast
 from nerfnav.field import Field
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots import HandHeld, ProcessNoise, RandomAcceleration, RigidState, Robot
-from nerfnav.tracking.corrections import Correction, correction
 from nerfnav.tracking.frame import Frame
 from nerfnav.tracking.motions import CarrierMotion, InertialMotion, ModelMotion
 from nerfnav.tracking.photometric_consistency import Likeness, Usual
-from nerfnav.tracking.tracked import Tracked
-from nerfnav.tracking.tracked_frame import TrackStatus
+from nerfnav.tracking.tracked_frame import Tracked, TrackStatus
 from nerfnav.tracking.tracker_config import TrackerConfig
+
+Correction = Callable[[Belief, Tensor, torch.Generator, ProcessNoise, int], FilterStep]
+"""The last step of an update: from a prediction, a picture, random draws, the process noise that is in the prediction,
+and from how many starts (which the filter of flights decides by itself)."""
+
+
+def correction(field: Field, robot: Robot, camera: Camera, mount: Pose, config: TrackerConfig) -> Correction:
+    """As `config` says."""
+    if config.align is not None:
+        return AlignedFilter(field, camera, mount, config.filter, config.align).correct
+    fast = FastFilter(field, robot, camera, mount, config.filter)
+
+    def last_step(
+        prediction: Belief, picture: Tensor, generator: torch.Generator, noise: ProcessNoise, _starts: int
+    ) -> FilterStep:
+        return deque(fast.correct(prediction, picture, generator, noise), maxlen=1).pop()
+
+    return last_step
+
 
 _USED = (FilterOutcome.UPDATED, FilterOutcome.WEAK)
 """Outcomes of which the posterior is believed."""

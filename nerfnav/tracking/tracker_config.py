@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 
 from nerfnav.estimator import AlignConfig, FilterConfig, RelocaliseConfig
-from nerfnav.estimator.looks import LooksConfig
+from nerfnav.estimator.relocalize.panorama import LooksConfig
 from nerfnav.field import FieldInfo
 from nerfnav.robots import StateNoise
 

@@ -1,15 +1,23 @@
-"""A robot's body as a volume: exact for booleans with solids, and in cells for what booleans cannot tell."""
+"""Body volume: a robot's body as a manifold for exact booleans with solids, and as cells for all other meshes."""
+
 
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Bool, Float
-from manifold3d import Manifold
+from jaxtyping import Bool, Float, Int
+from manifold3d import Error, Manifold, Mesh64
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots import Body
-from nerfnav.world.manifold import manifold_of
 from nerfnav.world.triangle_index import TriangleIndex, Vector, boxes_touch_triangles
+
+
+def manifold_of(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Manifold | None:
+    """The solid that triangles bound, seen counter-clockwise from outside; None where they bound no volume."""
+    corners = np.ascontiguousarray(faces, np.uint64)
+    manifold = Manifold(Mesh64(np.ascontiguousarray(vertices, np.float64), corners))
+    return manifold if manifold.status() == Error.NoError and manifold.volume() > 0 else None
+
 
 _CELLS_PER_EDGE = 8
 _PAIRS_AT_ONCE = 40_000

@@ -1,19 +1,147 @@
-"""Photographing a scene: where to stand, and what is seen from there.
+"""Capture: photograph a scene from sampled camera poses in free space that have something to see.
 
 Cameras stand in free space only: one inside a stone would teach a field that the stone is air.
 """
 
+
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
 
-from nerfnav.geometry import Camera, Pose, PosedImages
-from nerfnav.world.capture_config import CaptureConfig
-from nerfnav.world.capture_poses import capture_poses
-from nerfnav.world.raycast import MeshRenderer, Picture
-from nerfnav.world.scene import Scene
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.geometry import R_BODY_CAMERA, Box, Camera, Pose, PosedImages, look_at, so3
+from nerfnav.robots import Body, RigidState
+from nerfnav.world.collision import ground
+from nerfnav.world.raycast import MeshRenderer, Picture, RayCaster
+from nerfnav.world.scene import Scene, Vantage
+from nerfnav.world.vantage import suitable
+
+FINE_VOXEL = 0.017
+"""Voxels up to this size [m] are those of places a few metres wide, the paper's scale."""
+
+
+@dataclass(frozen=True)
+class CaptureConfig:
+    """How many photographs are taken, of which size, and from where."""
+
+    images: int = 200
+    """Number of photographs."""
+    width: int = 200
+    """[pixels]"""
+    height: int = 200
+    """[pixels]"""
+    horizontal_fov_deg: float = 90.0
+    """Horizontal field of view [degrees]."""
+    clearance: float = 0.05
+    """Half edge of the cube around a camera that must be free [m]."""
+    inside_share: float = 0.8
+    """Share of cameras inside the box, where robots fly; the others look in from around it."""
+    flight_band: tuple[float, float] = (0.1, 0.85)
+    """Lowest and highest camera inside the box, as shares of its height; low ones are more frequent."""
+    seen_share: float = 0.25
+    """Smallest share of a photograph that must show the mesh and not the sky."""
+    supersample: int = 2
+    """Rays along each side of a pixel."""
+    clear_voxels: float = 3.5
+    """A camera keeps so many voxels from surfaces: what is nearer, a field of such voxels cannot tell."""
+
+    def clear_of(self, voxel: float) -> "CaptureConfig":
+        """The same for a place whose field has voxels of that size [m], small or large."""
+        return replace(self, clearance=self.clear_voxels * voxel)
+
+    def suiting(self, scene: Scene) -> "CaptureConfig":
+        """The same for a bundled scene: cameras keep off surfaces by its voxels where those are large."""
+        return self if scene.voxel is None or scene.voxel <= FINE_VOXEL else self.clear_of(scene.voxel)
+
+
+_GLANCE = 20  # pixels along a picture that is only asked how much it shows
+
+
+def is_free(scene: Scene, poses: Pose, clearance: float) -> Bool[Tensor, " n"]:
+    """Whether a cube of half edge `clearance` [m] around each pose touches nothing."""
+    edge = 2 * clearance
+    cube = Body.box((edge, edge, edge), (1, 1, 1))
+    level = torch.eye(3).expand_as(poses.rotation)
+    still = torch.zeros_like(poses.position)
+    return ~ground(scene).touches(cube, RigidState(poses.position, still, level, still))
+
+
+def share_seen(renderer: MeshRenderer, poses: Pose, config: CaptureConfig) -> Float[Tensor, " n"]:
+    """The share of each picture that is not sky, from a coarse glance."""
+    camera = Camera.from_fov(config.width, config.height, config.horizontal_fov_deg)
+    camera = camera.scaled(min(1.0, _GLANCE / config.width))
+    shares = [renderer.render(camera, poses[k]).depth.isfinite().float().mean() for k in range(len(poses.position))]
+    return torch.stack(shares) if shares else torch.zeros(0)
+
+
+_ROUNDS = 30
+_TILT = 0.2
+"""Standard deviation of the cameras' pitch and roll inside the box [rad]."""
+_PAST_ENDS = 1.35
+"""Cameras around the box stand up to so many half edges off its middle, at least."""
+_NOWHERE = Pose(torch.zeros(0, 3, 3), torch.zeros(0, 3))
+
+
+def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generator) -> Pose:
+    """Poses T_world_camera in free space, batch shape (images,), inside and around in shuffled order.
+
+    Raises InvalidInputError where too few places are free and have something to see.
+    """
+    if config.images < 1:
+        raise InvalidInputError(f"a capture needs at least 1 image, not {config.images}")
+    share = 1.0 if scene.vantage is Vantage.INSIDE else config.inside_share  # nobody looks through walls
+    inside = round(config.images * share)
+    glance, caster = MeshRenderer(scene), RayCaster(scene.mesh)
+
+    def pick(count: int, propose: Callable[[int], Pose]) -> Pose:
+        """So many poses, or as many as were found in a few rounds."""
+        kept = [_NOWHERE]
+        for _ in range(_ROUNDS):
+            missing = count - sum(len(pose.position) for pose in kept)
+            if missing <= 0:
+                break
+            proposed = propose(2 * missing)
+            free = proposed[is_free(scene, proposed, config.clearance)]
+            free = free[suitable(caster, free.position, scene.vantage)]
+            kept.append(free[share_seen(glance, free, config) >= config.seen_share])
+        return Pose.cat(kept)[:count]
+
+    poses = pick(inside, lambda count: _within(scene.box, config.flight_band, count, generator))
+    if scene.vantage is not Vantage.INSIDE:  # where little of the box is free, more look in from around it
+        missing = config.images - len(poses.position)
+        poses = Pose.cat([poses, pick(missing, lambda count: _around(scene.box, count, generator))])
+    if len(poses.position) < config.images:
+        raise InvalidInputError(
+            f"the scene {scene.name} has too few places for {config.images} cameras that are free within "
+            f"{config.clearance:g} m and see the mesh in {config.seen_share:.0%} of their picture: ask for less"
+        )
+    return poses[torch.randperm(config.images, generator=generator)]
+
+
+def _within(box: Box, band: tuple[float, float], count: int, generator: torch.Generator) -> Pose:
+    """Cameras anywhere in the box, low ones more often, that look around as a tilting robot does."""
+    share = torch.rand(count, 3, generator=generator)
+    share[:, 2] = band[0] + (band[1] - band[0]) * share[:, 2] ** 1.6
+    yaw = 2 * math.pi * torch.rand(count, generator=generator)
+    pitch, roll = _TILT * torch.randn(2, count, generator=generator)
+    zero = torch.zeros(count)
+    tilt = so3.exp(torch.stack([zero, pitch, zero], -1)) @ so3.exp(torch.stack([roll, zero, zero], -1))
+    return Pose(so3.from_yaw(yaw) @ tilt @ R_BODY_CAMERA, box.lower + share * box.size)
+
+
+def _around(box: Box, count: int, generator: torch.Generator) -> Pose:
+    """Cameras around and above the box that look at places in its middle."""
+    share, aim = torch.rand(2, count, 3, generator=generator)
+    yaw, elevation = 2 * math.pi * share[:, 0], torch.deg2rad(5 + 70 * share[:, 1] ** 1.5)
+    way = torch.stack([elevation.cos() * yaw.cos(), elevation.cos() * yaw.sin(), elevation.sin()], -1)
+    # the ball around the box's outline, drawn out where a long box would else hide its ends
+    reach = torch.maximum(0.5 * box.size[:2].norm(), _PAST_ENDS * 0.5 * box.size) * (0.55 + 0.45 * share[:, 2:])
+    return look_at(box.center + reach * way, box.center + (aim - 0.5) * 0.8 * box.size)
 
 
 @dataclass(frozen=True)

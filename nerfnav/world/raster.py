@@ -1,17 +1,32 @@
-"""What the rays of a pinhole camera hit first of a mesh, all at once.
+"""Rasteriser: the first hits of all rays of a pinhole camera on a mesh, found together.
 
 The same as asking for each ray alone (nerfnav/world/raycast.py), in a quarter of the time and without the
 interpreter's lock.
 """
 
+
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 import trimesh
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64, Int32
 
 from nerfnav.geometry import Camera, Pose
-from nerfnav.world.hits import Hits
 from nerfnav.world.kernels.raster import draw, project, weigh
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What n rays hit first."""
+
+    face: Int32[np.ndarray, " n"]
+    """Index of the face, -1 where nothing is hit."""
+    weights: Float32[np.ndarray, "n 3"]
+    """Barycentric weights of the face's corners."""
+    distance: Float32[np.ndarray, " n"]
+    """From the ray's origin [m], infinite where nothing is hit."""
+
 
 _IMAGE_AXES = np.array([1.0, -1.0, -1.0])[:, None]
 """From a camera's axes to right, down and forward."""

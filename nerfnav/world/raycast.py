@@ -17,9 +17,8 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, Pose
-from nerfnav.world.hits import Hits
 from nerfnav.world.kernels.pictures import average
-from nerfnav.world.raster import Rasteriser
+from nerfnav.world.raster import Hits, Rasteriser
 from nerfnav.world.scene import Scene
 from nerfnav.world.surface import surface_color
 

@@ -1,13 +1,52 @@
-"""A place as it really is: what is seen, what is touched, and what is asked of a robot there."""
+"""Scene: the ground truth of a place: its mesh, its solids, and the flights to try there.
 
-from dataclasses import dataclass
+A task is a flight from one place to another. A similarity transform moves a scene: its mesh, its solids, and the box
+in which its field lives.
+"""
+
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 
+import numpy as np
+import torch
 import trimesh
 
-from nerfnav.geometry import Box
-from nerfnav.world.paint import Paint
-from nerfnav.world.task import Task
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.geometry import Box, Similarity
+from nerfnav.robots import RigidState
+from nerfnav.world.surface import Paint
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Task:
+    """Fly from one place to another, at rest at both ends."""
+
+    name: str
+    """What users read."""
+    start: Point
+    """[m]"""
+    goal: Point
+    """[m]"""
+    start_yaw: float = 0.0
+    """Heading at the start [rad]."""
+    goal_yaw: float = 0.0
+    """Heading at the goal [rad]."""
+    robot: str = "quadrotor"
+    """Name of the robot that the task is for."""
+
+    @property
+    def start_state(self) -> RigidState:
+        """The state at rest at the start."""
+        return RigidState.at_rest(self.start, self.start_yaw)
+
+    @property
+    def goal_state(self) -> RigidState:
+        """The state at rest at the goal."""
+        return RigidState.at_rest(self.goal, self.goal_yaw)
 
 
 class Vantage(Enum):
@@ -47,3 +86,28 @@ class Scene:
     """What is touched but has no inside: walls without thickness, ground without depth."""
     vantage: Vantage = Vantage.ANYWHERE
     """From where it is photographed."""
+
+
+def moved_scene(scene: Scene, similarity: Similarity, box: Box) -> Scene:
+    """The scene where `similarity` takes it, whose field lives in `box` [m] now.
+
+    Its paint stays, as it belongs to faces. Raises InvalidInputError for a scene with tasks, which are for robots of
+    one size on one floor.
+    """
+    if scene.tasks:
+        raise InvalidInputError(f"the tasks of {scene.name} cannot be moved with it")
+    return replace(
+        scene,
+        mesh=_moved([scene.mesh], similarity)[0],
+        solids=_moved(scene.solids, similarity),
+        sheets=_moved(scene.sheets, similarity),
+        box=box,
+        voxel=None if scene.voxel is None else similarity.scale * scene.voxel,
+    )
+
+
+def _moved(meshes: Sequence[trimesh.Trimesh], similarity: Similarity) -> tuple[trimesh.Trimesh, ...]:
+    def vertices(mesh: trimesh.Trimesh) -> np.ndarray:
+        return similarity(torch.from_numpy(np.array(mesh.vertices, dtype=np.float64))).numpy()
+
+    return tuple(trimesh.Trimesh(vertices(mesh), np.array(mesh.faces), process=False) for mesh in meshes)

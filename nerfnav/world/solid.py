@@ -13,8 +13,7 @@ import trimesh
 from jaxtyping import Bool, Float
 from manifold3d import Manifold
 
-from nerfnav.world.body_volume import BodyVolume
-from nerfnav.world.manifold import manifold_of
+from nerfnav.world.body_volume import BodyVolume, manifold_of
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.triangle_index import Triangles, Vector
 

@@ -1,10 +1,16 @@
-"""Which colour a point on a mesh has: vertex colours, face colours or a texture."""
+"""Surface colours of a mesh: vertex colours, face colours or a texture, or paint with a texture for each part.
+
+With paint, each face knows its image and no images are joined: joining them into one would break those that repeat,
+and costs as much memory again.
+"""
+
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from jaxtyping import Float32, Int32, Shaped
+from jaxtyping import Float32, Int32, Shaped, UInt8
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
@@ -82,3 +88,32 @@ def _material(material: object) -> tuple[np.ndarray | None, np.ndarray]:
     tint = np.full(3, 255, np.float32) if factor is None else np.asarray(factor[:3], np.float32)
     pixels = None if image is None else np.asarray(image.convert("RGB"), np.float32)
     return pixels, tint
+
+
+Image = UInt8[np.ndarray, "_ _ 3"]
+"""sRGB; rows point down."""
+
+
+@dataclass(frozen=True, eq=False)
+class Paint:
+    """What colours the f faces of a mesh: an image or none, times a tint."""
+
+    images: tuple[Image, ...]
+    """The textures, each held once however many parts it paints."""
+    image_of_face: Int32[np.ndarray, " f"]
+    """Index into `images`; -1 where a face has no image and its tint alone is its colour."""
+    uv: Float32[np.ndarray, "f 3 2"]
+    """Texture coordinates of each face's corners; images repeat, and v points up."""
+    tint: UInt8[np.ndarray, "f 3 3"]
+    """sRGB colour at each face's corners."""
+
+    def color(self, faces: Faces, weights: Barycentric) -> Colors:
+        """sRGB, 0 to 255, at points given by their face and their weights of its three corners; of face -1, which is
+        none, any colour."""
+        colors = interpolate(self.tint, faces, weights)
+        image = np.where(faces >= 0, self.image_of_face[faces], -1)
+        for index in np.unique(image[image >= 0]):
+            here = image == index
+            uv = interpolate(self.uv, faces[here], weights[here])
+            colors[here] *= bilinear(self.images[index], uv) * np.float32(1 / 255)
+        return colors

@@ -14,9 +14,8 @@ from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
-from nerfnav.planner.trajectory import Trajectory
+from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 from nerfnav_app.jobs.events import JobEvents, JobResult, PlaceOpened, Progress
@@ -25,13 +24,12 @@ from nerfnav_app.places.place import Place
 from nerfnav_app.queries.end_fit import EndFit, EndFitQuery
 from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
 from nerfnav_app.queries.first_ends import FirstEnds, FirstEndsQuery
-from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, WantedPlan
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.queries.run_list import RunListQuery
 from nerfnav_app.queries.stored_run import StoredRunQuery
-from nerfnav_app.queries.wanted_plan import WantedPlan
 from nerfnav_app.state.actions import RunChanged
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.runs import RunChange

@@ -19,7 +19,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.live import Answer, Goal, Guidance, LiveClient, LiveError, Order, Setpoint
 from nerfnav.live.messages import MOST_BYTES, Size, Welcome
-from nerfnav_app.live.server import LiveServer
+from nerfnav_app.live_server import LiveServer
 from tests.waiting import PATIENCE_S, free_port, until
 
 TOKEN = "sesame"

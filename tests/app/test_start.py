@@ -17,7 +17,7 @@ from nerfnav.core.glb import parts
 from nerfnav_app.cli.commands.serve import shown_before
 from nerfnav_app.jobs.events import JobResult
 from nerfnav_app.jobs.export.surface import first_surface_of, surface_of
-from nerfnav_app.page.icon_archive import icons_at_hand
+from nerfnav_app.page.page import icons_at_hand
 from nerfnav_app.places.place import open_place
 from nerfnav_app.places.surface_glb import box_of
 from nerfnav_app.state.job import JobKind

@@ -62,7 +62,7 @@ _READY = "'/field' in (window.__viserSceneTree?.getState() ?? {}) && !!window.__
 def serve(port: int) -> None:
     """The app with one more button, which tells on stdout when it was pressed, and the steps of flights since then."""
     from nerfnav.navigation import NavigationStep
-    from nerfnav_app.cli.served_app import _SWITCH_S
+    from nerfnav_app.cli.commands.serve import _SWITCH_S
     from nerfnav_app.server import App
     from nerfnav_app.worker.backend import NavigationBackend
 

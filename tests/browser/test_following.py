@@ -10,9 +10,8 @@ import pytest
 from nerfnav_app.page.kit.theme import HIT, PLAN
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.places.ends import Which
-from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, WantedPlan, plan_request, planned
 from nerfnav_app.queries.query import Resources
-from nerfnav_app.queries.wanted_plan import WantedPlan, plan_request, planned
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav_app.places.learning import BUDGETS_S, USUAL
 from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.sources import BUDGETS_S, USUAL
 from nerfnav_app.server import App
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.backend import NavigationBackend

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nerfnav.field.states import VoxelState, voxel_states
+from nerfnav.field.proof.occupancy_grid import VoxelState, voxel_states
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav_app.server import App
 from tests.browser.tab import Tab

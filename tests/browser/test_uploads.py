@@ -13,9 +13,9 @@ import pytest
 import torch
 
 from nerfnav.field.storage.checkpoint import save_field
-from nerfnav_app.jobs import open_place as scene
-from nerfnav_app.places.learning import BUDGETS_S, USUAL
+from nerfnav_app.jobs.open import opening as scene
 from nerfnav_app.places.place import Place, open_place
+from nerfnav_app.places.sources import BUDGETS_S, USUAL
 from nerfnav_app.server import App
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place

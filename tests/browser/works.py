@@ -7,10 +7,10 @@ from nerfnav.estimator.paper.adam import DescentConfig
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig
 from nerfnav.geometry import Box
-from nerfnav.navigation.mission import NavigateConfig
+from nerfnav.navigation.flight import NavigateConfig
 from nerfnav.planner.solvers.fast import FastPlanConfig
 from nerfnav.robots import StateNoise
-from nerfnav_app.jobs import open_place as scene
+from nerfnav_app.jobs.open import opening as scene
 from nerfnav_app.places.place import Place
 from nerfnav_app.worker.backend import NavigationBackend
 from tests.app.doubles import balls_place

@@ -13,17 +13,16 @@ import torch
 
 from nerfnav.core.errors import MissingExtraError
 from nerfnav.core.extras import from_extra
-from nerfnav.experiments import contenders
+from nerfnav.experiments import planners
 from nerfnav.experiments.figures import panels
-from nerfnav.experiments.reflight_vehicles import FlownConfig, Track, Wish, fly_crazyflie, fly_quick
+from nerfnav.experiments.reflight import FlownConfig, Track, Wish, fly_crazyflie, fly_quick
 from nerfnav.experiments.study import Study, run_trials
 from nerfnav.export.recording import Recording
-from nerfnav.export.ros.rosbag2 import rosbag2
-from nerfnav.export.ros_bags import mcap
-from nerfnav.importers.captures.depth_files import stored_depth
+from nerfnav.export.ros_bags import mcap, rosbag2
+from nerfnav.importers.captures.depths import stored_depth
 from nerfnav.importers.captures.views import DepthFile
 from nerfnav.importers.meshes.files import read_mesh
-from nerfnav.planner.rrt import require_ompl
+from nerfnav.planner.baselines.rrt import require_ompl
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 
@@ -114,10 +113,10 @@ def test_the_app_has_every_extra_that_it_offers() -> None:
 
 
 def test_planners_are_compared_without_the_one_that_is_missing(hide: Callable[[str], None]) -> None:
-    assert contenders.missing() == {}
+    assert planners.missing() == {}
     hide("ompl")
-    assert list(contenders.missing()) == ["rrt"]
-    assert "pip install 'nerfnav[baselines]'" in contenders.missing()["rrt"]
+    assert list(planners.missing()) == ["rrt"]
+    assert "pip install 'nerfnav[baselines]'" in planners.missing()["rrt"]
 
 
 def test_what_is_installed_is_given() -> None:

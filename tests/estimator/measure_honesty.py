@@ -18,12 +18,10 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
 from nerfnav.estimator.paper.pose_filter import FilterConfig
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.disturbed import DT, disturbed_flight
-from nerfnav.experiments.disturbed_flights import Trial
-from nerfnav.experiments.estimation_errors import errors_of
+from nerfnav.experiments.disturbed_flights import DT, Trial, disturbed_flight
+from nerfnav.experiments.estimation import errors_of
 from nerfnav.experiments.held_out_views import renderer_of, take_picture
-from nerfnav.experiments.study import Row
+from nerfnav.experiments.study import Arena, Row
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.robots import CAMERA, StateNoise

@@ -7,10 +7,10 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterStep
+from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.core.protocol import Estimator
 from nerfnav.estimator.paper.cost import PoseCost
 from nerfnav.estimator.photometric.residuals import ColorNoise, Observation
-from nerfnav.estimator.predict import predict
 from nerfnav.field.core.protocol import Field
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.levels import raw_of

@@ -3,9 +3,7 @@
 import pytest
 import torch
 
-from nerfnav.experiments.basin import run
-from nerfnav.experiments.basin_results import SIZES, summary_of
-from nerfnav.experiments.basin_trial import prior
+from nerfnav.experiments.basin import SIZES, prior, run, summary_of
 from nerfnav.experiments.study import Results, Study
 from nerfnav.robots.state import ATTITUDE, POSITION, RigidState
 from tests.experiments.places import TASKS, column

@@ -8,14 +8,11 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
-from nerfnav.experiments import whole_flight
-from nerfnav.experiments.closed_loop import run, trials_of
-from nerfnav.experiments.closed_loop_flight import is_silent
-from nerfnav.experiments.closed_loop_results import picture, summary_of, wilson
+from nerfnav.experiments import closed_loop_flight
+from nerfnav.experiments.closed_loop import picture, run, summary_of, trials_of, wilson
+from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, fly, is_silent, random_task
 from nerfnav.experiments.flight_options import FlightOptions
-from nerfnav.experiments.random_ends import SPARE, random_task
 from nerfnav.experiments.study import Results, Study
-from nerfnav.experiments.whole_flight import FlightTrial, fly
 from nerfnav.navigation import LoopEvent, Mission, Pilot, Simulator
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
@@ -117,7 +114,7 @@ def test_flights_by_camera_tell_what_was_measured_of_the_field_at_training(monke
         pilots.append(pilot)
         return iter(())
 
-    monkeypatch.setattr(whole_flight, "navigate", listened)
+    monkeypatch.setattr(closed_loop_flight, "navigate", listened)
     place = column()
     place = replace(place, field=replace(place.field, info=replace(place.field.info, pose_floor=floor)))
     for known in (False, True):

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.experiments.correlation import Watch, overlap_along, watch
-from nerfnav.experiments.correlation_results import picture, summary_of
+from nerfnav.experiments.correlation import Watch, overlap_along, picture, summary_of, watch
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav.world.task import Task
+from nerfnav.world.scene import Task
 from tests.experiments.places import column
 
 

@@ -5,10 +5,9 @@ import torch
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.experiments.disturbed import disturbed_flight
-from nerfnav.experiments.disturbed_flights import Trial
+from nerfnav.experiments.disturbed_flights import Trial, disturbed_flight
 from nerfnav.world.contact import contact_check
-from nerfnav.world.task import Task
+from nerfnav.world.scene import Task
 from tests.experiments.places import PAST, column
 
 AWAY = Task("Out of the box, with the back to the column", (0.6, 0.0, 0.5), (0.85, 0.0, 0.5), 0.0, 0.0)
@@ -26,6 +25,6 @@ def test_flights_touch_nothing_and_always_see_something() -> None:
 
 
 def test_a_flight_that_sees_nothing_is_none_to_estimate_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nerfnav.experiments.disturbed._REDRAWS", 5)
+    monkeypatch.setattr("nerfnav.experiments.disturbed_flights._REDRAWS", 5)
     with pytest.raises(InvalidInputError, match="lose sight of everything: estimate on another task"):
         disturbed_flight(column(), Trial(AWAY, 0))

@@ -6,9 +6,8 @@ import pytest
 import torch
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.experiments.estimation import run
-from nerfnav.experiments.estimation_errors import errors_of as judge
-from nerfnav.experiments.estimation_results import METHODS, picture, summary_of
+from nerfnav.experiments.estimation import METHODS, picture, run, summary_of
+from nerfnav.experiments.estimation import errors_of as judge
 from nerfnav.experiments.study import Results, Row, Study
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState

@@ -7,15 +7,10 @@ import pytest
 import torch
 import trimesh
 
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.drives import Drive
-from nerfnav.experiments.ground_robots import run
-from nerfnav.experiments.ground_trial import drive
-from nerfnav.experiments.outlines import outlines
-from nerfnav.experiments.study import Results, Study
+from nerfnav.experiments.ground_robots import Drive, drive, outlines, run
+from nerfnav.experiments.study import Arena, Results, Study
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
-from nerfnav.world.scene import Scene
-from nerfnav.world.task import Task
+from nerfnav.world.scene import Scene, Task
 from tests.experiments.places import BOX
 
 ACROSS = torch.pi / 2

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from nerfnav.experiments.planners import Flight, fly, run
-from nerfnav.experiments.planners_results import PLANNERS, summary_of
+from nerfnav.experiments.planners import PLANNERS, Flight, fly, run, summary_of
 from nerfnav.experiments.study import Results, Study
-from nerfnav.world.task import Task
+from nerfnav.world.scene import Task
 from tests.experiments.places import TASKS, column
 
 

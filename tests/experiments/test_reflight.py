@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nerfnav.experiments.reflight import run
-from nerfnav.experiments.reflight_results import summary_of
-from nerfnav.experiments.reflight_tracks import track_of_crazyflie, track_of_px4
+from nerfnav.experiments.reflight import run, summary_of, track_of_crazyflie, track_of_px4
 from nerfnav.experiments.study import Results, Study
 from nerfnav.export.crazyflie import crazyflie
 from nerfnav.export.curves import curve_of

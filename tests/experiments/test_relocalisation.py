@@ -2,8 +2,7 @@
 
 import pytest
 
-from nerfnav.experiments.relocalisation import run
-from nerfnav.experiments.relocalisation_results import summary_of
+from nerfnav.experiments.relocalisation import run, summary_of
 from nerfnav.experiments.study import Results, Study
 from tests.experiments.places import column
 

@@ -8,9 +8,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError, MissingExtraError
-from nerfnav.experiments.arena import Arena
-from nerfnav.experiments.journal import Journal
-from nerfnav.experiments.study import Study, TrialDone, run_trials
+from nerfnav.experiments.study import Arena, Journal, Study, TrialDone, run_trials
 from tests.experiments.places import column
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from nerfnav.experiments.tangent import Start, compare
-from nerfnav.experiments.tangent_results import ERRORS, METHODS, picture, summary_of
+from nerfnav.experiments.tangent import ERRORS, METHODS, Start, compare, picture, summary_of
 from tests.experiments.places import column
 
 

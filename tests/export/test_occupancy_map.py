@@ -10,7 +10,7 @@ import yaml
 
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.export.occupancy_map import ENDINGS, map_files
-from nerfnav.field.states import StateGrid, VoxelState
+from nerfnav.field.proof.occupancy_grid import StateGrid, VoxelState
 
 FREE, SOLID, UNPROVEN = VoxelState
 

@@ -11,8 +11,7 @@ import trimesh
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.formats import FORMATS
 from nerfnav.export.recording import Recording
-from nerfnav.export.replay import replay
-from nerfnav.export.surface import Surface
+from nerfnav.export.replay import Surface, replay
 from nerfnav.geometry import to_srgb
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav_app.places.surface_glb import unlit_glb

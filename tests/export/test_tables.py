@@ -11,8 +11,17 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.export.table_text import FRAMES, csv_text, json_text, table_of_csv, table_of_json
-from nerfnav.export.tables import STATE_COLUMNS, episode_table, motion_of_table, motion_table
+from nerfnav.export.tables import (
+    FRAMES,
+    STATE_COLUMNS,
+    csv_text,
+    episode_table,
+    json_text,
+    motion_of_table,
+    motion_table,
+    table_of_csv,
+    table_of_json,
+)
 from nerfnav.geometry import so3
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.steps import EpisodeOutcome

@@ -7,7 +7,7 @@ import torch
 
 from nerfnav.field.core.occupancy import DENSITY_SCALE, SOLID_DENSITY, raw_of
 from nerfnav.field.edit.conservative_occupancy import between_grids
-from nerfnav.field.kernels.turning import mark_lost, measure_turned
+from nerfnav.field.kernels.resample import mark_lost, measure_turned
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.grid import node_positions, trilinear
 from tests.field.moves import after, change, room

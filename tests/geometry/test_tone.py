@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from nerfnav.geometry.color import to_linear, to_srgb
-from nerfnav.geometry.tone import before_tone_mapping, tone_mapped
+from nerfnav.geometry.color import before_tone_mapping, to_linear, to_srgb, tone_mapped
 
 
 def shown(srgb: np.ndarray) -> np.ndarray:

@@ -47,14 +47,13 @@ from nerfnav.field import FieldInfo, MlpConfig, NeuralConfig, Unknown, VoxelFiel
 from nerfnav.field.core.occupancy import EMPTY_RAW, State
 from nerfnav.field.models.bricks import BrickField, in_bricks
 from nerfnav.field.models.mlp import Encoding
-from nerfnav.field.models.neural import Activation
-from nerfnav.field.neural_blank import blank_field
+from nerfnav.field.models.neural import Activation, blank_field
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.field.storage.checkpoint import CODECS
 from nerfnav.geometry import Box, Camera, Pose, picture_file, so3
 from nerfnav.importers import SourceKind
 from nerfnav.importers.meshes.ground_truth import arrays_of as arrays_of_truth
-from nerfnav.importers.meshes.truth import load_truth, truth_beside
+from nerfnav.importers.meshes.ground_truth import load_truth, truth_beside
 from nerfnav.live.answer import Order
 from nerfnav.live.messages import encoded, picture_in, said
 from nerfnav.navigation import (
@@ -84,8 +83,7 @@ from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.jobs.plan.plan import run as plan
 from nerfnav_app.jobs.plan.report import save as save_plan
 from nerfnav_app.places.ends import End, Ends, Which
-from nerfnav_app.places.kept_place import KeptPlace, keep_picture, read_place, write_place
-from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.places.library import KeptPlace, PlaceLibrary, keep_picture, read_place, write_place
 from nerfnav_app.places.place import Place, Truth
 from nerfnav_app.places.robot_library import RobotLibrary
 from nerfnav_app.state.job import JobKind
@@ -95,8 +93,7 @@ from nerfnav_app.storage.output_files import json_line
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.storage.step_codec import content_of
-from nerfnav_app.storage.step_log import logged
-from nerfnav_app.storage.stored_steps import read_steps
+from nerfnav_app.storage.step_log import logged, read_steps
 from nerfnav_app.worker.session_memory import SessionMemory
 
 __all__ = [

@@ -15,11 +15,10 @@ from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import save_field
 from nerfnav.geometry.box import Box
 from nerfnav.importers.core.errors import WrongKindError, wrong_kind
+from nerfnav.importers.core.kinds import SourceKind, field_name
 from nerfnav.importers.detect import source_kind
-from nerfnav.importers.field_names import field_name
-from nerfnav.importers.kinds import SourceKind
+from nerfnav.importers.splats.formats import load_splats
 from nerfnav.importers.splats.gaussians import save_splats
-from nerfnav.importers.splats.layouts import load_splats
 from tests.importers.captures.synthetic import write_transforms
 from tests.importers.splat_files import bundle_sog, some_splats, write_inria, write_ksplat, write_sog, write_spz
 

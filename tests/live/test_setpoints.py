@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from nerfnav.live.answer import Guidance, Order
-from nerfnav.live.guided import Guided, change, expected
-from nerfnav.live.setpoints import half_a_step_back, knots, setpoints_of
+from nerfnav.live.setpoints import Guided, change, expected, half_a_step_back, knots, setpoints_of
 from nerfnav.planner import PlanProblem, last_step, plan_fast
 from nerfnav.robots import Motion, Quadrotor, RigidState
 from tests.planner.halls import Building, field_of

@@ -8,13 +8,12 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
-from nerfnav.estimator.predict import predict
-from nerfnav.navigation.mission import Mission
+from nerfnav.estimator.core.prediction import predict
+from nerfnav.navigation.flight import Mission
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.warm_start import hot_start
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
-from nerfnav.planner.trajectory import Trajectory
+from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import StateNoise
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState

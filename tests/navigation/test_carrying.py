@@ -6,7 +6,7 @@ import torch
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
-from nerfnav.navigation.carrying import CarryConfig, carried_away
+from nerfnav.navigation.simulator import CarryConfig, carried_away
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import draws, simulator

@@ -9,9 +9,8 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.flight import NavigateConfig, Orders, Pilot
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import NavigateConfig, Pilot
-from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import Recovery
 from nerfnav.robots.state import RigidState

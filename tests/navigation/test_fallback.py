@@ -8,12 +8,12 @@ import torch
 from torch import Tensor
 
 from nerfnav.navigation.fallback import Guard
+from nerfnav.navigation.flight import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.steps import Doubt, EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import Recovery
-from nerfnav.planner.route import Route
 from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
 from tests.navigation.doubles import CALM, ROBOT, Oracle, StraightPlanner, draws, simulator
 from tests.planner.places import Colorless, Wall

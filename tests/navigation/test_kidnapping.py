@@ -4,13 +4,13 @@ import pytest
 import torch
 
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
-from nerfnav.estimator.looks import LooksConfig
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseStep
+from nerfnav.estimator.relocalize.panorama import LooksConfig
 from nerfnav.estimator.relocalize.searcher import Searcher
+from nerfnav.navigation.flight import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import Recovery

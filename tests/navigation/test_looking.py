@@ -8,9 +8,9 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
+from nerfnav.navigation.flight import NavigateConfig, Pilot
 from nerfnav.navigation.looking import Turning, side_of
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import Recovery, RecoveryConfig, come_to_rest
 from nerfnav.planner.visibility import seeing

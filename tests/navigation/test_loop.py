@@ -11,17 +11,16 @@ from torch import Tensor
 from nerfnav.core.errors import OccupiedError
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
-from nerfnav.estimator.lasting_error import LastingError
+from nerfnav.estimator.schmidt_kalman import LastingError
 from nerfnav.geometry import so3
+from nerfnav.navigation.flight import Mission, NavigateConfig, Orders, Pilot
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import Mission, NavigateConfig, Pilot
-from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.supervisor import Recovery
-from nerfnav.planner.route import Route
 from nerfnav.planner.space.ends import fits
 from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots import ProcessNoise, StateNoise
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import CALM, GOAL, MISSION, ROBOT, START, Oracle, StraightPlanner, draws, simulator

@@ -16,7 +16,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Belief, FilterOutcome, FilterStep
 from nerfnav.geometry import Pose, so3
 from nerfnav.inertial import Increments, moved_on
-from nerfnav.navigation.mission import NavigateConfig, Pilot
+from nerfnav.navigation.flight import NavigateConfig, Pilot
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.geometric_controller import TrackingGains, corrected
 from nerfnav.navigation.physical.inertial import Felt, InertialUnit

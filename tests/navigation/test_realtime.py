@@ -7,8 +7,8 @@ import torch
 
 from nerfnav.estimator import LastingError
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.flight import NavigateConfig, Pilot
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import NavigateConfig, Pilot
 from nerfnav.navigation.realtime import later, missed
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator

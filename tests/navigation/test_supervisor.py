@@ -15,9 +15,8 @@ from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, 
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.flight import NavigateConfig, Orders, Pilot
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.mission import NavigateConfig, Pilot
-from nerfnav.navigation.orders import Orders
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import Lookout, Recovery, RecoveryConfig, come_to_rest

@@ -8,13 +8,13 @@ import torch
 
 from nerfnav import robots
 from nerfnav.planner import terms
+from nerfnav.planner.baselines.rrt import RRTConfig
 from nerfnav.planner.planners.minsnap import MinSnapPlanner
 from nerfnav.planner.planners.planner import Planner
 from nerfnav.planner.planners.rrt import RRTPlanner
-from nerfnav.planner.route import Route
-from nerfnav.planner.rrt import RRTConfig
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.planner.terms.term import CostTerm
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, across, ball
 

@@ -10,10 +10,10 @@ from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.solvers.warm_start import carry_on
 from nerfnav.planner.steps import last_step
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.delay import DELAY, delay
-from nerfnav.planner.warm_start import carry_on
 from nerfnav.robots.state import RigidState
 from tests.planner.objective.test_objective import ROUTE, room
 from tests.planner.places import ROBOT, Fog, straight_motion

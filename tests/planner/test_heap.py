@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nerfnav.core.jit import kernel
-from nerfnav.planner.kernels.heap import grown, pop, push
+from nerfnav.planner.kernels.search import grown, pop, push
 
 
 @kernel()

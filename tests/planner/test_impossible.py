@@ -10,8 +10,8 @@ import torch
 from nerfnav.core.errors import InvalidInputError, OccupiedError
 from nerfnav.field.core.protocol import Field
 from nerfnav.planner.baselines.minsnap import plan_minimum_snap
+from nerfnav.planner.baselines.rrt import plan_rrt
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.rrt import plan_rrt
 from nerfnav.planner.solvers.fast import plan_fast
 from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.robots.robot import Robot

@@ -14,11 +14,11 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.occupancy import EMPTY_RAW, State
 from nerfnav.field.models.bricks import BrickField, in_bricks
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.field.proof.occupancy_grid import Unknown, planning_field
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.planner.space.astar import SearchConfig, find_paths
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from tests.planner.halls import Block, Building, field_of, house, shell_of

@@ -8,11 +8,10 @@ from nerfnav import robots
 from nerfnav.planner import terms
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.bfgs import NewtonConfig, bfgs, minimise, preconditioner
 from nerfnav.planner.space.astar import waypoints_along
-from nerfnav.planner.terms.evaluate import evaluate
-from nerfnav.planner.terms.term import TermContext, well_spread
+from nerfnav.planner.terms.term import TermContext, evaluate, well_spread
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, ball
 from tests.robots.motions import SMALL

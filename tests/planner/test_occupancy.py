@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from tests.planner.places import BOX, ROBOT, Fog, Wall, ball

@@ -9,10 +9,10 @@ from nerfnav.core.errors import NameTakenError, UnknownNameError
 from nerfnav.planner import planners
 from nerfnav.planner.planners.minsnap import MinSnapPlanner
 from nerfnav.planner.planners.planner import RISK, Planner, PlannerConfig, PlannerEntry, with_room
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.adam import PlanConfig
 from nerfnav.planner.solvers.fast import FastPlanConfig
 from nerfnav.planner.steps import PlanOutcome, last_step
+from nerfnav.planner.trajectory import Route
 from tests.planner.places import ROBOT, across, ball
 
 

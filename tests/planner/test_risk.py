@@ -13,20 +13,20 @@ from nerfnav.planner import planners, terms
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, map_for, way_length, ways_between
 from nerfnav.planner.objective.safety import SafetyConfig, clearance_of
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.planners.planner import RISK, with_risk
 from nerfnav.planner.risk.collision_map import DangerMap
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.risk.tracking_error import Disturbance, Outlook, position_spreads
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.chance_constraint import risk_of, within_chance
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.space.astar import waypoints_along
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.planner.terms.risk import RISK as RISK_TERM
 from nerfnav.planner.terms.risk import risk
 from nerfnav.planner.terms.term import CostTerm
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.quadrotor import Quadrotor

@@ -10,9 +10,9 @@ import torch
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, MissingExtraError, OccupiedError
+from nerfnav.planner.baselines.rrt import RRTConfig, ball_check, grow, plan_rrt, room_near
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.rrt import RRTConfig, ball_check, grow, plan_rrt, room_near
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import RigidState
 from tests.planner.places import BOX, ROBOT, Wall, across, ball

@@ -13,11 +13,11 @@ from nerfnav.planner import planners, terms
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.adam import PlanConfig
 from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.steps import PlanStep, last_step
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots.flat_map import FlatMap
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import ROBOT, Fog, ball

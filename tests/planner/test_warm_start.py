@@ -10,11 +10,11 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.planner import terms
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners.fast import FastPlanner
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.solvers.warm_start import WarmStartConfig, carry_on
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart, last_step
 from nerfnav.planner.terms.term import CostTerm
-from nerfnav.planner.warm_start import WarmStartConfig, carry_on
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import ROBOT, Fog, Wall, ball
 

@@ -9,8 +9,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots.arcs import displacements
 from nerfnav.robots.couch import Couch, CouchConfig
 from nerfnav.robots.diffdrive import DiffDrive
-from nerfnav.robots.ground import wrapped
-from nerfnav.robots.headings import headings_along, unwrapped
+from nerfnav.robots.ground import headings_along, unwrapped, wrapped
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from tests.robots.motions import DT, STEPS, ends, free_numbers

@@ -9,8 +9,7 @@ import torch
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.diffdrive import DiffDrive
 from nerfnav.robots.flat_map import FlatMap, TorchFlatMap
-from nerfnav.robots.quadrotor import Quadrotor
-from nerfnav.robots.quadrotor_map import QuadrotorMap
+from nerfnav.robots.quadrotor import Quadrotor, QuadrotorMap
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from tests.robots.motions import DT, EVERY, STEPS, ends, free_numbers

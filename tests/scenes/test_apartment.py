@@ -9,8 +9,8 @@ import torch
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.astar import SearchConfig, find_paths
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.state import RigidState
 from nerfnav.world.collision import ground
 from nerfnav.world.contact import ContactConfig, contact_check

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
-from nerfnav.tracking.sources.bag import open_bag
+from nerfnav.tracking.sources.ros_bag import open_bag
 from tests.tracking.recordings import (
     LENS,
     Recorded,

@@ -9,9 +9,7 @@ from scipy.spatial import KDTree
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.box import Box
-from nerfnav.world.capture import capture, images_taken, photograph, split
-from nerfnav.world.capture_config import CaptureConfig
-from nerfnav.world.capture_poses import capture_poses
+from nerfnav.world.capture import CaptureConfig, capture, capture_poses, images_taken, photograph, split
 from nerfnav.world.raycast import MeshRenderer
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import Solid

@@ -11,8 +11,7 @@ from nerfnav.geometry.box import Box
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import RigidState
 from nerfnav.world.collision import Ground
-from nerfnav.world.contact import contact_check, judge
-from nerfnav.world.interpolation import interpolate_poses
+from nerfnav.world.contact import contact_check, interpolate_poses, judge
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import winding_number
 from nerfnav.world.triangle_index import boxes_touch_triangles

@@ -7,8 +7,7 @@ import trimesh
 from trimesh.visual.color import ColorVisuals
 
 from nerfnav.geometry import Camera, Pose, so3
-from nerfnav.world.hits import Hits
-from nerfnav.world.raster import Rasteriser
+from nerfnav.world.raster import Hits, Rasteriser
 from nerfnav.world.raycast import MeshRenderer, RayCaster
 
 _CAMERA = Camera(150, 110, 80.0, 70.0, 60.0, 61.0)  # its middle is not that of the picture

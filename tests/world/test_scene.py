@@ -7,9 +7,8 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.world.moving import moved_scene
 from nerfnav.world.raycast import MeshRenderer
-from nerfnav.world.task import Task
+from nerfnav.world.scene import Task, moved_scene
 from tests.field.moves import change
 from tests.importers.meshes.places import ABOVE, CAMERA, UP_Z, imported, two_textures, write
 

@@ -6,8 +6,7 @@ import trimesh
 
 import nerfnav_scenes as scenes
 from nerfnav.geometry.box import Box
-from nerfnav.world.capture_config import CaptureConfig
-from nerfnav.world.capture_poses import capture_poses
+from nerfnav.world.capture import CaptureConfig, capture_poses
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Scene, Vantage
 from nerfnav.world.vantage import guess_vantage, suitable

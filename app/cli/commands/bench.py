@@ -5,9 +5,8 @@ from pathlib import Path
 
 from nerfnav_app.cli.progress import tell
 from nerfnav_app.cli.terminal import note
-from nerfnav_app.jobs.bench import BenchRequest
-from nerfnav_app.jobs.bench import run as run_job
-from nerfnav_app.jobs.bench_training import SECONDS
+from nerfnav_app.jobs.measure.bench import SECONDS, BenchRequest
+from nerfnav_app.jobs.measure.bench import run as run_job
 
 
 @dataclass(frozen=True)

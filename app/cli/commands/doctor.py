@@ -1,15 +1,25 @@
-"""Whether kernels compile on this machine and agree with the torch path."""
+"""nerfnav doctor: report the threads, GPU, browser and kernels of this machine.
 
+The check of the kernels compiles the renderer and compares it with the torch path.
+"""
+
+
+import os
+import platform
+import shutil
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numba
 import torch
 
-from nerfnav.core.jit import threads
+from nerfnav.core.jit import default_threads, threads
 from nerfnav.core.kernel_cache import cache_folder
+from nerfnav.estimator.paper.retraction import retraction_backend
 from nerfnav.field import VoxelField, render_rays
 from nerfnav.geometry import Box
+from nerfnav_app.cli.terminal import show
 
 
 def check_kernels() -> dict[str, Any]:
@@ -27,4 +37,35 @@ def check_kernels() -> dict[str, Any]:
         "threading": layer,
         "ready_s": time.perf_counter() - began,
         "cache": str(cache_folder()),
+    }
+
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "firefox")
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Tell what this machine has: threads, GPU, kernels, browser, LieTorch."""
+
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Print what was found; nothing that is missing keeps nerfnav from working."""
+    show("this machine", examine(), arguments.json)
+
+
+def examine() -> dict[str, Any]:
+    """What was found, by name."""
+    browsers = {name: path for name in _BROWSERS if (path := shutil.which(name))}
+    return {
+        "python": platform.python_version(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "threads": default_threads(),
+        "torch": torch.__version__,
+        "gpu": torch.cuda.get_device_name(0) if torch.cuda.is_available() else None,
+        "kernels": check_kernels(),
+        "browser": next(iter(browsers.values()), None),
+        "retraction": retraction_backend(),
     }

@@ -10,9 +10,8 @@ from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
 from nerfnav_app.cli.progress import tell
 from nerfnav_app.cli.terminal import note
-from nerfnav_app.jobs.experiment import ExperimentRequest
-from nerfnav_app.jobs.experiment import run as run_job
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS
+from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, ExperimentRequest
+from nerfnav_app.jobs.measure.experiment import run as run_job
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from nerfnav_app.cli.commands.train import PlacementArguments
 from nerfnav_app.cli.progress import tell
-from nerfnav_app.jobs.import_field import run as run_job
 from nerfnav_app.jobs.open.import_field import ImportRequest
+from nerfnav_app.jobs.open.import_field import run as run_job
 
 
 @dataclass(frozen=True)

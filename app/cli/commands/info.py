@@ -1,11 +1,25 @@
-"""Picture of a field for people, as a file."""
+"""nerfnav info: print what a field file holds, measure its geometry, take a picture of it.
 
+The geometry is its free-space accuracy, and its distance from a mesh where one is given.
+"""
+
+
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
+from tyro.conf import Positional
 
-from nerfnav.field import StoredField, render_image
-from nerfnav.geometry import Camera, look_at, picture_file
+import nerfnav_scenes as scenes
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.experiments import Freedom, GeometryReport, freedom_alone, freedom_on_mesh, in_words, measure_geometry
+from nerfnav.field import GridField, NeuralField, StoredField, load_field, render_image
+from nerfnav.geometry import Camera, Pose, look_at, picture_file
+from nerfnav.importers import Placement, SceneConfig, import_mesh
+from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken
+from nerfnav_app.cli.terminal import show
+from nerfnav_app.places.place import field_file, ground_truth
 from nerfnav_app.storage.output_files import prepare_file, write_bytes
 
 _WIDTH, _HEIGHT, _FOV_DEG = 480, 360, 70.0
@@ -20,3 +34,102 @@ def write_picture(field: StoredField, out: Path) -> Path:
     aim = field.box.center - 0.15 * field.box.size * torch.tensor([0.0, 0.0, 1.0])
     seen = render_image(field, Camera.from_fov(_WIDTH, _HEIGHT, _FOV_DEG), look_at(eye, aim))
     return write_bytes(path, picture_file(seen.image.numpy()))
+
+
+def grain(field: StoredField) -> dict[str, Any]:
+    """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
+    if isinstance(field, GridField):
+        return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
+    if isinstance(field, NeuralField):
+        shape = field.fine.config
+        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
+    return {"voxel_m": field.step}
+
+
+def freedom_of(field: StoredField, path: Path) -> Freedom:
+    """What planners take for free: as it was measured when the field was made, else as far as it can be now."""
+    info, voxel = field.info, grain(field)["voxel_m"]
+    if info.unproven_share is not None:
+        return Freedom(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, voxel)
+    truth = ground_truth(field, path)
+    if truth is None:
+        return freedom_alone(field, voxel)
+    scene = truth.load()
+    return freedom_on_mesh(field, voxel, scene, _seen_from(field, scene))
+
+
+def geometry_of(field: StoredField, scene: Scene) -> GeometryReport:
+    """The field against the mesh, seen from where the photographs that it was trained from were taken."""
+    return measure_geometry(field, grain(field)["voxel_m"], scene, _seen_from(field, scene))
+
+
+def _seen_from(field: StoredField, scene: Scene) -> tuple[Camera, Pose]:
+    """The camera that a field of a scene was photographed with, and its poses T_world_camera, which the seed tells."""
+    learned = field.info.images
+    config = CaptureConfig(images=images_taken(learned) if learned else CaptureConfig.images)
+    imported = scene.paint is not None  # a place of any size
+    config = config.clear_of(grain(field)["voxel_m"]) if imported else config.suiting(scene)
+    poses = capture_poses(scene, config, torch.Generator().manual_seed(field.info.seed))
+    return Camera.from_fov(config.width, config.height, config.horizontal_fov_deg), poses
+
+
+def truth_of(what: str, field: StoredField, path: Path) -> Scene:
+    """A bundled scene, or a mesh file: as the field's own ground truth has it where that was made from this file."""
+    if what in scenes.names():
+        return scenes.load(what)
+    if not Path(what).is_file():
+        raise InvalidInputError(f"there is no mesh file {what}, and no scene of that name; known are: {_known()}")
+    own = ground_truth(field, path)
+    if own is not None and (scene := own.load()).name == Path(what).name:
+        return scene
+    box = (_corner(field.box.lower), _corner(field.box.upper))
+    *_, last = import_mesh(Path(what), SceneConfig(Placement(box=box)))
+    assert last.imported is not None  # the last step carries the scene
+    return last.imported.scene
+
+
+def _corner(point: torch.Tensor) -> tuple[float, float, float]:
+    x, y, z = point.tolist()
+    return x, y, z
+
+
+def _known() -> str:
+    return ", ".join(scenes.names())
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Tell what a field file holds."""
+
+    field: Positional[str]
+    """Path of a field file, or name of a bundled scene."""
+    mesh: str | None = None
+    """Name of a bundled scene, or path of a mesh (the one it was trained from, or one in its frame), to judge its shape
+    by."""
+    png: Path | None = None
+    """File for a small picture of the field."""
+    json: bool = False
+    """Print one JSON object and nothing else."""
+
+
+def run(arguments: Arguments) -> None:
+    """Print box, resolution, quality, origin and size; compare with a mesh and take a picture where asked to."""
+    name = arguments.field
+    path = field_file(name)
+    field = load_field(path)
+    summary = {
+        "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
+        **grain(field),
+        **asdict(field.info),
+        "file_bytes": path.stat().st_size,
+    }
+    for name in ("surface_taken_for_free", "free_taken_for_free", "unproven_share"):
+        del summary[name]  # told together, below
+    freedom = freedom_of(field, path)
+    summary["geometry"] = asdict(freedom)
+    if arguments.mesh is not None:
+        summary["geometry"] |= asdict(geometry_of(field, truth_of(arguments.mesh, field, path)))
+    summary["in_words"] = in_words(freedom)
+    if arguments.png is not None:
+        summary["png"] = str(write_picture(field, arguments.png))
+    show(str(path), summary, arguments.json)

@@ -15,10 +15,9 @@ from nerfnav.geometry import read_camera
 from nerfnav.live import Navigator
 from nerfnav.live.messages import Size, Welcome
 from nerfnav_app.cli.terminal import note
-from nerfnav_app.live.server import LiveServer
+from nerfnav_app.live_server import LiveServer
 from nerfnav_app.places.place import open_place
-from nerfnav_app.security.address import check_address
-from nerfnav_app.security.token import check_token
+from nerfnav_app.security.address import check_address, check_token
 
 
 @dataclass(frozen=True)

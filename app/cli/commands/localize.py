@@ -6,9 +6,9 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from nerfnav_app.cli.progress import tell
-from nerfnav_app.jobs.localize import LocalizeRequest
-from nerfnav_app.jobs.localize import run as run_job
 from nerfnav_app.jobs.track.camera import GivenCamera
+from nerfnav_app.jobs.track.localize import LocalizeRequest
+from nerfnav_app.jobs.track.localize import run as run_job
 
 
 @dataclass(frozen=True)

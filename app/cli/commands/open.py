@@ -5,7 +5,7 @@ It opens the page in this machine's browser, too.
 
 from dataclasses import dataclass
 
-from nerfnav_app.cli import serve
+from nerfnav_app.cli.commands import serve
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from nerfnav.importers import Correction
 from nerfnav_app.cli.commands.train import Corners, Up, vector
 from nerfnav_app.cli.number_arguments import counted_in_words
 from nerfnav_app.cli.progress import tell
-from nerfnav_app.jobs.place_field import PlaceRequest
-from nerfnav_app.jobs.place_field import run as run_job
+from nerfnav_app.jobs.field.georeference import PlaceRequest
+from nerfnav_app.jobs.field.georeference import run as run_job
 
 Measured = Annotated[tuple[float, ...] | None, counted_in_words("measure", "X Y Z X Y Z DISTANCE")]
 Floor = Annotated[tuple[float, ...] | None, counted_in_words("floor", "X Y Z X Y Z X Y Z")]

@@ -1,9 +1,30 @@
-"""The place that is served, as far as it can be told before anything slow is imported."""
+"""nerfnav serve: the browser app.
 
+The page is up before the libraries that compute are imported, which takes longer than a browser needs to load it: so
+nothing slow is imported here at the top. The place is checked and shown from what this machine has kept of it; then
+the app is brought to the page that is already up.
+"""
+
+
+import contextlib
 import importlib.util
+import json
+import os
+import signal
+import sys
+import threading
+import webbrowser
+from dataclasses import dataclass
 from pathlib import Path
 
+from tyro.conf import Positional
+
+from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
+from nerfnav_app.page.splash import first_sight
+from nerfnav_app.page_server import page_server
 from nerfnav_app.places.kept_surface import kept_surface
+from nerfnav_app.security.address import page_url
+from nerfnav_app.system import importing
 
 
 def shown_before(place: str) -> bytes | None:
@@ -33,3 +54,76 @@ def check(place: str) -> None:
 
     if source_kind(place, scenes.names()).command is None:
         load_field(field_file(place))
+
+
+_SWITCH_S = 0.001
+"""How long the worker may keep the interpreter when the page wants it; a click needs it several times."""
+
+
+def run_app(what: str, host: str, port: int, token: str | None, surface: FieldSurfaceLayer) -> None:
+    """Bring the app to the page, which shows the place already where it was shown before, and wait for its end."""
+    with importing(for_good=True):
+        from nerfnav_app.server import App
+
+    sys.setswitchinterval(_SWITCH_S)
+    app = App(what, host, port, token, begun=surface, remembers=True)
+    app.start()
+    try:
+        app.wait()
+    finally:
+        app.stop()
+
+
+def end_if_computing() -> None:
+    """End the process at once where a thread of the app is in the middle of a long step, which was waited for enough.
+
+    Torch aborts where the interpreter is taken down under it.
+    """
+    if any(thread.name.startswith("nerfnav-") for thread in threading.enumerate()):
+        sys.stderr.flush()
+        os._exit(0)
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Open a scene or a field in the browser, until Ctrl-C."""
+
+    place: Positional[str] = "stonehenge"
+    """Name of a bundled scene, or path of anything that can be opened: a field, a mesh, a capture, splats, a video, a
+    trained NeRF. A field is made of it first, beside it, where it is none."""
+    host: str = "127.0.0.1"
+    """Address to listen at; the default is reached from this machine alone."""
+    port: int = 8080
+    """Port to listen at."""
+    token: str | None = None
+    """Secret that visitors must bring, as in http://HOST:PORT/?token=T."""
+    open: bool = False
+    """Open the page in this machine's browser."""
+    json: bool = False
+    """Print one JSON object with the address."""
+
+
+def run(arguments: Arguments) -> None:
+    """Check what can be checked at once, serve, tell the address."""
+    if not comes_along(arguments.place):
+        check(arguments.place)  # the app would open it later, on a page that nobody may look at
+    with contextlib.suppress(ValueError):  # in tests this is not the main thread, which alone hears signals
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # what supervisors send ends it as Ctrl-C does
+    stdout, interrupted = sys.stdout, False
+    with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout is for the address alone
+        server = page_server(arguments.host, arguments.port, arguments.token)
+        try:
+            surface = first_sight(server, shown_before(arguments.place))
+            url = page_url(arguments.host, arguments.port, arguments.token)
+            told = f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)"
+            stdout.write((json.dumps({"url": url, "place": arguments.place}) if arguments.json else told) + "\n")
+            stdout.flush()
+            if arguments.open:
+                webbrowser.open(url)
+            run_app(arguments.place, arguments.host, arguments.port, arguments.token, surface)
+        except KeyboardInterrupt:
+            interrupted = True  # the way to end a server
+        finally:
+            server.stop()
+    if interrupted:
+        end_if_computing()

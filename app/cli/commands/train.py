@@ -9,9 +9,8 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 from nerfnav.importers import AXES, MeshOptions, Placement
 from nerfnav_app.cli.number_arguments import counted, counted_in_words, in_words
 from nerfnav_app.cli.progress import tell
-from nerfnav_app.jobs.field.request import QualityName
-from nerfnav_app.jobs.train import run as run_job
-from nerfnav_app.jobs.training_data.request import NeuralOptions, Photographs, TrainRequest
+from nerfnav_app.jobs.field.request import NeuralOptions, Photographs, QualityName, TrainRequest
+from nerfnav_app.jobs.field.train import run as run_job
 
 
 def _up(words: list[str]) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ from nerfnav_app.places.derived import planning_place
 from nerfnav_app.places.place import open_place
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.step_codec import FILE
-from nerfnav_app.storage.stored_steps import read_steps
+from nerfnav_app.storage.step_log import read_steps
 
 TRAJECTORY = "trajectory.json"
 """What the folder of a plan holds."""

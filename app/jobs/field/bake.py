@@ -5,7 +5,7 @@ from pathlib import Path
 
 from nerfnav.core.errors import require_positive
 from nerfnav.field import BakeConfig, BakeStep, Field, StoredField, VoxelField, save_field
-from nerfnav.field.bake import bake
+from nerfnav.field.edit.bake import bake
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.field.report import numbers_of
 from nerfnav_app.storage.output_files import prepare_file

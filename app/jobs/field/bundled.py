@@ -9,11 +9,10 @@ import nerfnav_scenes as scenes
 from nerfnav.field import TrainConfig
 from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene, split
-from nerfnav.world.capture import capture
-from nerfnav.world.capture_config import FINE_VOXEL
+from nerfnav.world.capture import FINE_VOXEL, capture
 from nerfnav_app.jobs.events import JobEvent, Progress
+from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
-from nerfnav_app.jobs.training_data.request import TrainRequest
 
 LEAST_ITERATIONS, ITERATIONS_PER_CUBIC_METER = 400, 180
 """Training steps that a field needs: a larger place has more surface to learn."""

@@ -7,9 +7,9 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers import ImportConfig, ImportedCapture, capture_of_video, import_capture
 from nerfnav.importers.core.kinds import VIDEOS
 from nerfnav_app.jobs.events import Progress
+from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
 from nerfnav_app.jobs.field.unpacking import capture_unpacked
-from nerfnav_app.jobs.training_data.request import TrainRequest
 
 ITERATIONS = 2000
 """Training steps that photographs ask for where nobody gave a number."""

@@ -1,15 +1,49 @@
-"""Report of a field that was put right: its files, and what `place --json` prints."""
+"""Georeference job (`nerfnav place`): correct scale, floor and box of a field by hand, without training again.
 
-from dataclasses import asdict, dataclass
+Splats and ground truth beside the field are corrected with it; splats are made into voxels again.
+"""
+
+
+from collections.abc import Generator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import torch
+
+import nerfnav_scenes as scenes
+from nerfnav.core.errors import InvalidInputError
+from nerfnav.estimator import rescaled, views_moved
 from nerfnav.experiments import freedom_alone, in_words
-from nerfnav.field import StoredField, VoxelField
-from nerfnav.importers import Splats, save_splats, splats_beside
-from nerfnav.world import Scene
-from nerfnav_app.jobs.events import JobResult
-from nerfnav_app.jobs.trained_field import stored
+from nerfnav.field import (
+    FieldInfo,
+    MoveStep,
+    StoredField,
+    VoxelField,
+    cropped,
+    load_field,
+    moved,
+    overlap,
+    surface_points,
+)
+from nerfnav.geometry import Similarity
+from nerfnav.importers import (
+    Corrected,
+    Correction,
+    Splats,
+    VoxelizeConfig,
+    corrected,
+    load_splats,
+    save_splats,
+    splats_beside,
+    still_guessed,
+    voxelize,
+)
+from nerfnav.world import Scene, moved_scene
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.field.report import stored
+from nerfnav_app.places.place import field_file, ground_truth
+from nerfnav_app.storage.output_files import OutputError, prepare_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,3 +77,115 @@ def _numbers(made: Placed) -> dict[str, Any]:
         "geometry": asdict(freedom),
         "in_words": in_words(freedom),
     }
+
+
+def moved_field(field: StoredField, change: Corrected) -> Generator[JobEvent, bool | None, StoredField]:
+    step: MoveStep | None = None
+    for step in moved(field, change.similarity):
+        yield Progress(step.label, 0.1 + 0.8 * step.fraction)
+    assert step is not None and step.field is not None, "moving ends with its field"
+    return step.field if change.box is None else cropped(step.field, change.box)
+
+
+def placed_splats(splats: Splats, change: Corrected) -> Splats:
+    """Splats where they belong: nothing of them is lost."""
+    similarity = change.similarity
+    placed = splats.placed(similarity.rotation.numpy(), similarity.scale)
+    return replace(placed, centers=(placed.centers + similarity.translation.numpy()).astype("float32"))
+
+
+def voxels_of(splats: Splats, field: StoredField, change: Corrected) -> VoxelField:
+    """Voxels of splats, as fine as before."""
+    box = change.similarity.box(field.box)
+    if change.box is not None:
+        box = overlap(change.box, box)
+    voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, VoxelField) else field.step)
+    return voxelize(splats, VoxelizeConfig(voxel=voxel, box=box), field.info.source)
+
+
+def truth_of(
+    field: StoredField, path: Path, change: Corrected, changed: StoredField
+) -> tuple[Scene | None, tuple[str, ...]]:
+    """The ground truth where it belongs, and what to say of it."""
+    truth = ground_truth(field, path)
+    if truth is None:
+        return None, ()
+    if field.info.source in scenes.names():
+        return None, (f"the ground truth and the tasks of {field.info.source} stay behind: plans are not judged there",)
+    return moved_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
+
+
+def cut_in_words(change: Corrected, changed: StoredField) -> tuple[str, ...]:
+    """What became of the box."""
+    return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
+
+
+def info_of(
+    changed: StoredField, before: FieldInfo, correction: Correction, similarity: Similarity
+) -> FieldInfo:
+    """What is known of the field now: figures about its surfaces hold as upper bounds, those of free space no more."""
+    known = ["box"]  # as what was guessed of it is in the coordinates of before
+    if correction.up is not None or correction.floor is not None or correction.find_floor:
+        known.append("up")
+    if correction.factor is not None:
+        known.append("scale")
+    # such a name would find ground truth that is not there
+    bundled = before.source in scenes.names()
+    return replace(
+        changed.info,
+        source=f"{before.source} (placed)" if bundled else before.source,
+        truth="",
+        truth_sha256="",
+        free_taken_for_free=None,
+        surface_taken_for_free=before.surface_taken_for_free,
+        unproven_share=freedom_alone(changed, 0.0).unproven_share,
+        guesses=still_guessed(before.guesses, known),
+        placed=similarity.after(Similarity.of_numbers(before.placed)).numbers if before.placed else (),
+        views=views_moved(before.views, similarity),
+        position_floor_m=None if before.position_floor_m is None else similarity.scale * before.position_floor_m,
+        pose_floor=rescaled(before.pose_floor, similarity.scale),
+    )
+
+
+_ALONG = 160
+"""Points along the longest edge at which surfaces are looked for."""
+_UP = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PlaceRequest:
+    """What to put right."""
+
+    what: str
+    """Path of a field file, or name of a bundled scene."""
+    correction: Correction
+    """What was measured and pointed at."""
+    out: Path
+    """The file for the field, another one than that which it is made of."""
+
+
+def run(request: PlaceRequest) -> JobEvents:
+    """Yield progress, and return what has changed and what was guessed.
+
+    Splats that lie beside the field are put right and made into voxels again; ground truth beside it goes along.
+    Raises NerfnavError where nothing is asked for, or it cannot be done.
+    """
+    correction = request.correction
+    if correction.is_empty:
+        raise InvalidInputError("nothing is to be changed: give --measure, --scale, --floor, --up or --box")
+    path = field_file(request.what)
+    out = prepare_file(request.out)
+    if out.exists() and out.samefile(path):
+        raise OutputError(f"{out} is the field itself: choose another file, so that you can go back to this one")
+    field = load_field(path)
+    yield Progress("looking for surfaces", 0.05)
+    points = surface_points(field, float(field.box.size.max()) / _ALONG, correction.up or _UP)
+    change = corrected(correction, field.box, points, torch.Generator().manual_seed(0))
+    beside = splats_beside(path)
+    splats = placed_splats(load_splats(beside), change) if beside.is_file() else None
+    changed = (yield from moved_field(field, change)) if splats is None else voxels_of(splats, field, change)
+    truth, told = truth_of(field, path, change, changed)
+    told = (*change.told, *cut_in_words(change, changed), *told)
+    changed = replace(changed, info=info_of(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
+    yield Progress("storing the field", 0.95)
+    return save(Placed(changed, splats, truth, told), out)

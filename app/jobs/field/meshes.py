@@ -11,9 +11,9 @@ from nerfnav.importers import Imported, SceneConfig, import_mesh
 from nerfnav.world import split
 from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.bundled import images_for, iterations_for, photograph
+from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
 from nerfnav_app.jobs.field.unpacking import mesh_unpacked
-from nerfnav_app.jobs.training_data.request import TrainRequest
 
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
 """Nodes of a field for which there is little time: at least, and for each second of it."""

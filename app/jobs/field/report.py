@@ -1,16 +1,25 @@
-"""Numbers of a field that was made of somebody else's file."""
+"""Report of a new field: free-space accuracy, pose floor, stored files, ground truth, numbers for `--json`."""
 
-from dataclasses import asdict
+
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
-from nerfnav.experiments import freedom_alone, in_words
-from nerfnav.field import StoredField, VoxelField
+import nerfnav_scenes as scenes
+from nerfnav.estimator import ColorNoise, pose_floor, remembered
+from nerfnav.experiments import Freedom, freedom_alone, freedom_noted, freedom_on_depth, freedom_on_mesh, in_words
+from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers import (
     Placement,
 )
 from nerfnav.importers.core.placement import Vector
+from nerfnav.importers.meshes.ground_truth import truth_beside, truth_path
+from nerfnav.world import Scene
+from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
 
 
 def numbers_of(made: StoredField) -> dict[str, Any]:
@@ -29,3 +38,71 @@ def placed_by(placement: Placement, up: Vector) -> dict[str, Any]:
         "meters_per_unit": placement.meters_per_unit or 1.0,
         "guessed": [name for name, value in given.items() if value is None],
     }
+
+
+def judged(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[VoxelField | NeuralField, Freedom]:
+    """The field that knows how well photographs tell poses in it, and what planners take for free; and the latter."""
+    trained = replace(trained, info=replace(trained.info, pose_floor=_floor_of(trained, material)))
+    freedom = _freedom_of(trained, material)
+    return replace(trained, info=freedom_noted(trained.info, freedom)), freedom
+
+
+def _freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Freedom:
+    """What planners take for free there, against the best that tells what is."""
+    voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
+    if material.truth is not None:
+        seen_from = (material.learned.camera, material.learned.poses)
+        return freedom_on_mesh(trained, voxel, material.truth, seen_from)
+    if material.held_out.depth is not None and len(material.held_out):
+        return freedom_on_depth(trained, voxel, material.held_out, material.learned)
+    return freedom_alone(trained, voxel)
+
+
+def _floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
+    """How well photographs tell poses there (see estimator/map_error.py)."""
+    if not isinstance(trained, VoxelField):
+        return ()
+    noise = ColorNoise().measured(trained.info.noise_std)
+    return pose_floor(trained, material.held_out, noise, torch.Generator().manual_seed(0))
+
+
+def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
+    """Store a field, and beside it the ground truth that is not bundled. Its size in bytes, and what was written."""
+    if truth is None or truth.name in scenes.names():
+        return save_field(field, out), (out,)
+    with truth_beside(truth, out) as link:
+        info = replace(field.info, truth=link.name, truth_sha256=link.sha256)
+        linked = replace(field, info=info)  # type: ignore[type-var]
+        return save_field(linked, out), (out, truth_path(out))
+
+
+def training_numbers(trained: VoxelField | NeuralField, freedom: Freedom, file_bytes: int) -> dict[str, Any]:
+    """What `train --json` prints of it."""
+    return {
+        "psnr_db": trained.info.psnr_db,
+        "psnr_one_exposure_db": trained.info.psnr_one_exposure_db,
+        "noise_std": trained.info.noise_std,
+        "train_s": trained.info.train_s,
+        "voxels": math.prod(trained.shape) if isinstance(trained, VoxelField) else None,
+        "file_bytes": file_bytes,
+        "learned_from": trained.info.learned_from,
+        "proven_from": trained.info.proven_from,
+        "geometry": asdict(freedom),
+        "in_words": in_words(freedom),
+    }
+
+
+def noted(field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData) -> VoxelField | NeuralField:
+    """A field that knows what it was made of."""
+    # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
+    name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
+    told = replace(
+        field.info,
+        source=name,
+        seed=request.seed,
+        guesses=material.guesses,
+        camera=material.camera,
+        placed=material.placed,
+        views=() if material.truth is not None else remembered(material.learned.poses),
+    )
+    return replace(field, info=told)

@@ -1,13 +1,20 @@
-"""Quality of a training: how fine and how long, measured by what the source itself asks for.
+"""Request of a training: its source, options and quality.
 
-What a source asks for follows from the size of the place and from the pictures (see its `gather`): quality says how
-much more or less than that. A grid finer than the pictures' pixels learns their noise, so pixels bound it.
+Quality says how fine and how long, relative to what a source asks for, which follows from the size of the place and
+from the pictures (see the `gather` of each source). A grid finer than the pictures' pixels learns their noise, so
+pixels bound it.
 """
 
-from dataclasses import dataclass
 
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nerfnav.core.errors import InvalidInputError, require_positive
+from nerfnav.field import TrainConfig
 from nerfnav.geometry import Box, PosedImages
-from nerfnav_app.places.learning import QualityName
+from nerfnav.importers import MeshOptions, Placement
+from nerfnav.world import CaptureConfig
+from nerfnav_app.places.sources import QualityName
 
 
 @dataclass(frozen=True)
@@ -37,3 +44,98 @@ def pixel_size(photographs: PosedImages, box: Box) -> float:
     """What a pixel covers at the middle of the box [m]: the median of the photographs."""
     middle = (box.lower + box.upper) / 2
     return float((photographs.poses.position - middle).norm(dim=-1).median()) / photographs.camera.fx
+
+
+LEAST_HELD_OUT = 10
+"""Photographs of a scene or mesh of which one is held out."""
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """Which photographs are learned from."""
+
+    count: int | None = None
+    """How many are taken of a scene or mesh, every tenth held out; None: as many as its size asks for."""
+    downscale: int | None = None
+    """A capture's photographs are made so many times smaller; None: until none is too large to learn quickly."""
+    held_out_every: int = 8
+    """One of so many of a capture's photographs is kept to judge the field."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for numbers that no training can have."""
+        require_positive(downscale=self.downscale)
+        if self.count is not None and self.count < LEAST_HELD_OUT:
+            raise InvalidInputError(f"images must be at least {LEAST_HELD_OUT}, one of them to test, not {self.count}")
+        if self.held_out_every < 2:
+            raise InvalidInputError(f"at least every second photograph is learned from, not {self.held_out_every}")
+
+
+@dataclass(frozen=True)
+class NeuralOptions:
+    """What is asked of the networks of a neural field; the paper's by default."""
+
+    layers: int = 8
+    """Layers of each of the two networks."""
+    layer_width: int = 256
+    """Numbers in each layer."""
+    rays: int = 1024
+    """Rays in a training step."""
+    device: str = "cpu"
+    """Where they are trained: cpu, or cuda for a GPU, without which the paper's networks take days."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for networks that cannot be."""
+        require_positive(layers=self.layers, layer_width=self.layer_width, rays=self.rays)
+        if self.device.split(":")[0] not in ("cpu", "cuda"):
+            raise InvalidInputError(f"the device is cpu or cuda, not {self.device!r}")
+
+
+@dataclass(frozen=True)
+class TrainRequest:
+    """What to train from."""
+
+    source: str
+    """Name of a bundled scene, or path of a mesh file or a capture."""
+    out: Path
+    """The file for the field."""
+    seed: int = 0
+    """Seed of the camera's poses and of the training."""
+    iterations: int | None = None
+    """Training steps; None: as many as the source asks for."""
+    budget: float | None = None
+    """Time to train [s], in place of a number of steps; the result then depends on the machine."""
+    voxel: float | None = None
+    """Distance of the field's nodes [m]; None: what suits the source."""
+    photographs: Photographs = field(default_factory=Photographs)
+    """Which photographs are learned from."""
+    placement: Placement = field(default_factory=Placement)
+    """How the source lies in the world."""
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+    """What only meshes leave open."""
+    config: TrainConfig = field(default_factory=TrainConfig)
+    """How else to train."""
+    capture: CaptureConfig = field(default_factory=CaptureConfig)
+    """How else to take pictures of scenes and meshes."""
+    depth: bool | None = None
+    """Whether to learn with depth; None: where there is any, but for bundled scenes, which show what pictures do."""
+    quality: QualityName = "good"
+    """How fine and how long, by what the source asks for; voxel, iterations and budget go before."""
+    save_every: float | None = None
+    """Time between two fields of what is learned so far, kept in `out` until the next [s]; None: the last alone."""
+    neural: NeuralOptions | None = None
+    """The networks of a neural field; None: a voxel field is trained."""
+
+    def __post_init__(self) -> None:
+        """Raise InvalidInputError for numbers that no training can have."""
+        require_positive(
+            iterations=self.iterations, budget=self.budget, voxel=self.voxel, save_every=self.save_every
+        )
+        if self.neural is not None and self.save_every is not None:
+            raise InvalidInputError("save-every is for voxel fields: networks in training cannot be planned in")
+
+    def require_unset(self, kind: str, **options: object) -> None:
+        """Raise InvalidInputError, which names it, for an option that was given although a `kind` has no use for it."""
+        for name, given in options.items():
+            if given:
+                told = name.replace("_", "-")
+                raise InvalidInputError(f"{told} means nothing for {kind}, which {self.source} is: leave it out")

@@ -1,12 +1,22 @@
-"""What a training is configured to, by the request and by what is trained from."""
+"""Train job: gather photographs of a source, configure the training, learn a voxel field or networks, store it."""
 
+
+from collections.abc import Generator
 from dataclasses import replace
+from pathlib import Path
+
+import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field import TrainConfig
+from nerfnav.field import MlpConfig, NeuralField, NeuralTrainConfig, TrainConfig, TrainStep, VoxelField, train_neural
+from nerfnav.field.models.neural import blank_field
+from nerfnav.field.train.loop import train
 from nerfnav.geometry import Box
-from nerfnav_app.jobs.field.request import QUALITIES, Quality, pixel_size, voxel_of
-from nerfnav_app.jobs.training_data.gather import TrainingData, TrainRequest
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.field.report import judged, noted, stored, training_numbers
+from nerfnav_app.jobs.field.request import QUALITIES, NeuralOptions, Quality, TrainRequest, pixel_size, voxel_of
+from nerfnav_app.jobs.field.training_data import StoppedError, TrainingData, gather
+from nerfnav_app.storage.output_files import prepare_file
 
 MOST_VOXELS = 30_000_000
 """Training holds a dozen numbers for each voxel and thread."""
@@ -63,3 +73,91 @@ def require_room(box: Box, voxel: float) -> None:
             f"a field of {box.describe()} with voxels of {voxel:g} m would have more than {MOST_VOXELS} of them: "
             "choose a larger --voxel"
         )
+
+
+def learn_voxels(
+    material: TrainingData, config: TrainConfig, generator: torch.Generator
+) -> Generator[JobEvent, bool | None, VoxelField]:
+    """Yield reports and progress; return the field. Send True to end early."""
+    steps = train(material.learned, material.held_out, material.box, material.background, config, generator)
+    step = next(steps)
+    while step.field is None:
+        yield step
+        stop = yield Progress("training", step.fraction)
+        step = steps.send(stop)
+    yield step
+    return step.field
+
+
+_LAYERS_BEFORE_SKIP = 5
+
+
+def learn_networks(
+    material: TrainingData, request: TrainRequest, options: NeuralOptions, generator: torch.Generator
+) -> Generator[JobEvent, bool | None, NeuralField]:
+    """Yield progress and return the field; send True to end early and keep what was learned.
+
+    Raises InvalidInputError without the device that was asked for, or where photographs show more than the box.
+    """
+    if options.device.startswith("cuda") and not torch.cuda.is_available():
+        raise InvalidInputError("there is no CUDA device here: train with --device cpu, and small networks")
+    if not material.bounded:
+        raise InvalidInputError(
+            "these photographs show more than a box, and a neural field has nothing around its box: "
+            "train a voxel field, which has"
+        )
+    skips = (_LAYERS_BEFORE_SKIP,) if options.layers > _LAYERS_BEFORE_SKIP + 1 else ()
+    network = MlpConfig(options.layers, options.layer_width, skips, view_widths=(max(1, options.layer_width // 2),))
+    asked = round(QUALITIES[request.quality].steps * NeuralTrainConfig.iterations)
+    config = NeuralTrainConfig(
+        network, request.iterations or asked, request.budget, rays=options.rays
+    )
+    blank = blank_field(material.box, material.background, network, generator, options.device)
+    steps = train_neural(material.learned, material.held_out, blank, config, generator)
+    step = next(steps)
+    while step.field is None:
+        stop = yield Progress(f"training, PSNR {step.psnr_db:.1f} dB", step.fraction)
+        step = steps.send(stop)
+    return step.field
+
+
+__all__ = ["StoppedError", "TrainRequest", "run"]
+
+
+def run(request: TrainRequest) -> JobEvents:
+    """Yield progress of every picture and reports of the training; return the numbers of the stored field.
+
+    Send True to end early: what was learned so far is then stored and reported as usual.
+    Raises NerfnavError where the source cannot be trained from or the file cannot be written.
+    """
+    out, gathering = prepare_file(request.out), gather(request)
+    material = yield from gathering
+    # the training's randomness is its own: it does not depend on how the photographs came about
+    generator = torch.Generator().manual_seed(request.seed)
+    if request.neural is None:
+        config = replace(config_for(request, material), field_every=request.save_every)
+        require_room(material.box, config.voxel)
+        trained = yield from _keeping(learn_voxels(material, config, generator), request, material, out)
+    else:
+        trained = yield from learn_networks(material, request, request.neural, generator)
+    trained = noted(trained, request, material)
+    yield Progress("judging", 1.0)
+    trained, freedom = judged(trained, material)
+    file_bytes, files = stored(trained, material.truth, out)
+    summary = {**training_numbers(trained, freedom, file_bytes), "source": material.report}
+    return JobResult(summary, files)
+
+
+def _keeping(
+    learning: Generator[JobEvent, bool | None, VoxelField], request: TrainRequest, material: TrainingData, out: Path
+) -> Generator[JobEvent, bool | None, VoxelField]:
+    """The same training; what it has learned so far is stored in `out`, whole, whenever it tells."""
+    stop: bool | None = None
+    while True:
+        try:
+            event = learning.send(stop)
+        except StopIteration as end:
+            return end.value
+        if isinstance(event, TrainStep) and event.so_far is not None:
+            stored(noted(event.so_far, request, material), material.truth, out)
+        stop = yield event

@@ -1,15 +1,24 @@
-"""What a field is trained from, whatever it was made of: photographs, a box, and what is known about them."""
+"""Training data: photographs, a box, and what is known about them, gathered from a source of any kind.
 
+Each kind of source is a file with `gather(request)`, imported only when it is needed (KINDS).
+"""
+
+
+import importlib
 from collections.abc import Generator
 from dataclasses import dataclass
+from pathlib import Path
 
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.core.errors import NerfnavError
+import nerfnav_scenes as scenes
+from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.geometry import Box, PosedImages
+from nerfnav.importers import SourceKind, source_kind, wrong_kind
 from nerfnav.world import Scene
 from nerfnav_app.jobs.events import JobEvent
+from nerfnav_app.jobs.field.request import Photographs, TrainRequest
 
 
 class StoppedError(NerfnavError):
@@ -53,3 +62,30 @@ class TrainingData:
 
 Gathering = Generator[JobEvent, bool | None, TrainingData]
 """Training data in the making: yields progress, and returns it. Send True to stop early."""
+
+
+KINDS = {
+    SourceKind.SCENE: "bundled",
+    SourceKind.MESH: "meshes",
+    SourceKind.CAPTURE: "captures",
+    SourceKind.VIDEO: "captures",
+}
+"""The file for each kind; it is imported only when it is needed."""
+
+__all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather"]
+
+
+def gather(request: TrainRequest) -> Gathering:
+    """The material of a source.
+
+    Raises UnknownNameError, InvalidInputError or WrongKindError where no field can be trained from it.
+    """
+    kind = source_kind(request.source, scenes.names())
+    if kind in KINDS:
+        return importlib.import_module(f"nerfnav_app.jobs.field.{KINDS[kind]}").gather(request)
+    if kind is not SourceKind.MISSING:
+        raise wrong_kind(request.source, kind, "a scene, a mesh, a capture or a video")
+    if Path(request.source).suffix or len(Path(request.source).parts) > 1:
+        raise InvalidInputError(f"there is no file or folder {request.source}")
+    scenes.load(request.source)
+    raise AssertionError("a scene that is not among the names cannot be loaded")

@@ -1,17 +1,56 @@
-"""Fly: Algorithm 1 in a simulated world, from a plan to an episode."""
+"""Fly job: Algorithm 1 in a simulated world, from a plan to an episode, its numbers, its files and its run metadata."""
+
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from nerfnav.estimator import RelocaliseStep
+from nerfnav.export import csv_text, episode_table, json_text
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.planner import GOOD, PlanStep
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.export.recording import TRAJECTORY
 from nerfnav_app.jobs.fly.request import FlyRequest, WatchedOrders
 from nerfnav_app.jobs.fly.setup import begin, timed
-from nerfnav_app.jobs.fly_report import metadata_of, save, summary_of
 from nerfnav_app.places.place import Place
-from nerfnav_app.storage.output_files import prepare_folder
+from nerfnav_app.storage.output_files import prepare_folder, write_text
+from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.step_log import logged
+
+
+def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
+    """What `fly --json` prints."""
+    unjudged = {} if place.truth else {"mesh_collision_steps": None}
+    return episode.metrics() | unjudged
+
+
+def save(folder: Path, episode: Episode, place: Place) -> tuple[Path, ...]:
+    """Write a flight's files into `folder`."""
+    table = episode_table(episode, place.robot.action_names, place.robot.name)
+    return (
+        *episode.save(folder),
+        write_text(folder / "trajectory.csv", csv_text(table)),
+        write_text(folder / TRAJECTORY, json_text(table)),
+    )
+
+
+def metadata_of(request: FlyRequest, place: Place) -> RunMetadata:
+    """What the run store knows of a flight before it is flown."""
+    route = request.route
+    return RunMetadata(
+        place=place.name,
+        source=request.source or place.name,
+        robot=place.robot.source,
+        planner=route.planner,
+        estimator=request.estimator,
+        seed=request.seed,
+        dt=route.dt,
+        ends=route.ends,
+        task=request.task,
+        open_loop=request.open_loop or request.config.open_loop,
+        unknown=route.unknown.value,
+    )
 
 
 def run(request: FlyRequest, place: Place) -> JobEvents:

@@ -19,9 +19,8 @@ from nerfnav.navigation import (
 )
 from nerfnav.planner import planners
 from nerfnav_app.jobs.fly.request import FlyRequest
-from nerfnav_app.jobs.fly.simulated_world import camera_function, contact_function
+from nerfnav_app.jobs.fly.simulated_world import camera_function, contact_function, first_update
 from nerfnav_app.jobs.plan.plan import timing_for
-from nerfnav_app.jobs.warm_filter import first_update
 from nerfnav_app.places.derived import occupancy_of, planning_place, searcher_of
 from nerfnav_app.places.place import Place
 

@@ -1,8 +1,21 @@
-"""Simulated world of a flight: the robot's camera and its contact with the ground truth of a place."""
+"""Simulated world of a flight: pictures of the robot's camera, contact with the ground truth, and a warm-up of both.
 
+Camera and contact are those of the ground truth, or of the field where a place has none. The warm-up takes a first
+picture, updates a first belief by it, and plans a first path to rest.
+"""
+
+
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import torch
+
+from nerfnav.estimator import Belief, FastFilter, FilterStep
 from nerfnav.field import render_image
 from nerfnav.geometry import FORWARD_MOUNT, Camera
-from nerfnav.navigation import CameraFunction, ContactFunction
+from nerfnav.navigation import CameraFunction, ContactFunction, NavigateConfig
+from nerfnav.robots import RigidState
 from nerfnav_app.places.place import Place
 
 
@@ -34,3 +47,27 @@ def first_picture() -> None:
 
     nothing = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     MeshRenderer(nothing).render(Camera.from_fov(2, 2, 90), FORWARD_MOUNT)
+
+
+_ROUGH = 1 / 3
+"""Size of a rough picture: in flight a time step waits for it."""
+
+
+def view_from(place: Place, state: RigidState, rough: bool = False) -> np.ndarray:
+    """The field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes.
+
+    Rough, it is made of fewer pixels, and as large.
+    """
+    camera = place.robot.camera
+    looking = camera.scaled(_ROUGH) if rough else camera
+    picture = render_image(place.field, looking, state.pose.compose(place.robot.mount)).image.numpy()
+    return cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR) if rough else picture
+
+
+def first_update(place: Place, state: RigidState) -> Iterator[FilterStep]:
+    """Correct a belief by a small picture of the field, taken where the robot believes to be, and hold there."""
+    place.robot.held(state, torch.zeros(1, 3), dt=0.1, rest=0.0)
+    camera = Camera.from_fov(64, 64, 90)
+    picture = render_image(place.field, camera, state.pose.compose(place.robot.mount)).image
+    belief, draws = Belief(state, NavigateConfig().initial.covariance()), torch.Generator().manual_seed(0)
+    yield from FastFilter(place.field, place.robot, camera, place.robot.mount).correct(belief, picture, draws)

@@ -1,10 +1,39 @@
-"""What a bench compares, and what a quick one asks."""
+"""Bench job: compare the speed of nerfnav with that of the paper's method, both timed on this machine in one run.
+
+With a capture, it also measures how well that is learned in given times: PSNR on the held-out views. The results are
+numbers, tables and plots.
+"""
+
 
 import importlib
 import importlib.util
-from collections.abc import Callable
+import os
+import time
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from nerfnav.core.errors import require_positive
+from nerfnav.core.extras import from_extra
+from nerfnav.core.jit import default_threads
+from nerfnav.experiments import Arena
+from nerfnav.experiments.figures import COLORS, panels
+from nerfnav.importers.captures.formats import read_views
+from nerfnav_app.benchmarks.comparison import Comparison
+from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
+from nerfnav_app.jobs.field.train import config_for, learn_voxels
+from nerfnav_app.jobs.field.training_data import TrainRequest, gather
+from nerfnav_app.jobs.measure.arena import open_arena
+from nerfnav_app.jobs.measure.results import png_of, table_text
+from nerfnav_app.storage.output_files import json_line, prepare_folder, write_bytes, write_text
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
 
 MEASURES = ("plan", "replan", "filter", "render", "train_step")
 """What is compared: each is a module of nerfnav_app.benchmarks with a function `measure`."""
@@ -25,3 +54,137 @@ def module_named(name: str) -> ModuleType | None:
     """The module of one measure; None where this version has none."""
     full = f"nerfnav_app.benchmarks.{name}"
     return None if importlib.util.find_spec(full) is None else importlib.import_module(full)
+
+
+SECONDS = (30.0, 120.0, 300.0, 900.0)
+"""Times that a capture is learned for [s], one training each: how fast it goes depends on when it ends."""
+Row = dict[str, float | int | None]
+
+
+def check_capture(source: Path, seconds: tuple[float, ...]) -> None:
+    """Raise InvalidInputError or CaptureError for what cannot be learned from, or for no time at all [s]."""
+    read_views(source)
+    for budget in seconds:
+        require_positive(seconds=budget)
+
+
+def measure_training(source: Path, seconds: tuple[float, ...] = SECONDS) -> Generator[JobEvent, bool | None, list[Row]]:
+    """Yield progress; return for each time what came of it.
+
+    Each time is one to learn for; looking for what is proven free follows, and is in `train_s` and `cpu_s`, which adds
+    up all threads: where others use the machine, it is less than it would be alone. Raises CaptureError where there is
+    no capture that a field can be trained from.
+    """
+    rows: list[Row] = []
+    for budget in seconds:
+        # no file is written: `out` is what a request of `nerfnav train` has besides
+        request = TrainRequest(str(source), Path("bench.npz"), budget=budget)
+        material = yield from gather(request)
+        config = config_for(request, material)
+        yield Progress(f"learning {source.name} for {budget:g} s", 0.0)
+        begun = time.process_time()
+        trained = yield from learn_voxels(material, config, torch.Generator().manual_seed(0))
+        info = trained.info
+        rows.append(
+            {"budget_s": budget, "psnr_db": info.psnr_db, "views": len(material.held_out),
+             "iterations": info.iterations, "voxel_m": config.voxel, "train_s": info.train_s,
+             "threads": default_threads(), "cpu_s": time.process_time() - begun}
+        )  # fmt: skip
+    return rows
+
+
+def picture(rows: Sequence[Row], cores: int) -> "matplotlib.figure.Figure":
+    """PSNR on held-out views against the time to learn, with the CPU time that the machine had for it."""
+    figure, (axes,) = panels((f"Held-out views, {cores} cores",))
+    minutes = [float(row["budget_s"] or 0) / 60 for row in rows]
+    psnr = [float(row["psnr_db"] or 0) for row in rows]
+    axes.plot(minutes, psnr, "o-", color=COLORS[0])
+    for place, row in zip(zip(minutes, psnr, strict=True), rows, strict=True):
+        label = f"{place[1]:.1f} dB\n{row['cpu_s']:.0f} CPU s"
+        axes.annotate(label, place, xytext=(0, 6), textcoords="offset points", ha="center", fontsize=8)
+    axes.margins(0.15, 0.25)
+    axes.set_xscale("log")
+    axes.set_xticks(minutes, [f"{each:g}" for each in minutes])
+    axes.minorticks_off()
+    axes.set_xlabel("minutes to learn")
+    axes.set_ylabel("PSNR [dB]")
+    return figure
+
+
+def save_bench(folder: Path, summary: dict[str, Any], arena: Arena, find: Finder) -> tuple[Path, ...]:
+    """Write the numbers, and plots of what was measured: of how a capture was learned, and of what an iteration costs
+    against its size."""
+    files = [write_text(folder / "bench.json", json_line(summary) + "\n")]
+    measured = [{"name": name, **summary[name]} for name in MEASURES if name in summary]
+    shared = ("name", "paper_ms", "fast_ms", "ratio", "threads")
+    if measured:
+        rows = [{key: row[key] for key in shared} for row in measured]
+        files.append(write_text(folder / "bench.csv", table_text(rows)))
+    if rows := summary.get("training"):
+        files.append(write_bytes(folder / "training.png", png_of(picture(rows, summary["cores"]))))
+    if (scaling := find("scaling")) is not None:
+        options = QUICK["scaling"] if summary["quick"] else {}
+        files.append(write_bytes(folder / "scaling.png", png_of(scaling.picture(scaling.measure(arena, **options)))))
+    return tuple(files)
+
+
+@dataclass(frozen=True)
+class BenchRequest:
+    """What to compare."""
+
+    place: str = "stonehenge"
+    """Scene to do it in."""
+    quick: bool = False
+    """Fewer rounds: a first impression, with more spread."""
+    capture: Path | None = None
+    """Capture that is learned besides; None: none is."""
+    seconds: tuple[float, ...] = SECONDS
+    """Times that it is learned for [s]."""
+    out: Path | None = None
+    """Folder for bench.json, bench.csv and the plot of the cost of an iteration; None writes nothing."""
+
+
+def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
+    """Yield which comparison is under way, and return all numbers; what cannot be measured is named under `left_out`.
+
+    Raises MissingExtraError where files are asked for, and matplotlib, which draws one of them, is not installed, and
+    InvalidInputError for what is no capture, before anything is measured.
+    """
+    if request.capture is not None:
+        check_capture(request.capture, request.seconds)
+    if request.out is not None:
+        from_extra("matplotlib.figure", "experiments", "the plot of bench --out")
+    out = None if request.out is None else prepare_folder(request.out)
+    yield Progress("opening the field", 0.0)
+    arena = open_arena(request.place)
+    summary: dict[str, Any] = {}
+    left_out = [name for name in MEASURES if find(name) is None]
+    for index, name in enumerate(MEASURES):
+        yield Progress(f"measuring {name}", index / len(MEASURES))
+        if (module := find(name)) is not None:
+            options = QUICK.get(name, {}) if request.quick else {}
+            summary[name] = numbers(module.measure(arena, **options))
+    if (busy := find("busy")) is not None:
+        yield Progress("measuring beside busy processes", 0.9)
+        summary["busy"] = busy.measure(arena, **(QUICK["busy"] if request.quick else {}))
+    if (cold := find("cold")) is not None:
+        yield Progress("measuring first plans of new processes", 0.92)
+        summary["cold"] = cold.measure(request.place, **(QUICK["cold"] if request.quick else {}))
+    if request.capture is not None:
+        summary["training"] = yield from measure_training(request.capture, request.seconds)
+    summary |= {
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "quick": request.quick,
+        "left_out": left_out,
+    }
+    files: tuple[Path, ...] = ()
+    if out is not None:
+        yield Progress("measuring how the cost of an iteration grows", 0.95)
+        files = save_bench(out, summary, arena, find)
+    return JobResult(summary, files)
+
+
+def numbers(comparison: Comparison) -> dict[str, Any]:
+    """What is told of one comparison."""
+    named = {"paper_ms": comparison.paper_ms, "fast_ms": comparison.fast_ms, "ratio": comparison.ratio}
+    return {**named, "threads": comparison.threads, **comparison.detail}

@@ -1,12 +1,36 @@
-"""What is asked of an import."""
+"""Import job: make a field of Gaussian splats or of the checkpoint of a NeRF."""
 
-from dataclasses import dataclass, field
+
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from nerfnav.core.errors import require_positive
+import numpy as np
+
+from nerfnav.core.errors import InvalidInputError, require_positive
+from nerfnav.field import NeuralField, StoredField, save_field
+from nerfnav.geometry import Box
 from nerfnav.importers import (
+    ONE_UNIT,
+    NerfPytorchConfig,
     Placement,
+    SourceKind,
+    VoxelizeConfig,
+    length_in_words,
+    load_nerf_pytorch,
+    load_splats,
+    save_splats,
+    size_doubt,
+    source_kind,
+    splats_beside,
+    upright,
+    voxelize,
+    wrong_kind,
 )
+from nerfnav.importers.core.placement import rotation_to_z
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.field.bake import baking
+from nerfnav_app.jobs.field.report import numbers_of, placed_by
+from nerfnav_app.storage.output_files import prepare_file
 
 
 @dataclass(frozen=True)
@@ -27,3 +51,70 @@ class ImportRequest:
     def __post_init__(self) -> None:
         """Raise InvalidInputError for numbers that no field can have."""
         require_positive(voxel=self.voxel)
+
+
+def import_splats(request: ImportRequest, out: Path) -> JobEvents:
+    yield Progress("reading the splats", 0.0)
+    place, read = request.placement, load_splats(request.source)
+    stands = upright(read, place, request.source)
+    splats = read.placed(rotation_to_z(np.array(stands.up)), stands.scale)
+    yield Progress("filling the voxels", 0.2)
+    box = None if place.box is None else Box.of(*place.box)
+    made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)
+    made = replace(made, info=replace(made.info, guesses=stands.guesses))
+    yield Progress("storing the field", 0.8)
+    bytes_, beside = save_field(made, out), save_splats(splats, splats_beside(out))
+    told = {
+        "kind": "splats",
+        "declared": read.declared,
+        "splats": len(read),
+        "dropped": read.dropped,
+        **placed_by(place, stands.up),
+        "guesses": list(stands.guesses),
+    }
+    return JobResult({**numbers_of(made), "file_bytes": bytes_, "source": told}, (out, beside))
+
+
+def import_nerf(request: ImportRequest, out: Path) -> JobEvents:
+    yield Progress("reading the networks", 0.0)
+    found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
+    shape, told = found.fine.config, {"kind": "nerf-pytorch", **placed_by(request.placement, (0.0, 0.0, 1.0))}
+    guesses = _guesses_of(found, request.placement)
+    told |= {"guesses": list(guesses)}
+    told |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
+    made: StoredField = found
+    if not request.keep_network:
+        made = yield from baking(found, request.voxel)
+    made = replace(made, info=replace(made.info, guesses=guesses))  # type: ignore[type-var]
+    summary = {**numbers_of(made), "file_bytes": save_field(made, out), "source": told}
+    return JobResult(summary, (out,))
+
+
+def _guesses_of(found: NeuralField, placement: Placement) -> tuple[str, ...]:
+    """What nobody said of networks, and what the files do not tell."""
+    guesses = [] if placement.up is not None else ["up is z (the habit of its format)"]
+    if placement.meters_per_unit is None:
+        longest = float(found.box.size.max())
+        guesses.append(f"{ONE_UNIT}, and the place is {length_in_words(longest)} long")
+        if (doubt := size_doubt(longest)) is not None:
+            guesses.append(doubt)
+    return tuple(guesses)
+
+
+def imports(source: Path) -> bool:
+    """Whether a file or folder is of a kind that is imported, not trained from."""
+    return source_kind(source).command == "import"
+
+
+def run(request: ImportRequest) -> JobEvents:
+    """Yield progress, and return the numbers of the stored field.
+
+    Raises InvalidInputError where the source is nothing of these kinds, or the file cannot be written.
+    """
+    if not request.source.exists():
+        raise InvalidInputError(f"there is no file or folder {request.source}")
+    kind = source_kind(request.source)
+    if kind not in (SourceKind.NERF, SourceKind.SPLATS):
+        raise wrong_kind(request.source, kind, "a trained NeRF or a file of Gaussian splats")
+    out = prepare_file(request.out)
+    return import_nerf(request, out) if kind is SourceKind.NERF else import_splats(request, out)

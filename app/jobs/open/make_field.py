@@ -8,14 +8,14 @@ from pathlib import Path
 from nerfnav.core.errors import NerfnavError
 from nerfnav.field import load_field
 from nerfnav.importers import field_name
-from nerfnav.importers.core.kinds import ARCHIVES
-from nerfnav.importers.field_names import own_folder
+from nerfnav.importers.core.kinds import ARCHIVES, own_folder
 from nerfnav.importers.meshes.folders import meshes_in_archive
-from nerfnav_app.jobs import import_field, train
 from nerfnav_app.jobs.events import JobEvents
+from nerfnav_app.jobs.field import train
+from nerfnav_app.jobs.field.train import TrainRequest
+from nerfnav_app.jobs.open import import_field
 from nerfnav_app.jobs.open.import_field import ImportRequest
-from nerfnav_app.jobs.train import TrainRequest
-from nerfnav_app.places.learning import BUDGETS_S, USUAL, QualityName
+from nerfnav_app.places.sources import BUDGETS_S, USUAL, QualityName
 
 
 def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:

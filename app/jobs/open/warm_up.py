@@ -5,9 +5,8 @@ from contextlib import suppress
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.fly.simulated_world import first_picture
+from nerfnav_app.jobs.fly.simulated_world import first_picture, first_update
 from nerfnav_app.jobs.plan import plan
-from nerfnav_app.jobs.warm_filter import first_update
 from nerfnav_app.places.ends import opening_ends
 from nerfnav_app.places.place import Place
 

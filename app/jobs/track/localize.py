@@ -1,9 +1,22 @@
-"""What a search for a camera's pose tells."""
+"""Localize job: global localization of a picture from a file, or of the last picture of the robot's own camera."""
 
+
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
-from nerfnav.estimator import RelocaliseStep
+from jaxtyping import UInt8
+from torch import Tensor
+
+from nerfnav.estimator import ColorNoise, RelocaliseConfig, RelocaliseStep, Searcher
+from nerfnav.field import StoredField, load_field
+from nerfnav.geometry import Camera, check_image
 from nerfnav.geometry.so3 import quaternion_from_matrix, yaw_of
+from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
+from nerfnav_app.jobs.track.camera import GivenCamera, camera_of, read_image
+from nerfnav_app.places.derived import searcher_of
+from nerfnav_app.places.place import Place, field_file
 
 
 def summary_of(step: RelocaliseStep) -> dict[str, Any]:
@@ -21,3 +34,58 @@ def summary_of(step: RelocaliseStep) -> dict[str, Any]:
     ]
     assert step.outcome is not None, "the last step of a search has its outcome"
     return {"outcome": step.outcome.name.lower(), "advice": step.outcome.value, **found[0], "candidates": found}
+
+
+_AROUND = 0.5
+"""Share of the work that is done once the field was looked at from everywhere."""
+
+
+@dataclass(frozen=True)
+class LocalizeRequest:
+    """What to find."""
+
+    place: str
+    """Name of a bundled scene, or path of a field."""
+    image: Path
+    """The picture."""
+    camera: GivenCamera = field(default_factory=GivenCamera)
+    """What is known of its camera."""
+
+
+def run(request: LocalizeRequest) -> JobEvents:
+    """Yield how far the search is; return where the camera most likely was. Raises NerfnavError for bad requests."""
+    place = load_field(field_file(request.place))
+    image = read_image(request.image, request.camera.aspect(place.info.camera))
+    camera, told = camera_of(image, request.camera, place.info.camera, request.image)
+    found = yield from search(searcher_in(place, camera), image)
+    return replace(found, summary={**found.summary, "camera": told})
+
+
+def searcher_in(field: StoredField, camera: Camera) -> Searcher:
+    """What finds a camera in a field, by all that the field remembers."""
+    return Searcher(
+        field, camera, ColorNoise().measured(field.info.noise_std), RelocaliseConfig().for_field(field.info)
+    )
+
+
+def search(searcher: Searcher, image: Tensor) -> JobEvents:
+    """Yield how far the search is; return where the camera most likely was."""
+    check_image(image, searcher.camera)
+    begun = time.perf_counter()
+    yield Progress("looking around in the field", 0.0)
+    for share in searcher.prepare():  # here, so that it is timed on its own
+        yield Progress("looking around in the field", _AROUND * share)
+    looks_s = time.perf_counter() - begun
+    begun, step = time.perf_counter(), None
+    for step in searcher.relocalise(image):
+        yield step
+        yield Progress("comparing", _AROUND + (1 - _AROUND) * step.fraction)
+    assert step is not None, "a search yields at least one step"
+    seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
+    return JobResult(summary_of(step) | seconds)
+
+
+def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:
+    """Localize a picture that the robot's own camera has taken in an open place."""
+    noise = ColorNoise().measured(place.field.info.noise_std)
+    return search(searcher_of(place, place.robot.camera, noise), image)

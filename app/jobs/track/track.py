@@ -1,18 +1,43 @@
-"""Track: where a camera was while it took pictures."""
+"""Track job: estimate the trajectory of a camera from its pictures, and report on its frames."""
+
 
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.export import OverlayVideo, TrackRecorder, texts_of_track
 from nerfnav.field import FieldInfo, StoredField, load_field
-from nerfnav.tracking import Tracked
+from nerfnav.tracking import Tracked, TrackStatus
 from nerfnav_app.jobs.events import FrameTracked, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.track.camera_run import CameraRun, Following
-from nerfnav_app.jobs.track_report import summary_of
 from nerfnav_app.places.place import field_file
 from nerfnav_app.storage.output_files import prepare_folder, write_text
+
+
+def summary_of(track: list[Tracked]) -> dict[str, Any]:
+    """What `track --json` prints: how many frames, and what became of them; times are of updates."""
+    times = [tracked.ms for tracked in track if tracked.status is TrackStatus.FOLLOWED]
+    low, high = np.quantile(times, (0.5, 0.95)).tolist() if times else (None, None)
+    known = [False, *(tracked.status.knows for tracked in track)]
+    return {
+        "frames": len(track),
+        "updated": sum(tracked.status.updated for tracked in track),
+        "lost": sum(before and not now for before, now in pairwise(known)) + _found_at_once(track),
+        "found_again": sum(tracked.status is TrackStatus.FOUND_AGAIN for tracked in track),
+        "ms_p50": low,
+        "ms_p95": high,
+    }
+
+
+def _found_at_once(track: list[Tracked]) -> int:
+    """Times that a track was lost and found again with the same frame."""
+    return sum(before.status.knows and now.status is TrackStatus.FOUND_AGAIN for before, now in pairwise(track))
+
 
 _OVERLAY, _RECORDING = "overlay.mp4", "track.mcap"
 _FPS = 15.0

@@ -9,8 +9,7 @@ from nerfnav_app.page.kit.theme import night
 from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.tab_actions import Left, Looked
-from nerfnav_app.state.view import Backdrop, Eye
+from nerfnav_app.state.view import Backdrop, Eye, Left, Looked
 
 
 class FieldBackdropLayer:

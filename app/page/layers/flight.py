@@ -8,8 +8,7 @@ from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState, Robot
 from nerfnav_app.page.kit.theme import BELIEF, HIT, PLAN, TRUTH
 from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, positions, quaternions
-from nerfnav_app.page.layers.regions import cone, ellipsoids
-from nerfnav_app.page.layers.shapes import ball, body_shape, robot_shape
+from nerfnav_app.page.layers.shapes import ball, body_shape, cone, ellipsoids, robot_shape
 from nerfnav_app.state.records import FlightRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import number

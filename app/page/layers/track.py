@@ -10,8 +10,7 @@ from nerfnav.geometry import Pose
 from nerfnav_app.page.kit.theme import BELIEF
 from nerfnav_app.page.layers.global_localization import frusta
 from nerfnav_app.page.layers.nodes import THROUGH, Bodies, Fan
-from nerfnav_app.page.layers.regions import ellipsoids
-from nerfnav_app.page.layers.shapes import ball
+from nerfnav_app.page.layers.shapes import ball, ellipsoids
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackRecord
 

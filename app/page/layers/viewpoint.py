@@ -9,8 +9,7 @@ import viser
 from nerfnav_app.places.vantage import Point, View
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.tab_actions import Viewed
-from nerfnav_app.state.view import CameraMode
+from nerfnav_app.state.view import CameraMode, Viewed
 
 _REST_S = 0.5
 """A camera that has not moved for so long rests: each frame of a turn would be too much to tell."""

@@ -1,9 +1,15 @@
-"""What a filter yields: a frozen record of every iteration, the last of which carries the posterior."""
+"""Filter step: the frozen record of each iteration of a filter; the last one carries the posterior and the outcome.
+
+All filters test in the same way whether a picture is usable: by its contrast. Where it is not, the prediction is the
+posterior.
+"""
+
 
 from dataclasses import dataclass
 from enum import Enum
 
-from jaxtyping import Bool, Float, Int
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
@@ -47,3 +53,18 @@ class FilterStep:
     """How the pixels were chosen; None where the estimator does not choose."""
     curvature: Curvature | None = None
     """How the posterior covariance was made; set on the last step of an update that used the picture."""
+
+
+def contrast(image: UInt8[Tensor, "height width 3"]) -> int:
+    """The largest difference of two pixels in one channel [levels of 255]."""
+    flat = image.reshape(-1, 3)
+    return int((flat.amax(0).int() - flat.amin(0).int()).max())
+
+
+def predicted_only(prediction: Belief) -> FilterStep:
+    """The last step of an update without a picture: the prediction is the posterior."""
+    none = torch.zeros(0)
+    return FilterStep(
+        0, prediction.mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), none,
+        posterior=prediction, outcome=FilterOutcome.PREDICTED_ONLY,
+    )  # fmt: skip

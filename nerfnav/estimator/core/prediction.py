@@ -1,20 +1,27 @@
-"""How strong the process noise really was: adaptation by the innovation (Mehra 1970; Akhlaghi, Zhou and Huang 2017).
+"""Prediction: move the belief by the dynamics alone (paper Eqs. 3-4), and adapt the process noise to pictures.
 
-Only the pose shows, and its innovation d is almost the noise of one time step, for the pose before was known far better
-than that. With Sigma- = A Sigma A' + Q assumed, H the picture's information and n the numbers of the pose that
-it tells, the scale s of Q has the posterior mean
+    mu- = f(mu, u),   A = df/dx,   Sigma- = A Sigma A' + Q
+
+A maps the tangent of mu to the tangent of mu-: f(mu (+) d, u) = mu- (+) (A d + O(d^2)).
+
+The strength of the process noise is adapted by the innovation (Mehra 1970; Akhlaghi, Zhou and Huang 2017). Only the
+pose shows in a picture. Its innovation d is almost the noise of one time step, for the pose before was known far
+better than that. With H the picture's information and n the numbers of the pose that it tells, the scale s of Q has
+the posterior mean
 
     s = (nu + d' (Sigma-_TT)^-1 d) / (nu + n),   n = tr H (H + (Sigma-_TT)^-1)^-1
 
-with nu degrees of freedom of what is known of Q beforehand (inverse gamma). Velocity and body rate follow by A Sigma A'
-+ s Q: a kick that no noise explains moves them less, and a calm robot is soon surer of them.
+with nu degrees of freedom of what is known of Q beforehand (inverse gamma). Velocity and body rate follow by
+A Sigma A' + s Q: a kick that no noise explains moves them less, and a calm robot is soon surer of them.
 """
+
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
+from nerfnav.robots import TANGENT, ProcessNoise, RigidState, Robot
 
 
 def noise_scale(
@@ -28,3 +35,36 @@ def noise_scale(
 def with_noise_scaled(prediction: Belief, noise: Float[Tensor, "12 12"], scale: float) -> Belief:
     """A prediction that holds the process noise `noise` once, as if it held it `scale` times."""
     return Belief(prediction.mean, prediction.covariance + (scale - 1) * noise)
+
+
+_STEP = 1e-5
+"""Of the differences, in each tangent number."""
+
+
+def transition(
+    robot: Robot, state: RigidState, action: Float[Tensor, " a"], dt: float
+) -> tuple[RigidState, Float[Tensor, "12 12"]]:
+    """The next state f(x, u) and A = df/dx there, by central differences of `robot.step` in double precision.
+
+    A tenth of the time that automatic differentiation takes, for this is a few small operations: all states step
+    together, the given one first.
+    """
+    apart = _STEP * torch.eye(TANGENT).double()
+    tangents = torch.cat([torch.zeros_like(apart[:1]), apart, -apart])
+    moved = robot.step(_copies(state, len(tangents)).retract(tangents), action.double().expand(len(tangents), -1), dt)
+    ahead, behind = _copies(moved[0], 2 * TANGENT).local(moved[1:]).chunk(2)
+    after = moved[0].map(lambda tensor: tensor.to(state.position))
+    return after, ((ahead - behind) / (2 * _STEP)).T.to(state.position)
+
+
+def predict(
+    belief: Belief, action: Float[Tensor, " a"], robot: Robot, dt: float, noise: ProcessNoise
+) -> Belief:
+    """The belief after an action of `dt` [s], before any picture."""
+    mean, jacobian = transition(robot, belief.mean.detach(), action.detach(), dt)
+    covariance = jacobian @ belief.covariance @ jacobian.T + noise.covariance().to(jacobian)
+    return Belief(mean, 0.5 * (covariance + covariance.T))
+
+
+def _copies(state: RigidState, count: int) -> RigidState:
+    return state.map(lambda tensor: tensor.double().expand(count, *tensor.shape))

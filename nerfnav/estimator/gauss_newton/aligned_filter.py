@@ -9,16 +9,14 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.covariance import POSE
-from nerfnav.estimator.core.filter_step import FilterStep
-from nerfnav.estimator.fast_update import Update
-from nerfnav.estimator.gauss_newton.update import drawn, likeliest
-from nerfnav.estimator.newton import Guess, Iterate
+from nerfnav.estimator.core.filter_step import FilterStep, contrast, predicted_only
+from nerfnav.estimator.gauss_newton.update import Update, drawn, likeliest
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fitted
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Iterate
 from nerfnav.estimator.photometric.pixel_selection import PixelSource
 from nerfnav.estimator.photometric.pyramid import View, small_observation
 from nerfnav.estimator.photometric.residuals import Observation
-from nerfnav.estimator.verdict import contrast, predicted_only
 from nerfnav.field import Field, levels_of
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import ProcessNoise

@@ -19,12 +19,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterStep
-from nerfnav.estimator.fast_update import Update
+from nerfnav.estimator.core.filter_step import FilterStep, contrast, predicted_only
+from nerfnav.estimator.core.prediction import predict
+from nerfnav.estimator.gauss_newton.update import Update
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.pyramid import View
-from nerfnav.estimator.predict import predict
-from nerfnav.estimator.verdict import contrast, predicted_only
 from nerfnav.field import Field, levels_of
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import ProcessNoise, Robot

@@ -17,15 +17,14 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.covariance import posterior_covariance
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep, contrast, predicted_only
+from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.paper.adam import DescentConfig, descend
 from nerfnav.estimator.paper.cost import CostTerms, PoseCost
 from nerfnav.estimator.paper.retraction import Retraction, choose_retraction, princeton_lietorch
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig, PixelSource, choose_pixels
 from nerfnav.estimator.photometric.pyramid import PyramidConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, difference
-from nerfnav.estimator.predict import predict
-from nerfnav.estimator.verdict import contrast, predicted_only
 from nerfnav.field import Field, FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import TANGENT, ProcessNoise, RigidState, Robot, StateNoise

@@ -28,9 +28,8 @@ from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 from nerfnav.core.jit import threads
-from nerfnav.estimator.descents import improve
-from nerfnav.estimator.newton import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior
 from nerfnav.estimator.photometric.kernels.direct_alignment import align
+from nerfnav.estimator.photometric.levenberg_marquardt import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, improve
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import THREADS, Observation
 from nerfnav.field import FastRenderer, Rendering, glanced, render_rays, sight_grid_of

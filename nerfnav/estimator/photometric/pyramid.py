@@ -95,7 +95,7 @@ class PyramidConfig:
     prediction away."""
     misplaced: float = 0.05
     """How far a learned field's surfaces stand from their places [share of the distance of its nodes]: colours that are
-    steep there count less (see newton.py)."""
+    steep there count less (see levenberg_marquardt.py)."""
     pixels: int = 768
     """Pixels compared in the end, at most."""
     draw: PixelDraw = PixelDraw.BOTH

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from nerfnav.core.jit import threads
-from nerfnav.estimator.kernels.slopes import slopes
+from nerfnav.estimator.photometric.kernels.descent import slopes
 from nerfnav.estimator.photometric.kernels.probe import glance
 from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, render_rays, sight_grid_of
 from nerfnav.field.render.volume_rendering import before_backdrop

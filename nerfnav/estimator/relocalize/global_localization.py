@@ -16,19 +16,19 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from nerfnav.core.structs import TensorStruct
-from nerfnav.estimator.descents import improve
-from nerfnav.estimator.looks import Looks, LooksConfig
-from nerfnav.estimator.newton import (
+from nerfnav.estimator.photometric.levenberg_marquardt import (
     Guess,
     Iterate,
     NewtonConfig,
     Prior,
+    improve,
     joined,
     picture_information,
     robust_square,
 )
 from nerfnav.estimator.photometric.pyramid import small_observation
 from nerfnav.estimator.photometric.residuals import ColorNoise
+from nerfnav.estimator.relocalize.panorama import Looks, LooksConfig
 from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
 

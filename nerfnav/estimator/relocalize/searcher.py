@@ -7,7 +7,6 @@ from dataclasses import field as dataclass_field
 from torch import Tensor
 
 from nerfnav.core.steps import returned
-from nerfnav.estimator.looks import Looks
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.estimator.relocalize.capture_prior import places_near, tilts_near, views_of
 from nerfnav.estimator.relocalize.global_localization import (
@@ -16,7 +15,7 @@ from nerfnav.estimator.relocalize.global_localization import (
     RelocaliseStep,
     relocalise,
 )
-from nerfnav.estimator.relocalize.panorama import free_places
+from nerfnav.estimator.relocalize.panorama import Looks, free_places
 from nerfnav.field import Field
 from nerfnav.geometry import Camera
 

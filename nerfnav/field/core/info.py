@@ -58,7 +58,7 @@ class FieldInfo:
     where nobody noted it."""
     position_floor_m: float | None = None
     """How far off positions found in pictures of it are, along each coordinate, beyond what a picture says itself [m],
-    as a standard deviation (see estimator/position_floor.py); None where nobody measured it."""
+    as a standard deviation (see estimator/map_error.py); None where nobody measured it."""
     pose_floor: tuple[float, ...] = ()
     """How far poses that fit a picture best are from the true ones, as a covariance (see estimator/map_error.py),
     6 x 6, row by row; empty where nobody measured it."""

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field.core.occupancy import State, raw_of
-from nerfnav.field.kernels.turning import mark_lost
+from nerfnav.field.kernels.resample import mark_lost
 from nerfnav.field.models.grid_field import GridField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import Similarity, node_positions

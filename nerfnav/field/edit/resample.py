@@ -20,13 +20,12 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
-from nerfnav.field.bake import MOST_NODES, BakeConfig, fitted
 from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State, States, raw_of, states_of
-from nerfnav.field.edit.bake import sample_views
+from nerfnav.field.edit.bake import MOST_NODES, BakeConfig, fitted, sample_views
 from nerfnav.field.edit.conservative_occupancy import between_grids, with_solidity_of
 from nerfnav.field.edit.resample_surroundings import shells_around
-from nerfnav.field.kernels.turning import measure_turned
+from nerfnav.field.kernels.resample import measure_turned
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry import Box, Camera, Similarity, node_positions, psnr_db, shape_for, trilinear

@@ -1,15 +1,19 @@
-"""A training step: forward and closed-form backward; Adam is in adam.py.
+"""Training step: rays of random pixels, the forward pass and the closed-form backward pass; Adam is in adam.py.
 
 For a ray with colour C = sum_i w_i c_i + T_end b and loss L with g = dL/dC:
 
     dL/dc_i = w_i g
     dL/do_i = T_{i+1} c_i . g  -  sum_{j>i} w_j c_j . g  -  T_end b . g
 
-(the second line because all light behind sample i, of optical depth o_i = rho_i step, shrinks by exp(-o_i)). The shells
-of the surroundings are further samples behind those in the box. Each thread adds up gradients
-in an array of its own, always for the same rays and in the same order: the result is the same bit for bit whenever
-the number of threads is the same. Gradients and moments exist for those blocks only that have a slot.
+(the second line because all light behind sample i, of optical depth o_i = rho_i step, shrinks by exp(-o_i)). The
+shells of the surroundings are further samples behind those in the box. Each thread adds up gradients in an array of
+its own, always for the same rays and in the same order: the result is the same bit for bit whenever the number of
+threads is the same. Gradients and moments exist for those blocks only that have a slot.
+
+Occupied parts: one byte for each block of 4 x 4 x 4 cells, one bit for each of its 8 parts of 2 x 2 x 2 cells, so
+that rays pass what is empty within two cells of a surface and never touch its nodes.
 """
+
 
 import math
 
@@ -27,8 +31,65 @@ from nerfnav.field.kernels.cells import (
 )
 from nerfnav.field.kernels.light import STOPPED, column_at, entry_at, tabled
 from nerfnav.field.kernels.march import grid_ray, locate, sample_count
-from nerfnav.field.kernels.parts import empty_side
 from nerfnav.field.kernels.shells import RAW_TO_DEPTH, cross_shell, shell_count
+
+
+@kernel(parallel=True)
+def rays_of_pixels(chosen, width, height, focal, center, rotations, positions):
+    """Origins (n, 3) and unit directions (n, 3) of pixels counted through all images, row by row.
+
+    `focal` = (fx, fy) and `center` = (cx, cy) in pixels; rotations (images, 3, 3) are R_world_camera.
+    """
+    count = chosen.shape[0]
+    origins = np.empty((count, 3), np.float32)
+    directions = np.empty((count, 3), np.float32)
+    for n in prange(count):
+        image, pixel = chosen[n] // (width * height), chosen[n] % (width * height)
+        x = (np.float32(pixel % width) + np.float32(0.5) - center[0]) / focal[0]
+        y = -(np.float32(pixel // width) + np.float32(0.5) - center[1]) / focal[1]
+        scale = np.float32(1.0) / np.float32(math.sqrt(x * x + y * y + np.float32(1.0)))
+        for axis in range(3):
+            rotation = rotations[image, axis]
+            origins[n, axis] = positions[image, axis]
+            directions[n, axis] = scale * (rotation[0] * x + rotation[1] * y - rotation[2])
+    return origins, directions
+
+
+ALL_PARTS = 0xFF
+"""The byte of a block of which every part is looked at."""
+
+
+@kernel()
+def parts_above(values, slots, threshold, parts):
+    """Fill `parts` (bx, by, bz) with those that have a node, borders included, of raw density above the threshold.
+
+    Blocks without a slot (`slots` < 0) have nothing to learn in.
+    """
+    nx, ny, nz = values.shape[0], values.shape[1], values.shape[2]
+    parts[:] = 0
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                if values[i, j, k, 0] <= threshold:
+                    continue
+                for before in range(8):  # a node on the border of a part belongs to that before it, too
+                    x, y, z = before >> 2, (before >> 1) & 1, before & 1
+                    if (x and (i & 1 or i == 0)) or (y and (j & 1 or j == 0)) or (z and (k & 1 or k == 0)):
+                        continue
+                    a, b, c = (i >> 1) - x, (j >> 1) - y, (k >> 1) - z
+                    if slots[a >> 1, b >> 1, c >> 1] >= 0:
+                        parts[a >> 1, b >> 1, c >> 1] |= np.uint8(1 << (((a & 1) << 2) | ((b & 1) << 1) | (c & 1)))
+
+
+@kernel(inline=True)
+def empty_side(parts, i, j, k):
+    """log2 of the cells along each edge of what is empty around cell (i, j, k): a part, a block; 0 where it is not."""
+    byte = parts[np.uint64(i >> 2), np.uint64(j >> 2), np.uint64(k >> 2)]
+    if byte == 0:
+        return 2
+    part = (((i >> 1) & 1) << 2) | (((j >> 1) & 1) << 1) | ((k >> 1) & 1)
+    return 0 if (byte >> part) & 1 else 1
+
 
 DARK = np.float32(1e-3)
 """Transmittance below which nothing is learned: Adam would move what nobody sees as far as what everybody does."""
@@ -216,7 +277,7 @@ def sample_gradient(row, pull, behind, by_value):
 def loss_and_gradient(grid, rays, scales, background, inner, outer):
     """Summed squared colour error of rays; adds its derivative to gradients[t] and marks touched[t] of thread t.
 
-    `grid` = (values, parts, lower, per_meter), see parts.py; `rays` = (origins, directions, jitter, targets), of which
+    `grid` = (values, parts, lower, per_meter), see learn.py; `rays` = (origins, directions, jitter, targets), of which
     jitter (n) moves all samples of a ray by a share of a step, from -0.5 to 0.5; `scales` = (step, sparsity, table),
     see `depth_table`. `inner` = (slots, gradients, touched) of the box, `outer` = (values, slots, gradients, touched)
     of the surroundings, whose values have the shape (0, 0, 0, 4) where there are none. Per-ray errors (n) are returned.

@@ -1,14 +1,17 @@
-"""The paper's own kind of field: a coarse network that says where to look, a fine one that says what is there.
+"""Neural field (NeRF): a coarse network that says where to look, and a fine one that says what is there.
 
 Notation: R, o are the pose of the networks' frame in the world, x = R' (p - o) / unit is a point in their units;
-densities per unit become densities per metre, rho(p) = activation(raw(x)) / unit. nerfnav/field/models/mlp.py has both.
+densities per unit become densities per metre, rho(p) = activation(raw(x)) / unit. nerfnav/field/models/mlp.py has
+both networks; before training their weights are random (He et al., ICCV 2015).
 
 Rays are sampled in two passes (Mildenhall et al., "NeRF", 2020, section 5.2). The first puts `coarse_bins` bins along
 the box and weighs them by the coarse network; the second divides the bins that matter, and their neighbours, into
 `fine_per_bin` samples of the fine network. They are evenly spaced, so that a picture is the same each time, and
-samples that would come to nothing are left out; training draws at random instead (nerfnav/field/neural_train.py).
+samples that would come to nothing are left out; training draws at random instead (nerfnav/field/train/neural.py).
 """
 
+
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
@@ -20,7 +23,7 @@ from torch import Tensor
 
 from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.core.protocol import LAST_SAMPLE, Points, RaySamples, box_interval, chosen_samples
-from nerfnav.field.models.mlp import RadianceMlp
+from nerfnav.field.models.mlp import MlpConfig, RadianceMlp
 from nerfnav.field.render.volume_rendering import Rendering, composite
 from nerfnav.geometry import Box, Pose
 
@@ -166,3 +169,29 @@ def _in_parts(function: Callable[..., Tensor], *rows: Tensor) -> Tensor:
     """`function` of rows, a part at a time, in the precision of the rows."""
     pieces = zip(*(part.split(_POINTS_AT_ONCE) for part in rows), strict=True)
     return torch.cat([function(*piece) for piece in pieces]).to(rows[0])
+
+
+def blank_field(
+    box: Box,
+    background: Float[Tensor, "3"],
+    network: MlpConfig,
+    generator: torch.Generator,
+    device: torch.device | str = "cpu",
+) -> NeuralField:
+    """Two networks with random weights for a box; their unit is half its longest edge, so points are in [-1, 1]."""
+    coarse, fine = (_random(RadianceMlp(network), generator).to(device) for _ in range(2))
+    config = NeuralConfig(unit=0.5 * float(box.size.max()), activation=Activation.SOFTPLUS)
+    frame = Pose(torch.eye(3), box.center)
+    return NeuralField(box, coarse, fine, background, frame, config)
+
+
+def _random(network: RadianceMlp, generator: torch.Generator) -> RadianceMlp:
+    """The network with weights by He's rule for relus (He et al., ICCV 2015) from `generator`."""
+    for name, weights in network.named_parameters():
+        with torch.no_grad():
+            if name.endswith("bias"):
+                weights.zero_()
+            else:
+                bound = math.sqrt(6 / weights.shape[1])
+                weights.copy_((2 * torch.rand(weights.shape, generator=generator) - 1) * bound)
+    return network

@@ -18,7 +18,7 @@ from torch import Tensor
 from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State
 from nerfnav.field.core.protocol import Points
-from nerfnav.field.kernels import sight
+from nerfnav.field.kernels import pose_descent
 from nerfnav.field.kernels.cells import BLOCK_SHIFT, NEGLIGIBLE_RAW
 from nerfnav.field.kernels.light import DIM, STOPPED, faint_raw, light_table
 from nerfnav.field.kernels.pose_descent import leaps_over
@@ -93,7 +93,7 @@ class VoxelField(GridField):
 
     def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See GridField; by the kernel that leaps over empty cells."""
-        return sight.colors_and_jacobian(self.whole_sight_grid, origins, directions)
+        return pose_descent.colors_and_jacobian(self.whole_sight_grid, origins, directions)
 
     @cached_property
     def whole_sight_grid(self) -> SightGrid:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.core.protocol import Field
-from nerfnav.field.kernels.glance import glance
+from nerfnav.field.kernels.pose_descent import glance
 from nerfnav.field.kernels.shells import Shells
 from nerfnav.field.render.volume_rendering import Rendering, render_rays
 

@@ -1,25 +1,32 @@
-"""How far a field's colours are from photographs that it never saw: PSNR, and the measurement noise of a filter.
+"""Evaluation of a trained field: what is proven of its nodes, and PSNR and measurement noise by held-out photographs.
 
 The residual of a colour is far from Gaussian: most of a picture is matched closely, and edges that lie half a voxel
-off are far out. So there are three numbers. `noise_std` is the root mean square over all pixels and channels, tails and
-all: this is what the filters take for their measurement noise, since it promises no more than the field keeps.
+off are far out. So there are three numbers. `noise_std` is the root mean square over all pixels and channels, tails
+and all: this is what the filters take for their measurement noise, since it promises no more than the field keeps.
 `noise_core_std` is 1.4826 times the median absolute residual of the pixels that show more than the background, which
-outliers do not move: what the noise would be if they were all found. `outlier_share` is the share of those pixels that
-err by more than three times as much in some channel: what a filter that rejects outliers must expect.
+outliers do not move: what the noise would be if they were all found. `outlier_share` is the share of those pixels
+that err by more than three times as much in some channel: what a filter that rejects outliers must expect.
 
-Photographs of real places differ in exposure. Filters take one gain of each picture out; so it is taken out of held-out
-pictures before their noise is told (see field/train/exposure.py). PSNR is told both of the raw pictures, as the
-literature has it, and of these.
+Photographs of real places differ in exposure. Filters take one gain of each picture out; so it is taken out of
+held-out pictures before their noise is told (see nerfnav/field/train/exposure.py). PSNR is told both of the raw
+pictures, as the literature has it, and of these.
 """
 
+
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.core.info import FieldInfo
+from nerfnav.field.core.occupancy import states_of
 from nerfnav.field.core.protocol import Field
+from nerfnav.field.models.neural import NeuralField
+from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.proof.carving import carved
+from nerfnav.field.proof.fusion import Fused
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.field.train.exposure import common_gains
 from nerfnav.geometry import PosedImages, psnr_db
@@ -61,3 +68,38 @@ def _psnr_db(error: Float[Tensor, "n height width 3"]) -> float:
     """PSNR as the literature has it: the mean over the images [dB]."""
     each = [psnr_db(image.square().mean().item()) for image in error]
     return sum(each) / len(each)
+
+
+def info_of(photographs: PosedImages, generator: torch.Generator, iterations: int) -> FieldInfo:
+    """What is known of a field before it is judged: when it was made, of how many images, with which seed."""
+    return FieldInfo(
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        images=len(photographs),
+        seed=generator.initial_seed(),
+        iterations=iterations,
+    )
+
+
+def judged(
+    field: VoxelField,
+    told: Fused | None,
+    photographs: PosedImages,
+    held_out: PosedImages,
+    exposure: bool,
+) -> VoxelField:
+    """What was learned, with what is proven of its nodes and with what held-out views say about it.
+
+    `photographs` are of one exposure; where `exposure` is set, held-out ones need not be.
+    """
+    free = carved(field, photographs) if told is None else told.free
+    trained = replace(field, evidence=states_of(free, field.values[..., 0]))
+    taught, proven = ("pictures", "pictures") if told is None else ("pictures and depth", "depth")
+    info = replace(field.info, learned_from=taught, proven_from=proven)
+    return replace(trained, info=calibrated(info, trained, held_out, exposure))
+
+
+def judged_networks(trained: NeuralField, held_out: PosedImages) -> NeuralField:
+    """The field on the CPU, with what views that it was not trained on say about it."""
+    coarse, fine = trained.coarse.requires_grad_(False).cpu(), trained.fine.requires_grad_(False).cpu()
+    trained = replace(trained, coarse=coarse, fine=fine)
+    return replace(trained, info=calibrated(trained.info, trained, held_out))

@@ -1,15 +1,16 @@
-"""Exposure compensation: how much brighter or darker each photograph is than the others, and how much redder or bluer.
+"""Exposure compensation: estimate each photograph's gain in brightness and white balance, repeatedly in training.
 
 A field has one brightness. Where photographs disagree, it grows fog in front of cameras to please each of them; told
 how bright each one is, it need not. With colours I of photograph i and those of the field C along the same rays, the
 gain of channel c is the one that makes sum (I - g C)^2 least:  g_ic = <I, C> / <C, C>,  l_ic = log g_ic.
 
-What a field does not show yet looks like exposure, too. So each photograph is asked in four quarters: light is the same
-in all of them, mistakes are not. By the analysis of variance with one random factor, a share 1 - v / b of the gains'
-variance b between photographs is real, v being the mean variance between the quarters of one, over 4; each gain is
-shrunk to 1 by that share (James and Stein, 1961), the common part a_i of its three channels and what is left of each,
-its white balance, by shares of their own. Pictures that were rendered so keep gains of 1.
+What a field does not show yet looks like exposure, too. So each photograph is asked in four quarters: light is the
+same in all of them, mistakes are not. By the analysis of variance with one random factor, a share 1 - v / b of the
+gains' variance b between photographs is real, v being the mean variance between the quarters of one, over 4; each
+gain is shrunk to 1 by that share (James and Stein, 1961), the common part a_i of its three channels and what is left
+of each, its white balance, by shares of their own. Pictures that were rendered so keep gains of 1.
 """
+
 
 from dataclasses import replace
 
@@ -17,6 +18,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from nerfnav.core.jit import default_threads, threads
+from nerfnav.field.train.grid_learner import GridLearner
+from nerfnav.field.train.rays import RaySampler
+from nerfnav.field.train.torch_learner import TorchLearner
 from nerfnav.geometry import PosedImages
 
 QUARTERS = 4
@@ -73,3 +78,28 @@ def _shrunk(told: Float[Tensor, "n c"], parts: Float[Tensor, "n q c"]) -> Float[
     """Logarithms of gains, shrunk to 0 by the share of their variance that quarters of photographs explain."""
     chance = parts.var(1).mean() / parts.shape[1]
     return told * (1 - chance / told.var(0).mean().clamp_min(1e-12)).clamp_min(0.0)
+
+
+_EVERY = 0.08
+"""Share of the training between two looks."""
+_RAYS = 128
+"""Rays of each quarter of each photograph that are looked along."""
+
+
+class ExposureLooks:
+    """Tells a sampler of training rays the gains of its photographs, as far as they are known by then."""
+
+    def __init__(self, sampler: RaySampler, wanted: bool) -> None:
+        """Unless `wanted`, all gains stay 1."""
+        self._sampler, self._next = sampler, _EVERY if wanted else torch.inf
+
+    def look(self, learner: GridLearner | TorchLearner, fraction: float) -> None:
+        """Correct the sampler by what the learner shows, if it is time to: `fraction` of the training is done."""
+        if fraction < self._next:
+            return
+        self._next = fraction + _EVERY
+        with threads(default_threads()):
+            batch = self._sampler.draw_quarters(_RAYS)
+            colors = (torch.from_numpy(batch.targets), learner.colors(batch))
+        taken, shown = (part.reshape(-1, QUARTERS, _RAYS, 3) for part in colors)
+        self._sampler.correct(gains(taken, shown))

@@ -7,16 +7,15 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.field.clear_grids import all_blocks, clear, clear_around, views_of
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, raw_of
-from nerfnav.field.kernels import learn, march, parts
+from nerfnav.field.kernels import learn, march
+from nerfnav.field.kernels import learn as parts
 from nerfnav.field.kernels.seen_points import seen_points_gradient
 from nerfnav.field.kernels.shells import whole_shells
 from nerfnav.field.models.voxel import VoxelField, occupied_blocks
 from nerfnav.field.proof.fusion import Fused
-from nerfnav.field.seen_points import PointBatch
-from nerfnav.field.train.rays import RayBatch
-from nerfnav.field.train.trained_grid import TrainedGrid, refined
+from nerfnav.field.train.rays import PointBatch, RayBatch
+from nerfnav.field.train.trained_grid import TrainedGrid, all_blocks, clear, clear_around, refined, views_of
 from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finished_field
 from nerfnav.geometry import PosedImages, node_positions, spacing_of, with_neighbours
 

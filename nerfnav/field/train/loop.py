@@ -1,30 +1,112 @@
-"""From posed images to a voxel field: Adam on the colour error of random rays, coarse to fine.
+"""Training loop of voxel fields: Adam on the colour error of random rays of posed images, coarse to fine.
 
 What makes it work: raw densities start low; the learning rate of a node's density is scaled by how many cameras see
 it (without this, fog grows in front of the cameras); three resolutions; what is empty is skipped; thin fog costs.
 For a seed, a number of iterations and a number of threads the result is the same bit for bit.
+
+Photographs and the machine's memory are checked before training begins. Depth maps and silhouettes, where there are
+any, say what is known before the first stage.
 """
+
 
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
+from nerfnav.core import memory
+from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
-from nerfnav.field.exposure_looks import ExposureLooks
-from nerfnav.field.first_learner import first_learner
-from nerfnav.field.judgement import info_of, judged
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.fusion import Fused
-from nerfnav.field.seen_points import points_of
+from nerfnav.field.proof.fusion import Fused, fused
+from nerfnav.field.proof.visual_hull import hull, widened
 from nerfnav.field.train.config import TrainConfig
-from nerfnav.field.train.exposure import corrected
+from nerfnav.field.train.evaluation import info_of, judged
+from nerfnav.field.train.exposure import ExposureLooks, corrected
+from nerfnav.field.train.grid_learner import GridLearner
 from nerfnav.field.train.progress import Progress
-from nerfnav.field.train.rays import RaySampler
+from nerfnav.field.train.rays import RaySampler, points_of
+from nerfnav.field.train.torch_learner import TorchLearner
+from nerfnav.field.train.trained_grid import training_bytes
+from nerfnav.field.train.training_volume import Place
 from nerfnav.geometry import Box, PosedImages
+
+_LEAST_IMAGES = 2
+_ORTHONORMAL = 1e-2  # how far a rotation times its transpose may be from the identity
+
+
+def require_trainable(photographs: PosedImages, box: Box) -> None:
+    """Raise InvalidInputError, in one sentence, for photographs that no field can be learned from."""
+    count, rotation, position = len(photographs), photographs.poses.rotation, photographs.poses.position
+    if count < _LEAST_IMAGES:
+        raise InvalidInputError(
+            f"{count or 'no'} image{'s' if count != 1 else ''} cannot show where things are: at least {_LEAST_IMAGES}, "
+            "better a hundred, from different places are needed"
+        )
+    if not (box.size > 0).all() or not box.size.isfinite().all():
+        raise InvalidInputError(f"the box {box.describe()} is empty: its upper corner must lie above its lower one")
+    finite = rotation.isfinite().flatten(1).all(1) & position.isfinite().all(1)
+    if not finite.all():
+        raise InvalidInputError(f"the pose of image {int((~finite).nonzero()[0])} is not finite: leave that image out")
+    gram = (rotation @ rotation.transpose(-1, -2) - rotation.new_ones(3).diag()).abs().flatten(1).amax(1)
+    turned = (gram > _ORTHONORMAL) | (rotation.det() < 0)
+    if turned.any():
+        raise InvalidInputError(f"the pose of image {int(turned.nonzero()[0])} is no rotation: leave that image out")
+
+
+def require_memory(shape: tuple[int, int, int], outside: int, workers: int) -> None:
+    """Raise InvalidInputError where the machine's free memory cannot hold the training of grids of these sizes."""
+    nx, ny, nz = shape
+    needed = training_bytes(nx * ny * nz, workers) + training_bytes(outside**3, workers)
+    memory.require_memory(needed, f"training {nx} x {ny} x {nz} nodes", "choose a larger voxel")
+
+
+class FirstLearner(NamedTuple):
+    """Where training begins."""
+
+    learner: GridLearner | TorchLearner
+    """Kernels on the processor, torch elsewhere."""
+    stage: int
+    """The stage that it is for."""
+    told: Fused | None
+    """What depths tell of where things are; None without depths."""
+    asked: Bool[Tensor, "n height width"] | None = None
+    """Which pixels there is something to learn from; None: all."""
+
+
+def first_learner(
+    photographs: PosedImages, box: Box, background: torch.Tensor, config: TrainConfig, workers: int
+) -> FirstLearner:
+    """What learns at first, on `workers` threads.
+
+    Raises InvalidInputError for images that no field can be learned from, and where memory cannot hold the training.
+    """
+    require_trainable(photographs, box)
+    last = len(config.stages) - 1
+    require_memory(config.shape(box, last), config.outside, workers)
+    place = Place.of(box, background, config.voxel)
+    if photographs.silhouettes is not None:
+        shape = config.shape(box, 0)
+        wide = widened(photographs, box, config.voxel * config.stages[0])
+        learner = GridLearner.in_hull(place, hull(wide, box, shape), photographs, workers)
+        return FirstLearner(_on_device(learner, config), 0, None, wide.silhouettes)
+    if photographs.depth is None:
+        shape, outside = config.shape(box, 0), config.nodes_outside(0)
+        learner = GridLearner.start(place, shape, photographs, workers, outside)
+        return FirstLearner(_on_device(learner, config), 0, None)
+    # where things are is known: there is nothing to find out coarsely first
+    told = fused(photographs, box, config.shape(box, last))
+    learner = GridLearner.from_depth(place, told, photographs, workers, config.outside)
+    return FirstLearner(_on_device(learner, config), last, told)
+
+
+def _on_device(learner: GridLearner, config: TrainConfig) -> GridLearner | TorchLearner:
+    device = torch.device(config.device)
+    return learner if device.type == "cpu" else TorchLearner.of(learner, device)
 
 
 @dataclass(frozen=True)

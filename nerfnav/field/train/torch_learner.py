@@ -13,7 +13,6 @@ from nerfnav.field.kernels import adam, learn, seen_points
 from nerfnav.field.models.voxel import DENSITY_SCALE, VoxelField, occupied_blocks
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.field.render.volume_rendering import composite, over
-from nerfnav.field.seen_points import PointBatch
 from nerfnav.field.train.grid_learner import (
     BAND,
     ROUGHNESS_EVERY,
@@ -23,7 +22,7 @@ from nerfnav.field.train.grid_learner import (
     looks_for_empty_parts,
     occupied_above,
 )
-from nerfnav.field.train.rays import RayBatch
+from nerfnav.field.train.rays import PointBatch, RayBatch
 from nerfnav.field.train.trained_grid import TrainedGrid, refined
 from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finished_field
 from nerfnav.geometry import spacing_of, trilinear, with_neighbours

@@ -1,9 +1,11 @@
-"""The values of one grid in training, with Adam's moments and each thread's gradients, all in numpy.
+"""Grid in training: node values with Adam's moments and each thread's gradients, all in numpy; and its empty start.
 
-Memory: a node has 16 bytes of values and 4 of learning rate; where its block of 4 x 4 x 4 nodes has a slot, 32 more for
-the moments and 16 for each thread's gradient. Only blocks that are not known to be empty have slots. Measured with
-three threads, all told: 256^3 nodes take 1.3 GB where 40 % of the blocks hold something, and 2.1 GB where all do.
+Memory: a node has 16 bytes of values and 4 of learning rate; where its block of 4 x 4 x 4 nodes has a slot, 32 more
+for the moments and 16 for each thread's gradient. Only blocks that are not known to be empty have slots. Measured
+with three threads, all told: 256^3 nodes take 1.3 GB where 40 % of the blocks hold something, and 2.1 GB where all
+do.
 """
+
 
 import numpy as np
 import torch
@@ -12,6 +14,9 @@ from torch import Tensor
 
 from nerfnav.field.kernels import adam
 from nerfnav.field.kernels.cells import BLOCK_SHIFT
+from nerfnav.field.render.surroundings import SPAN, uncontracted
+from nerfnav.field.train.training_volume import VALUE_BOUNDS, Place
+from nerfnav.geometry import PosedImages, node_positions
 
 _BLOCK_NODES = (1 << BLOCK_SHIFT) ** 3
 
@@ -114,3 +119,36 @@ def _with_borders(occupied: Bool[Tensor, "bx by bz"]) -> Bool[Tensor, "bx by bz"
         after = needed.narrow(axis, 0, max(0, needed.shape[axis] - 1)).clone()
         needed.narrow(axis, min(1, needed.shape[axis]), max(0, needed.shape[axis] - 1)).logical_or_(after)
     return needed
+
+
+_START_OUTSIDE = -4.5  # about half of the light gets through all shells
+
+
+def views_of(points: Float[Tensor, "*batch 3"], photographs: PosedImages) -> Float[Tensor, "*batch"]:
+    """The share of cameras, relative to the best seen point, whose picture contains each point (walls ignored)."""
+    flat = points.reshape(-1, 3)
+    seen = torch.zeros(len(flat))
+    for index in range(len(photographs)):
+        _, inside = photographs.camera.project(photographs.poses[index], flat)
+        seen += inside
+    return (seen / seen.max().clamp_min(1)).reshape(points.shape[:-1])
+
+
+def clear_around(place: Place, photographs: PosedImages, outside: int, workers: int) -> TrainedGrid:
+    """Surroundings on a grid of `outside`^3 nodes in which nothing is known yet; 0 for a plain background."""
+    if outside == 0:
+        return TrainedGrid.nothing(workers)
+    grid = (outside, outside, outside)
+    seen = views_of(uncontracted(place.box, node_positions(SPAN, grid)), photographs)
+    return TrainedGrid(clear(grid, _START_OUTSIDE), seen, all_blocks(grid), VALUE_BOUNDS, workers)
+
+
+def clear(shape: tuple[int, int, int], raw: float) -> Float[Tensor, "nx ny nz 4"]:
+    values = torch.full((*shape, 4), 0.5)
+    values[..., 0] = raw
+    return values
+
+
+def all_blocks(shape: tuple[int, int, int]) -> Bool[Tensor, "bx by bz"]:
+    x, y, z = (-(-count // 4) for count in shape)
+    return torch.ones(x, y, z, dtype=torch.bool)

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from nerfnav.importers.captures.json_files import read_json
-from nerfnav.importers.captures.views import LARGEST, CaptureError, Views
+from nerfnav.importers.captures.views import LARGEST, CaptureError, Views, read_json
 
 CONFIG, TRANSFORMS = "config.yml", "dataparser_transforms.json"
 _PARENTS = 5

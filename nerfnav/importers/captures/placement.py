@@ -1,12 +1,17 @@
-"""Where a capture lies in the world: which way is up, and which box the field gets. Both are told by the cameras.
+"""Placement of a capture: up direction, scale, origin and box of the field.
 
 Up: people hold cameras level, so the cameras' x axes are all but perpendicular to it. The direction u that makes the
-mean of (u . x)^2 least is the smallest eigenvector of the mean of x x'; its sign is that of the mean camera top. Where
-the cameras all look the same way the x axes span no plane, and the mean top is up.
+mean of (u . x)^2 least is the smallest eigenvector of the mean of x x'; its sign is that of the mean camera top.
+Where the cameras all look the same way the x axes span no plane, and the mean top is up.
 
-Box: what the cameras look at and where they are. The focus is the point nearest to all optical axes,
+Box of cameras: what the cameras look at and where they are. The focus is the point nearest to all optical axes,
 argmin_p sum |(I - f f')(p - c)|^2 with centres c and directions f.
+
+Guessed box, where none is given: depth maps tell it best; then silhouettes, where the photographs are cut out; then
+the focus, where the cameras have one. Cameras that pan about a room have none: there, triangulated points tell where
+the room is.
 """
+
 
 from dataclasses import dataclass
 
@@ -14,7 +19,11 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from nerfnav.geometry import Box, PosedImages, node_positions, outlines
+from nerfnav.geometry import Box, PosedImages, Similarity, node_positions, outlines
+from nerfnav.importers.captures import depths
+from nerfnav.importers.captures.triangulation import agreed_points
+from nerfnav.importers.captures.views import View
+from nerfnav.importers.core.placement import Placement, rotation_to_z
 
 _PLANAR = 0.02
 """Second eigenvalue of the mean of x x' above which the cameras' x axes span a plane."""
@@ -129,3 +138,67 @@ def box_of_silhouettes(photographs: PosedImages, around: Box) -> Box | None:
 
 def _box(lower: np.ndarray, upper: np.ndarray) -> Box:
     return Box(torch.from_numpy(lower.astype(np.float32)), torch.from_numpy(upper.astype(np.float32)))
+
+
+_ENOUGH = 50
+"""Points below which photographs have too little in common to say where anything is."""
+_MOST = 0.5
+"""Share of the points that the box of the cameras must hold, or it is not what they show."""
+
+
+def guessed_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> tuple[Box, str]:
+    """The box [m], and in words what it is around; `poses` are T_world_camera."""
+    if photographs.depth is not None:
+        shown = depths.points_of(photographs.depth, photographs.depth_camera, poses)
+        return box_of_points(shown, poses), "the cameras and what the depth maps show"
+    cameras = box_of_cameras(poses)
+    cut = None if photographs.silhouettes is None else box_of_silhouettes(photographs, cameras)
+    if cut is not None:
+        return cut, "what the pictures do not leave clear"
+    found = photographs.sightings
+    points = agreed_points(photographs) if found is None else found.points.double().numpy()
+    if len(points) < _ENOUGH:
+        return cameras, "the cameras and what they look at"
+    held = float(cameras.contains(torch.from_numpy(points).float()).float().mean())
+    if held < _MOST:
+        return box_of_points(points, poses), "the cameras and the points that the pictures agree on"
+    return cameras, f"the cameras and what they look at, which is {held:.0%} of the points that the pictures agree on"
+
+
+@dataclass(frozen=True, eq=False)
+class CameraWorld:
+    """Where the cameras are, in metres and up."""
+
+    poses: np.ndarray  # T_world_camera (n, 4, 4)
+    up: np.ndarray  # in the capture's axes (3)
+    scale: float  # [m] in a unit of the capture
+    origin: np.ndarray  # [m], what was taken off every position (3)
+    guesses: tuple[str, ...]
+
+    @property
+    def placed(self) -> Similarity:
+        """What takes the capture's own coordinates here."""
+        rotation = torch.from_numpy(rotation_to_z(self.up))
+        return Similarity(rotation, -torch.from_numpy(self.origin).double(), self.scale)
+
+
+def world_of(views: list[View], placement: Placement) -> CameraWorld:
+    guesses: list[str] = []
+    if placement.up is not None:
+        up = np.array(placement.up) / np.linalg.norm(placement.up)
+    else:
+        up, sure = estimated_up(np.stack([view.pose for view in views]))
+        doubt = "" if sure else ", but they do not agree: have a look"
+        told = " ".join(f"{number:.3g}" for number in up)
+        guesses.append(f"up: {told} in the capture's axes, from how the cameras were held{doubt}")
+    scale = placement.meters_per_unit
+    if scale is None:
+        guesses.append("scale: one unit of the capture is 1 m")
+    similarity = np.eye(4)
+    similarity[:3, :3] = (scale or 1.0) * rotation_to_z(up)
+    poses = np.stack([view.moved(similarity).pose for view in views])
+    origin = far_origin(poses)
+    poses[:, :3, 3] -= origin
+    if origin.any():
+        guesses.append(f"origin: moved to {' '.join(f'{number:.0f}' for number in origin)} m, for it lay far away")
+    return CameraWorld(poses, up, scale or 1.0, origin, tuple(guesses))

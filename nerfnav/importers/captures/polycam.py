@@ -9,10 +9,8 @@ depths, but those of the bent lens lie within a pixel of theirs, which are large
 
 from pathlib import Path
 
-from nerfnav.importers.captures.json_files import read_json
-from nerfnav.importers.captures.lidar import lidar_depth
 from nerfnav.importers.captures.transforms import image_path
-from nerfnav.importers.captures.views import CaptureError, Lens, View, Views, rigid_pose
+from nerfnav.importers.captures.views import CaptureError, Lens, View, Views, lidar_depth, read_json, rigid_pose
 
 _KEYFRAMES = "keyframes"
 _PAIRS = (("corrected_cameras", "corrected_images"), ("cameras", "images"))

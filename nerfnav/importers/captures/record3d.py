@@ -15,9 +15,17 @@ import numpy as np
 import torch
 
 from nerfnav.geometry import so3
-from nerfnav.importers.captures.json_files import read_json
-from nerfnav.importers.captures.lidar import lidar_depth
-from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, rigid_pose
+from nerfnav.importers.captures.views import (
+    LARGEST,
+    CaptureError,
+    DepthFile,
+    Lens,
+    View,
+    Views,
+    lidar_depth,
+    read_json,
+    rigid_pose,
+)
 
 _METADATA = ("metadata", "metadata.json")
 _PICTURES = ("rgbd", "rgb")

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from nerfnav.importers.captures.json_files import read_json
-from nerfnav.importers.captures.lidar import lidar_depth
-from nerfnav.importers.captures.views import CaptureError, Lens, View, Views, rigid_pose
+from nerfnav.importers.captures.views import CaptureError, Lens, View, Views, lidar_depth, read_json, rigid_pose
 
 _FRAMES = "frame_*.json"
 

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from nerfnav.importers.captures.colmap import tracks_beside
-from nerfnav.importers.captures.json_files import read_json
-from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, rigid_pose
+from nerfnav.importers.captures.views import LARGEST, CaptureError, DepthFile, Lens, View, Views, read_json, rigid_pose
 
 SPLITS = ("train", "val", "test")
 """Blender's files are called transforms_{split}.json."""

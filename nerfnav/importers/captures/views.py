@@ -1,5 +1,14 @@
-"""What the files of a capture say: which photograph was taken from where, through which lens."""
+"""Views of a capture: pose, lens and depth map of each photograph, as its files tell them.
 
+Also what the readers share: JSON objects, and depth maps of phones with a LiDAR.
+
+ARKit tells for each depth whether its confidence is low, medium or high; apps write 0, 1, 2 or 0, 127, 255. Low is
+"quite unreliable" (Polycam), and a depth that is too large says that there is air where a wall is: it is left out,
+and so is what lies beyond the sensor's reach, where depth is a guess.
+"""
+
+
+import json
 import math
 import os
 from dataclasses import dataclass, replace
@@ -36,7 +45,7 @@ class Lens:
     aspect: float | None = None
     """Width over height of the pictures that it was measured with, where that is known."""
     fisheye: bool = False
-    """Whether it is a fisheye, see geometry/fisheye.py."""
+    """Whether it is a fisheye, see geometry/lens.py."""
 
     @classmethod
     def measured(
@@ -178,3 +187,27 @@ def rigid_pose(matrix: Any, name: str) -> np.ndarray:
     if np.linalg.det(pose[:3, :3]) < 0:
         raise CaptureError(f"the pose of {name} is mirrored: its 3 x 3 part has a negative determinant")
     return pose
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a file. Raises CaptureError where there is none."""
+    try:
+        head = json.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise CaptureError(f"{path} is not readable as JSON: it is empty, cut off or another kind of file") from error
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror}") from error
+    if not isinstance(head, dict):
+        raise CaptureError(f"{path} is JSON, but not the description of a capture")
+    return head
+
+
+_REACH = 5.0
+"""Of the LiDAR [m]."""
+
+
+def lidar_depth(path: Path, confidence: Path | None, unit: float = 0.001) -> DepthFile | None:
+    """The depth map at `path` in a unit of `unit` [m], with its confidence where there is such a file; None without."""
+    if not path.is_file():
+        return None
+    return DepthFile(path, unit, confidence if confidence is not None and confidence.is_file() else None, _REACH)

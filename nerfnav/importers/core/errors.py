@@ -1,12 +1,14 @@
-"""Errors for sources of the wrong kind, which name what takes them."""
+"""Errors of importers: a source of the wrong kind, and a mesh file that cannot be read.
+
+The message for a wrong kind names the kind and the command that takes it.
+"""
+
 
 from pathlib import Path
 
-from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.core.kinds import FIELD, MESHES, PICTURES, SPLATS
+from nerfnav.core.errors import InvalidInputError, NerfnavError
+from nerfnav.importers.core.kinds import FIELD, MESHES, PICTURES, SPLATS, SourceKind, field_name
 from nerfnav.importers.core.magic import head_of, magic_of
-from nerfnav.importers.field_names import field_name
-from nerfnav.importers.kinds import SourceKind
 
 
 class WrongKindError(InvalidInputError):
@@ -43,3 +45,16 @@ def _advice(path: Path, kind: SourceKind) -> str:
         SourceKind.PLAN: f"`nerfnav export {path} --format csv --out FILE` writes its trajectory",
         SourceKind.TRUTH: f"open the field beside it, {path.name.replace('.truth', '')}",
     }.get(kind, f"`nerfnav open {path}` shows it")
+
+
+_LONGEST = 160
+
+
+class MeshFileError(NerfnavError):
+    """A file that is no mesh that can be worked with."""
+
+
+def first_sentence(error: BaseException) -> str:
+    """What a reader said, short enough for one line; its kind where it said nothing."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[0][:_LONGEST]

@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from nerfnav.importers.captures.archive import names_in
 from nerfnav.importers.captures.views import CaptureError
+from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.meshes.files import SUFFIXES
-from nerfnav.importers.meshes.refusal import MeshFileError
 
 AnyPath = TypeVar("AnyPath", bound=PurePath)
 _OF_CAPTURES = ("transforms", "cameras.", "images.", "keyframes", "frame_0", "rgbd", "metadata")

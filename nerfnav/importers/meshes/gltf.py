@@ -11,7 +11,7 @@ from typing import Any
 from PIL import Image
 
 from nerfnav.core.glb import ContainerError, chunks
-from nerfnav.importers.meshes.refusal import MeshFileError
+from nerfnav.importers.core.errors import MeshFileError
 
 _KNOWN = {
     "KHR_draco_mesh_compression",

@@ -21,7 +21,7 @@ import numpy as np
 from PIL import Image
 
 from nerfnav.core import glb
-from nerfnav.importers.meshes.refusal import MeshFileError, first_sentence
+from nerfnav.importers.core.errors import MeshFileError, first_sentence
 
 NO_TEXTURE = 100
 """sRGB brightness of the picture that stands for none; trimesh gives the same to coordinates without a material."""

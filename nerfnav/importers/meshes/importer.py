@@ -1,17 +1,124 @@
-"""From a mesh file to a scene that can be photographed, flown in and judged by."""
+"""Mesh importer: read a mesh file and make a scene that can be photographed, flown in and judged by.
 
+The scene has a box and a voxel size for its field, light on plain parts, so that their edges are seen, and a report
+of what it was made of and what was guessed.
+"""
+
+
+import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+import torch
+import trimesh
+from jaxtyping import Float, UInt8
+
+from nerfnav.geometry import Box
 from nerfnav.importers.meshes.config import SceneConfig
-from nerfnav.importers.meshes.files import read_mesh
-from nerfnav.importers.meshes.parts import parts_of
-from nerfnav.importers.meshes.placement import place
-from nerfnav.importers.meshes.report import report_of
-from nerfnav.importers.meshes.scene import scene_of
-from nerfnav.importers.meshes.solids import pieces_of
-from nerfnav.world import Scene
+from nerfnav.importers.meshes.files import MeshFile, read_mesh
+from nerfnav.importers.meshes.parts import Parts, parts_of
+from nerfnav.importers.meshes.placement import Placed, place
+from nerfnav.importers.meshes.solids import Pieces, pieces_of
+from nerfnav.world import Paint, Scene, Vantage, guess_vantage
+
+
+def box_and_voxel(bounds: Box, vantage: Vantage, config: SceneConfig) -> tuple[Box, float]:
+    """Where the field lives, and the size of its voxels [m]."""
+    if config.placement.box is not None:
+        box = Box.of(*config.placement.box)
+        return box, config.voxel or _voxel(box, config.nodes)
+    aside = config.aside * float(bounds.size.max())
+    above = max(config.headroom * float(bounds.size[2]), aside)
+    if vantage is Vantage.INSIDE:
+        aside = above = 0.0
+    upper = bounds.upper + torch.tensor([aside, aside, above])
+    box = Box(bounds.lower - torch.tensor([aside, aside, 0.0]), upper)
+    voxel = config.voxel or _voxel(box, config.nodes)
+    border = config.below * voxel
+    around = border if vantage is Vantage.INSIDE else 0.0
+    return Box(box.lower - torch.tensor([around, around, border]), box.upper + around), voxel
+
+
+def _voxel(box: Box, nodes: float) -> float:
+    """The size at which a box has so many nodes, rounded to two digits [m]."""
+    exact = float((box.size.double().prod() / nodes) ** (1 / 3))
+    digits = 1 - math.floor(math.log10(exact))
+    return round(exact, digits)
+
+
+_LIGHT = np.array([0.37, 0.53, 0.76])
+"""Where the light on plain parts comes from: along no axis, so that the walls of a room differ."""
+_SHADE = 0.45
+"""How much darker than full light a plain face at right angles to it is."""
+
+
+def lit(parts: Parts, normals: Float[np.ndarray, "f 3"]) -> Paint:
+    """The paint, with light on plain parts. It falls on both sides of a face: files often get wrong which is seen."""
+    light = 1 - _SHADE * (1 - np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT))))
+    light = np.where(parts.plain, light, 1.0)[:, None, None]
+    tint: UInt8[np.ndarray, "f 3 3"] = (parts.paint.tint * light).round().astype(np.uint8)
+    return replace(parts.paint, tint=tint)
+
+
+_SKY = (0.72, 0.83, 0.95)
+
+
+def scene_of(file: MeshFile, placed: Placed, pieces: Pieces, config: SceneConfig) -> Scene:
+    parts = placed.parts
+    mesh = trimesh.Trimesh(parts.vertices, parts.faces, process=False)
+    bounds = Box(*torch.from_numpy(parts.bounds).float())
+    told = config.options.seen_from
+    vantage = guess_vantage(mesh, bounds) if told is None else Vantage(told)
+    box, voxel = box_and_voxel(bounds, vantage, config)
+    return Scene(
+        # with its ending, so that it is never taken for a bundled scene
+        file.path.name,
+        file.path.name,
+        mesh,
+        pieces.solids,
+        box,
+        _SKY,
+        (),
+        voxel,
+        lit(parts, np.asarray(mesh.face_normals)),
+        pieces.sheets,
+        vantage,
+    )
+
+
+_COARSE = 0.03
+"""Voxels larger than this [m] blur what the paper's robot, 10 cm wide, has to avoid."""
+
+
+def report_of(
+    file: MeshFile, placed: Placed, pieces: Pieces, scene: Scene, config: SceneConfig
+) -> dict[str, object]:
+    guesses = list(placed.guesses)
+    if config.options.seen_from is None:
+        seen = "a room, seen from inside" if scene.vantage is Vantage.INSIDE else "open ground, seen from all around"
+        guesses.append(f"it is {seen} (guessed from how much of it lies around its middle)")
+    if config.voxel is None and scene.voxel is not None:
+        coarse = ", coarse for robots of 10 cm" if scene.voxel > _COARSE else ""
+        guesses.append(
+            f"voxels are {100 * scene.voxel:.2g} cm{coarse} (--voxel and --box make them finer, --scale it smaller)"
+        )
+    return {
+        "kind": "mesh",
+        "format": file.path.suffix[1:].lower(),
+        "up": placed.up,
+        "scale": placed.scale,
+        "size_m": [round(float(x), 4) for x in np.ptp(placed.parts.bounds, axis=0)],
+        "seen_from": scene.vantage.value,
+        "voxel_m": scene.voxel,
+        "faces": len(placed.parts.faces),
+        "textures": len(placed.parts.paint.images),
+        "solids": len(pieces.solids),
+        "solids_not_watertight": pieces.open_solids,
+        "surfaces_without_inside": int(sum(len(sheet.faces) for sheet in pieces.sheets)),
+        "guesses": guesses + list(file.notes),
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.core.placement import AXES, LOWER, PLAUSIBLE, Placement, is_flatter, rotation_to_z
-from nerfnav.importers.meshes.declared import Declared
+from nerfnav.importers.meshes.files import Declared
 from nerfnav.importers.meshes.parts import Parts
-from nerfnav.importers.meshes.refusal import MeshFileError
 
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Lengths of units [m]."""

@@ -1,6 +1,8 @@
-"""Weights in a checkpoint of nerf-pytorch, read without running what a pickle may hold."""
+"""Checkpoints of nerf-pytorch: find them, and read their weights without running what a pickle may hold."""
+
 
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,7 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.kinds import CHECKPOINTS as SUFFIXES
 
 _NETWORKS = (("model_coarse_state_dict", "model_fine_state_dict"), ("network_fn_state_dict", "network_fine_state_dict"))
 _MORE_THAN_WEIGHTS = ("GLOBAL", "Unsupported global", "Unsupported class")
@@ -54,3 +57,17 @@ def _not_whole(file: Path) -> InvalidInputError:
 
 def listed(names: Any) -> str:
     return " or ".join(names)
+
+
+def is_checkpoint(path: Path) -> bool:
+    """Whether a user means a checkpoint: a file by its ending, a folder by what is in it."""
+    if path.is_dir():
+        return any(entry.suffix.lower() in SUFFIXES for entry in path.iterdir())
+    return path.suffix.lower() in SUFFIXES
+
+
+def newest(folder: Path) -> Path:
+    found = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+    if not found:
+        raise InvalidInputError(f"{folder} holds no checkpoint; a trained NeRF is a file ending in {listed(SUFFIXES)}")
+    return max(found, key=lambda entry: (int("0" + "".join(re.findall(r"\d+", entry.stem)[-1:])), entry.name))

@@ -1,5 +1,14 @@
-"""Box of a NeRF: the part of space that holds what is solid."""
+"""NeRF importer: read the coarse and fine networks of krrish94/nerf-pytorch and yenchenlin/nerf-pytorch.
 
+The shapes are read from the weights; the configuration beside them, which may speak of another run, only says how far
+the cameras saw and what is behind everything. Checkpoints are pickles: they are read with `weights_only=True`, which
+runs no code, and what asks for code is refused.
+
+The box of the field is the part of space that holds what is solid.
+"""
+
+
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -8,8 +17,12 @@ import torch
 from scipy import ndimage
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field import NeuralField
-from nerfnav.geometry import Box, node_positions, shape_for
+from nerfnav.field import FieldInfo, NeuralConfig, NeuralField
+from nerfnav.geometry import Box, Pose, node_positions, shape_for
+from nerfnav.importers.core.placement import rotation_to_z
+from nerfnav.importers.nerf.checkpoint import newest, state_dicts
+from nerfnav.importers.nerf.config import NerfPytorchConfig, configured
+from nerfnav.importers.nerf.networks import network_of
 
 _SEARCH_CELLS = 56
 _SOLID = 10.0  # [1/unit]: density that makes a node part of the scene when the box is found
@@ -30,3 +43,26 @@ def solid_box(field: NeuralField, file: Path) -> Box:
     found = nodes[torch.from_numpy(kept)]
     lower, upper = found.amin(0) - 2 * spacing, found.amax(0) + 2 * spacing
     return Box(torch.maximum(lower, field.box.lower), torch.minimum(upper, field.box.upper))
+
+
+_SEEN_SHARE = 0.75
+"""Half the edge of the box that is searched for density, in half the range between near and far: what lies further
+out, few cameras saw, and networks make up fog there."""
+
+
+def load_nerf_pytorch(path: Path, config: NerfPytorchConfig | None = None) -> NeuralField:
+    """Read a checkpoint, or the newest one of a folder; raises InvalidInputError, in one sentence, for all else."""
+    config = NerfPytorchConfig() if config is None else config
+    file = newest(path) if path.is_dir() else path
+    config, states = configured(file.parent, config), state_dicts(file)
+    coarse, fine = (network_of(state, str(file), config.octaves) for state in states)
+    place = config.placement
+    unit = place.meters_per_unit or 1.0
+    turn = torch.eye(3) if place.up is None else torch.from_numpy(rotation_to_z(np.array(place.up))).float()
+    half = torch.full((3,), unit * _SEEN_SHARE * 0.5 * (config.far - config.near))
+    box = Box(-half, half) if place.box is None else Box.of(*place.box)
+    frame, background = Pose(turn, torch.zeros(3)), torch.full((3,), float(config.white))
+    field = NeuralField(
+        box, coarse, fine, background, frame, NeuralConfig(unit=unit), FieldInfo(source=file.name)
+    )
+    return field if place.box is not None else replace(field, box=solid_box(field, file))

@@ -1,9 +1,13 @@
-"""Gaussian splats: the record that all file layouts become, and nerfnav's own file of it.
+"""Gaussian splats: the record that all file formats become, and nerfnav's own file of it.
 
 A splat is a soft ellipsoid: seen from anywhere, a ray through its centre m loses the share `opacity` of its light,
 and a ray that passes at a distance loses opacity exp(-d^2 / 2), d the distance in the picture in standard deviations
 of the projected covariance (Kerbl et al., "3D Gaussian Splatting", SIGGRAPH 2023).
+
+File formats store unit quaternions without their largest part ("smallest three"): the three others lie within
+1 / sqrt(2) of zero.
 """
+
 
 import zipfile
 from dataclasses import dataclass, field, replace
@@ -11,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.files import write_npz
@@ -204,3 +208,21 @@ def _reach(centers: np.ndarray) -> float:
     lower, upper = extent(centers)
     reach = float((upper - lower).max())
     return reach if reach > 0 else np.inf  # a single point says nothing about what is large
+
+
+WXYZ, XYZW = (0, 1, 2, 3), (1, 2, 3, 0)
+"""Where the parts that a file numbers 0 to 3 stand in (w, x, y, z)."""
+_OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
+
+
+def from_smallest_three(
+    smaller: Float[np.ndarray, "n 3"], largest: Int[np.ndarray, " n"], order: tuple[int, ...] = WXYZ
+) -> Float[np.ndarray, "n 4"]:
+    """(w, x, y, z) from the three smaller parts, in the file's order, and the number of the one left out, 0 to 3."""
+    parts = np.empty((len(smaller), 4))
+    np.put_along_axis(parts, _OTHERS[largest], smaller, 1)
+    left = np.sqrt(np.maximum(0, 1 - (smaller.astype(np.float64) ** 2).sum(1)))
+    np.put_along_axis(parts, largest[:, None], left[:, None], 1)
+    wxyzs = np.empty_like(parts)
+    wxyzs[:, list(order)] = parts
+    return wxyzs

@@ -21,8 +21,7 @@ import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.core.magic import head_of, unlike
-from nerfnav.importers.splats.gaussians import Splats, cleaned, rgb_of
-from nerfnav.importers.splats.quaternions import from_smallest_three
+from nerfnav.importers.splats.gaussians import Splats, cleaned, from_smallest_three, rgb_of
 
 MOST_BYTES = 1 << 28
 """Bytes of one file in a .sog that are unpacked."""

@@ -24,8 +24,7 @@ import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.core.magic import LONGEST, unlike
-from nerfnav.importers.splats.gaussians import Splats, cleaned, rgb_of
-from nerfnav.importers.splats.quaternions import XYZW, from_smallest_three
+from nerfnav.importers.splats.gaussians import XYZW, Splats, cleaned, from_smallest_three, rgb_of
 
 MOST_SPLATS = 20_000_000
 """More are refused before memory is taken for them."""

@@ -12,7 +12,7 @@ blurred by both, S' = S + w^2 I with w^2 = 1/4 + 1/6 squared voxels, keeping its
 
     a' = M / ((2 pi)^(3/2) sqrt(det S'))
 
-and the nodes' raw densities are fitted to these means (see nerfnav/field/bake.py).
+and the nodes' raw densities are fitted to these means (see nerfnav/field/edit/bake.py).
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field import FieldInfo, VoxelField
-from nerfnav.field.moments import fitted
+from nerfnav.field.edit.bake import fitted
 from nerfnav.geometry import Box, shape_for, spacing_of
 from nerfnav.importers.splats.gaussians import Splats, extent
 from nerfnav.importers.splats.kernels.splatting import REACH, splat

@@ -7,7 +7,7 @@ from typing import Literal, TypeVar
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Corrector
-from nerfnav.navigation.mission import NavigateConfig, Pilot
+from nerfnav.navigation.flight import NavigateConfig, Pilot
 from nerfnav.navigation.physical.config import LEASH_M, UNSEEN_M, PhysicalConfig
 from nerfnav.navigation.physical.latency_compensation import LatePictures
 from nerfnav.navigation.physical.simulator import PhysicalSimulator

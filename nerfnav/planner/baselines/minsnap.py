@@ -21,11 +21,11 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.planner.baselines.waypoint_following import step_along
 from nerfnav.planner.objective.problem import PlanProblem, map_for
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.polynomials import PiecewisePolynomial, derivative_rows, squared_derivative
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.astar import SearchConfig, as_way, ease, find_paths, late_steps, lengths, waypoints_along
 from nerfnav.planner.space.ends import check_ends
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 
 _TERMS, _SNAP = 8, 4

@@ -15,11 +15,8 @@ import numpy as np
 
 from nerfnav.core.jit import kernel
 from nerfnav.field.kernels.cells import NEGLIGIBLE_RAW
-from nerfnav.planner.kernels.collision import STANDSTILL, control
-from nerfnav.planner.kernels.danger import endangered
-from nerfnav.planner.kernels.terms import outside
-from nerfnav.robots.kernels.quadrotor import adjoint, motion
-from nerfnav.robots.kernels.quadrotor_limits import limits
+from nerfnav.planner.kernels.terms import STANDSTILL, control, endangered, outside
+from nerfnav.robots.kernels.quadrotor import adjoint, limits, motion
 
 
 @kernel(inline=True)

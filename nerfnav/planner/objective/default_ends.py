@@ -15,12 +15,11 @@ from jaxtyping import Float
 
 from nerfnav.field import Field, density_and_gradient
 from nerfnav.geometry import so3
-from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.risk.tracking_error import PAPERS_NOISE
 from nerfnav.planner.space.astar import SearchConfig, find_paths, lengths, resample
 from nerfnav.planner.space.border import holds_level
 from nerfnav.planner.space.ends import fits
-from nerfnav.planner.space.occupancy import dense_at
+from nerfnav.planner.space.occupancy import OccupancyMap, dense_at
 from nerfnav.planner.space.regions import Region, free_regions, ground_regions
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav.planner.visibility import seen_from

@@ -1,23 +1,208 @@
-"""J and its gradient by the free numbers: what the fast planner minimises.
+"""Objective: J of Eq. 2 and its gradient by the free numbers, as the fast planner minimises it.
 
     forward: free -> motion    each term: motion -> its value and derivative    backward: dJ / d motion -> dJ / d free
 
-The terms are those of terms/: compiled where they bring a kernel, else by autograd. Their torch values stay the
-reference; tests hold both equal.
+Three ways lead to the same result; tests hold them equal to the terms' torch values, which are the reference:
+
+- `FusedObjective`: one compiled call (kernels/quadrotor.py), where robot, field and terms are all known to kernels;
+- `Objective`: term by term, each by its own kernel, for another robot, a composite field or a term of one's own;
+- `AutogradKernel`: a term that brings no kernel, by autograd; slower by a part of a millisecond or more.
+
+By autograd a term is differentiated by the parts of the motion: positions, attitudes and actions go on through the
+compiled flatness map like those of every other term. The map's adjoint takes no velocities and body rates; a term
+that looks at these is differentiated through the robot's own `motion` for them.
 """
 
-from collections.abc import Iterable
+
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
+import torch
+from torch import Tensor
 
-from nerfnav.planner.fused import Evaluation, FusedObjective
-from nerfnav.planner.route import Route
+from nerfnav.planner.kernels import quadrotor as kernels
+from nerfnav.planner.kernels.bfgs import newton_steps
+from nerfnav.planner.space.border import reach_of
 from nerfnav.planner.steps import OWN, PlanCost, TermCost
-from nerfnav.planner.terms.autograd import AutogradKernel
+from nerfnav.planner.terms.collision import COLLISION
+from nerfnav.planner.terms.control import CONTROL
+from nerfnav.planner.terms.limits import LIMITS
+from nerfnav.planner.terms.outside import OUTSIDE
+from nerfnav.planner.terms.risk import RISK, danger_of
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots import FlatMap
+from nerfnav.planner.trajectory import Route, motion_of
+from nerfnav.robots import FlatMap, Motion, RigidState
+from nerfnav.robots.quadrotor import QuadrotorMap
+
+
+@final
+class AutogradKernel:
+    """A term in the shape of a compiled one, in double precision."""
+
+    def __init__(self, term: CostTerm, context: TermContext, route: Route) -> None:
+        """Differentiate a term for motions along a route."""
+        self._term, self._context, self._route = term, context, route.to(torch.float64)
+
+    def __call__(self, flat: FlatMap, by: Adjoint) -> float:
+        """See Kernel."""
+        arrays = (flat.position, flat.velocity, flat.rotation, flat.rate, flat.action)
+        parts = [torch.from_numpy(array.copy()).requires_grad_() for array in arrays]
+        value = self._term.cost(self._context, Motion(RigidState(*parts[:4]), parts[4], flat.dt)).double()
+        if not value.requires_grad:
+            return value.item()
+        position, velocity, rotation, rate, action = torch.autograd.grad(value, parts, allow_unused=True)
+        if position is not None:
+            by.position[:] += position.numpy()
+        if rotation is not None:
+            by.rotation[:] += _in_tangent(flat.rotation, rotation.numpy())
+        if action is not None:
+            by.action[:] += action.numpy()
+        if velocity is not None or rate is not None:
+            through = self._through_motion(by.free, velocity, rate)
+            by.by_free = through if by.by_free is None else by.by_free + through
+        return value.item()
+
+    def _through_motion(self, at: np.ndarray, by_velocity: Tensor | None, by_rate: Tensor | None) -> np.ndarray:
+        """Derivative by the free numbers (k), from those by velocities and body rates."""
+        free = torch.from_numpy(at.copy()).requires_grad_()
+        states = motion_of(self._context.robot, free, self._route).states
+        pairs = [(states.velocity, by_velocity), (states.body_rate, by_rate)]
+        asked = [(part, by) for part, by in pairs if by is not None and part.requires_grad]
+        if not asked:
+            return np.zeros_like(at)
+        outputs, weights = zip(*asked, strict=True)
+        (gradient,) = torch.autograd.grad(outputs, free, weights)
+        return gradient.numpy()
+
+
+def _in_tangent(rotation: np.ndarray, by_matrix: np.ndarray) -> np.ndarray:
+    """Derivative in the tangents of attitudes (n, 3) from those by their matrices: <G, R [d]x> = g . d."""
+    a = np.swapaxes(rotation, -1, -2) @ by_matrix
+    return np.stack([a[:, 2, 1] - a[:, 1, 2], a[:, 0, 2] - a[:, 2, 0], a[:, 1, 0] - a[:, 0, 1]], -1)
+
+
+_KNOWN = (COLLISION, CONTROL, LIMITS, OUTSIDE, RISK)
+_AT_ONCE = 10
+"""Steps of a search that are made in one call: they count from its start, so that none is made for nothing where a
+search is left after a multiple of it."""
+
+
+@runtime_checkable
+class DensityGrid(Protocol):
+    """A field whose densities kernels find in a grid."""
+
+    @property
+    def density_grid(self) -> tuple[np.ndarray, ...]:
+        """Values, leaps, lower corner [m], nodes per metre, scale of densities, and both corners of the box [m]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """J at one point of the search."""
+
+    free: np.ndarray
+    """The free numbers (k)."""
+    cost: PlanCost
+    """The terms of J."""
+    gradient: np.ndarray
+    """dJ / d free (k)."""
+
+
+@dataclass(frozen=True)
+class LineSearch:
+    """Backtracking (Nocedal and Wright, "Numerical Optimization", 2006, Alg. 3.1)."""
+
+    armijo: float = 1e-4
+    """Share of the slope by which J must fall."""
+    low: float = 0.1
+    """Least factor between two tries of a step."""
+    high: float = 0.5
+    """Largest factor."""
+    tries: int = 12
+    """At most so many."""
+
+
+@dataclass(frozen=True)
+class SearchRule:
+    """What a compiled search asks for, see NewtonConfig."""
+
+    iterations: int
+    """At most so many steps."""
+    line: LineSearch
+    """How long a step is."""
+    damping: float
+    """Least share of the curvature that is expected along a step."""
+    settled: tuple[int, float, float]
+    """Patience, tolerance and least."""
+
+    @property
+    def numbers(self) -> tuple:
+        """As the kernel has them."""
+        line = self.line
+        return ((line.armijo, line.low, line.high, line.tries), self.damping, *self.settled)
+
+
+@dataclass(frozen=True)
+class FusedObjective:
+    """J of a quadrotor in a grid."""
+
+    parts: tuple
+    """What the kernels ask for: task, body, space, weights."""
+
+    @classmethod
+    def of(cls, context: TermContext, terms: Sequence[CostTerm], flat: FlatMap) -> "FusedObjective | None":
+        """J for a map between two ends; None where the kernels do not know all that it takes."""
+        field, weights = context.field, context.weights
+        counted = len(terms) == len(_KNOWN) and all(any(term is known for term in terms) for known in _KNOWN)
+        if not (counted and isinstance(flat, QuadrotorMap) and isinstance(field, DensityGrid)):
+            return None
+        gamma = CONTROL.weighed(weights) * np.array(context.robot.action_weights)
+        fractions = (np.arange(weights.samples_per_step) + 0.5) / weights.samples_per_step
+        body = (context.body.points_body.double().cpu().numpy(), fractions)
+        weighed = tuple(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE, RISK))
+        space = (*field.density_grid, *danger_of(context), reach_of(context.body))
+        return cls(((*flat.constants, gamma), body, space, weighed))
+
+    def __call__(self, free: np.ndarray) -> Evaluation:
+        """J and its gradient."""
+        gradient = np.empty(len(free))
+        return Evaluation(free, PlanCost(*kernels.evaluate(free, *self.parts, gradient)), gradient)
+
+    def of_motion(self, motion: Motion) -> PlanCost:
+        """J of a motion that is there."""
+        states = motion.states
+        parts = (states.position, states.velocity, states.rotation, states.body_rate, motion.actions)
+        arrays = tuple(part.double().contiguous().numpy() for part in parts)
+        return PlanCost(*kernels.evaluate_motion(arrays, *self.parts))
+
+    def effort_curvature(self, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Differences (k, k) of the gradient of all terms but collision, over a step of each free number."""
+        return kernels.effort_curvature(free, *self.parts, steps)
+
+    def steps(
+        self, start: Evaluation, inverse: np.ndarray, reach: np.ndarray, rule: SearchRule
+    ) -> Iterator[tuple[Evaluation, bool]]:
+        """Where BFGS goes from a start and the inverse Hessian there, and whether J has settled there.
+
+        A few steps are made in one call, before the first of them is yielded.
+        """
+        count = len(start.free)
+        trace = tuple(np.empty((rule.iterations + 1, width)) for width in (count, count, 4))
+        cost = start.cost
+        trace[0][0], trace[1][0] = start.free, start.gradient
+        trace[2][0] = cost.collision, cost.control, cost.limits, cost.risk
+        inverses, at, settled, fresh = (inverse.copy(), inverse), 0, False, True
+        while at < rule.iterations and not settled:
+            before, until = at, min((at + 1) // _AT_ONCE * _AT_ONCE + _AT_ONCE - 1, rule.iterations)
+            at, settled, fresh = newton_steps(trace, at, until, fresh, inverses, reach, self.parts, rule.numbers)
+            told = slice(min(before + 1, at), at + 1)  # the last one again where J does not fall at all
+            rows = zip(range(told.start, at + 1), trace[0][told], trace[1][told], trace[2][told].tolist(), strict=True)
+            for step, free, gradient, terms in rows:
+                yield Evaluation(free, PlanCost(*terms), gradient), settled and step == at
 
 
 @dataclass

@@ -10,17 +10,15 @@ from torch import Tensor
 
 from nerfnav.field import Field
 from nerfnav.planner import terms
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.risk.collision_map import DangerMap, dearer_by
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.risk.tracking_error import PAPERS_NOISE, Disturbance, Outlook
-from nerfnav.planner.route import Route
 from nerfnav.planner.space.astar import TURN, SearchConfig, find_paths, lengths, smooth_path, waypoints_along
 from nerfnav.planner.space.ends import check_ends, check_finite
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.scales import Scales
-from nerfnav.planner.terms.evaluate import Evaluated, evaluate
-from nerfnav.planner.terms.term import CostTerm, TermContext
-from nerfnav.planner.trajectory import Trajectory
+from nerfnav.planner.terms.term import CostTerm, Evaluated, TermContext, evaluate
+from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import Motion, RigidState, Robot
 
 

@@ -4,13 +4,12 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nerfnav.planner.moved_ends import MovedEndsConfig, follow_ends
-from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_risk
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
+from nerfnav.planner.solvers.warm_start import MovedEndsConfig, carry_on, follow_ends
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanStep
-from nerfnav.planner.warm_start import carry_on
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from nerfnav.planner.baselines.minsnap import MinSnapConfig, plan_minimum_snap
 from nerfnav.planner.baselines.waypoint_following import carried_on
-from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
-from nerfnav.planner.route import Route
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
 
 

@@ -4,12 +4,12 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_room
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers.adam import PlanConfig, plan, replan
 from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
 
 

@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 from nerfnav.field import Field
 from nerfnav.planner import terms
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.risk.tracking_error import PAPERS_NOISE, Disturbance
-from nerfnav.planner.route import Route
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.terms.term import CostTerm
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion, Robot
 
 _ROOM, _CARE = 0.04, 3.0

@@ -4,13 +4,12 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nerfnav.planner.baselines.rrt import BallCheck
+from nerfnav.planner.baselines.rrt import BallCheck, RRTConfig, plan_rrt
 from nerfnav.planner.baselines.waypoint_following import carried_on
-from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
-from nerfnav.planner.route import Route
-from nerfnav.planner.rrt import RRTConfig, plan_rrt
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanStep
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots import Motion
 
 

@@ -20,9 +20,9 @@ import scipy
 from jaxtyping import Bool, Float
 
 from nerfnav.field import Field
-from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.risk.configuration_space import CSpace, require_room
 from nerfnav.planner.risk.tracking_error import Outlook, position_spreads
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.robots import Robot
 
 _FINE = 2

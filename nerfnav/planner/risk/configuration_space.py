@@ -16,8 +16,15 @@ from torch import Tensor
 
 from nerfnav.core.memory import require_memory
 from nerfnav.field import Field, GridField
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, headings_of
-from nerfnav.planner.space.occupancy import covered, dense_at, levels_of, pooled
+from nerfnav.planner.space.occupancy import (
+    OccupancyConfig,
+    OccupancyMap,
+    covered,
+    dense_at,
+    headings_of,
+    levels_of,
+    pooled,
+)
 from nerfnav.planner.space.scales import Scales, grain_of
 from nerfnav.robots import Body
 

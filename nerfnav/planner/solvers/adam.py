@@ -10,11 +10,11 @@ import torch
 
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guess
 from nerfnav.planner.objective.safety import honest
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.ends import check_finite
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep
-from nerfnav.planner.terms.evaluate import Evaluated
+from nerfnav.planner.terms.term import Evaluated
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import Motion
 

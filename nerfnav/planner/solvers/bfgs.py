@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nerfnav.planner.fused import Evaluation, LineSearch, SearchRule
-from nerfnav.planner.kernels.bfgs import rank_two
-from nerfnav.planner.kernels.eigen import inverse_of_absolute, inverse_of_shifted
-from nerfnav.planner.objective.objective import Objective
+from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted, rank_two
+from nerfnav.planner.objective.objective import Evaluation, LineSearch, Objective, SearchRule
 
 _SEARCH = LineSearch()
 _DAMPING = 0.2

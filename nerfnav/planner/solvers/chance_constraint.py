@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import torch
 
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.occupancy import OccupancyMap
 from nerfnav.planner.risk.costs import CostWeights, collision_probability_bound
 from nerfnav.planner.solvers.fast import FastPlanConfig, improve, plan_fast
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep, last_step
 from nerfnav.planner.terms.risk import RISK
 

@@ -16,15 +16,14 @@ from itertools import islice
 import numpy as np
 import torch
 
-from nerfnav.planner.fused import Evaluation
-from nerfnav.planner.objective.objective import Objective
+from nerfnav.planner.objective.objective import Evaluation, Objective
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
 from nerfnav.planner.objective.safety import verdict
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.bfgs import NewtonConfig, minimise, preconditioner
 from nerfnav.planner.space.astar import SearchConfig
 from nerfnav.planner.space.ends import check_finite
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import limit_uses

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from nerfnav.geometry import so3
 from nerfnav.planner.kernels import search
-from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.robots import RigidState, unwrapped
 
 _CALMNESS = 2.0

@@ -8,8 +8,8 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.field import Field
 from nerfnav.geometry import so3
-from nerfnav.planner.occupancy import OccupancyMap, body_density
 from nerfnav.planner.space.border import reaches_beyond
+from nerfnav.planner.space.occupancy import OccupancyMap, body_density
 from nerfnav.planner.space.scales import Scales, scales_of
 from nerfnav.robots import Body, RigidState
 

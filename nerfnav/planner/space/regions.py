@@ -14,8 +14,7 @@ from scipy import ndimage
 
 from nerfnav.field import Field
 from nerfnav.geometry import node_positions
-from nerfnav.planner.occupancy import OccupancyMap
-from nerfnav.planner.space.occupancy import dense_at
+from nerfnav.planner.space.occupancy import OccupancyMap, dense_at
 from nerfnav.planner.space.scales import grain_of, threshold_of
 from nerfnav.robots import Body
 

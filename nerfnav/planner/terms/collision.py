@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field import FastDensity, density_and_gradient
-from nerfnav.planner.kernels import collision as kernels
+from nerfnav.planner.kernels import terms as kernels
 from nerfnav.planner.risk import costs
 from nerfnav.planner.terms.term import Adjoint, CostTerm, TermContext
 from nerfnav.robots import FlatMap, Motion

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.planner.kernels import collision as kernels
+from nerfnav.planner.kernels import terms as kernels
 from nerfnav.planner.risk import costs
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion

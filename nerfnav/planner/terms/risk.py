@@ -18,7 +18,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.planner.kernels import danger as kernels
+from nerfnav.planner.kernels import terms as kernels
 from nerfnav.planner.risk.collision_map import NONE, Danger, DangerMap
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.robots import FlatMap, Motion, wrapped

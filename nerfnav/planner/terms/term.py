@@ -1,14 +1,17 @@
-"""What a term of J is: a weighted functional of a motion, with its derivative.
+"""Cost term: a weighted functional of a motion, with its derivative; J is the sum of all terms.
 
     J(W) = sum over terms of  weight * value(context, motion of W)
 
-The value is written in torch and is the reference. A term may bring a compiled twin, its `kernel`, for the fast
-planner; the derivative of one that brings none is taken by autograd there (autograd.py).
+The value is written in torch and is the reference: `evaluate` sums it for every report and judge. A term may bring a
+compiled twin, its `kernel`, for the fast planner; the derivative of one that brings none is taken by autograd there
+(objective/objective.py).
 """
 
-from collections.abc import Callable
+
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from time import perf_counter
 
 import numpy as np
 import torch
@@ -19,6 +22,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import Field
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.risk.tracking_error import PAPERS_OUTLOOK, Outlook
+from nerfnav.planner.steps import PlanCost, TermCost
 from nerfnav.robots import Body, FlatMap, Motion, Robot
 
 
@@ -113,3 +117,32 @@ def well_spread(points: Float[Tensor, "n 3"], count: int) -> Float[Tensor, "m 3"
         chosen.append(int(distance.argmax()))
         distance = np.minimum(distance, np.square(all_points - all_points[chosen[-1]]).sum(-1))
     return points[torch.tensor(chosen, device=points.device)]
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The weighted terms of J as differentiable tensors."""
+
+    values: dict[str, Float[Tensor, "*batch"]]
+    """Name of a term to what it comes to."""
+    ms: dict[str, float]
+    """Name of a term to the time that it took [ms]."""
+
+    @property
+    def total(self) -> Float[Tensor, "*batch"]:
+        """J."""
+        return torch.stack(list(self.values.values())).sum(0)
+
+    def numbers(self) -> PlanCost:
+        """The same as plain numbers; for one motion only."""
+        return PlanCost.of(TermCost(name, value.item(), self.ms[name]) for name, value in self.values.items())
+
+
+def evaluate(terms: Iterable[CostTerm], context: TermContext, motion: Motion) -> Evaluated:
+    """All terms of J for one motion or a batch of motions."""
+    values, ms = {}, {}
+    for term in terms:
+        begun = perf_counter()
+        values[term.name] = term.cost(context, motion)
+        ms[term.name] = 1e3 * (perf_counter() - begun)
+    return Evaluated(values, ms)

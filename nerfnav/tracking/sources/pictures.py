@@ -1,12 +1,43 @@
-"""Pictures in files, as their sensor gave them."""
+"""Pictures in files: decode them as their sensor gave them, and check that their times increase."""
+
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import UInt8
+from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers import read_picture
 from nerfnav.tracking.frame import Frame
-from nerfnav.tracking.sources.decoded import decoded
-from nerfnav.tracking.sources.in_order import after
+
+
+def after(time: float, last: float | None, what: str) -> float:
+    """`time` [s], if it is a number after `last`; `what` was taken then, for people. Raises InvalidInputError."""
+    if not (time > float("-inf") if last is None else time > last):
+        before = "no earlier one" if last is None else f"{last:.6f} s"
+        raise InvalidInputError(f"time must go on: {what} was taken at {time:.6f} s, and the one before at {before}")
+    return time
+
+
+GREY = "fields are compared in colour: record rgb8 or bgr8"
+"""What is said of pictures without colours."""
+
+
+def decoded(data: Any, swapped: bool = False, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
+    """The picture in the bytes of a JPEG or PNG file, RGB; `swapped`: whoever wrote it took red for blue.
+
+    `aspect` is the width over the height of its camera, where that is known: see importers/core/stored_picture.py.
+    Raises InvalidInputError for other bytes, and for a picture that is not of colours of 8 bits.
+    """
+    picture = read_picture(bytes(data), aspect)
+    if not picture.colored:
+        raise InvalidInputError(f"it is grey or deeper than 8 bits, and {GREY}")
+    colors = picture.pixels[..., 2::-1] if swapped else picture.pixels[..., :3]
+    return torch.from_numpy(colors.copy())
+
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp")
 """How the names of pictures end."""

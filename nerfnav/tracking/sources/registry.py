@@ -6,9 +6,9 @@ from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.tracking.frame import FrameSource
-from nerfnav.tracking.sources.bag import is_bag, open_bag
 from nerfnav.tracking.sources.euroc import is_euroc, open_euroc
 from nerfnav.tracking.sources.image_folder import FolderSource, is_folder_of_pictures
+from nerfnav.tracking.sources.ros_bag import is_bag, open_bag
 from nerfnav.tracking.sources.timed_capture import PosedSource, is_capture_with_times
 from nerfnav.tracking.sources.tum_list import ListSource, is_list
 from nerfnav.tracking.sources.video import VideoSource, is_video

@@ -11,7 +11,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.importers.core.kinds import VIDEOS
 from nerfnav.tracking.frame import Frame, Inertial
-from nerfnav.tracking.sources.in_order import after
+from nerfnav.tracking.sources.pictures import after
 
 _WHOLE = 0.9
 """Share of the declared frames of which a whole video has more: containers count roughly."""

@@ -93,7 +93,7 @@ def test_what_a_collision_by_noise_costs_in_flight_is_what_its_option_says(capsy
 def test_without_a_command_the_app_opens_stonehenge() -> None:
     for words in ([], ["serve"], ["serve", "stonehenge"]):
         command, arguments = parse(words)
-        assert command.__name__ == "nerfnav_app.cli.serve"
+        assert command.__name__ == "nerfnav_app.cli.commands.serve"
         assert (arguments.place, arguments.host, arguments.port) == ("stonehenge", "127.0.0.1", 8080)
     assert parse(["--open", "--port", "8090"])[1].open
 

@@ -18,12 +18,11 @@ from nerfnav_app.page.kit.theme import branded, linear
 from nerfnav_app.page.layers.camera_modes import sight
 from nerfnav_app.page.layers.flight import FlightLayer, arrows
 from nerfnav_app.page.layers.nodes import dashes, drops, quaternions, segments
-from nerfnav_app.page.layers.regions import cone, ellipsoids
-from nerfnav_app.page.layers.shapes import Shape, ball, robot_shape
-from nerfnav_app.page.panels import plan_charts, plan_words
+from nerfnav_app.page.layers.shapes import Shape, ball, cone, ellipsoids, robot_shape
 from nerfnav_app.page.panels.flight import flight as fly_panel
 from nerfnav_app.page.panels.plan import ends as ends_panel
-from nerfnav_app.page.panels.status_words import activity
+from nerfnav_app.page.panels.plan import plan
+from nerfnav_app.page.panels.status.status import activity
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.surface_glb import BRIGHTEST, colored_glb, dressed, simplified, unlit_glb, without_specks
 from nerfnav_app.state.export_subject import recording_of, subject
@@ -195,14 +194,14 @@ def test_chart_data_has_a_column_for_each_term_and_no_zeros() -> None:
     history = CostHistory()
     for iteration in range(5):
         history = history.appended(iteration, PlanCost(0.0, 2.0, 0.5))
-    iterations, total, control, collision, limits = plan_charts.chart_data(history)
+    iterations, total, control, collision, limits = plan.chart_data(history)
     assert iterations.tolist() == [0, 1, 2, 3, 4]
     assert total[0] == 2.5 and control[0] == 2.0 and limits[0] == 0.5 and collision[0] > 0
 
 
 def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
     session = Session.opening("balls")
-    assert "press Plan" in plan_words.describe(None, stale=False, planning=False)
+    assert "press Plan" in plan.describe(None, stale=False, planning=False)
     assert "press Fly" in fly_panel.describe(None, stale=False, flying=False)
     assert "Opening" in activity(session)
     assert subject(session) is None and recording_of(session) is None

@@ -5,8 +5,7 @@ import zipfile
 
 import pytest
 
-from nerfnav_app.places.track_sources import TrackSources
-from nerfnav_app.places.uploads import UploadError
+from nerfnav_app.places.uploads import TrackSources, UploadError
 
 
 def zipped(*names: str) -> bytes:

@@ -7,7 +7,7 @@ import pytest
 
 from nerfnav.core.glb import parts
 from nerfnav_app.jobs.export.surface import shaping
-from nerfnav_app.jobs.open_place import run
+from nerfnav_app.jobs.open.opening import run
 from nerfnav_app.places.place import open_place
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.surface_texture import Baking, SurfaceTextureQuery

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from nerfnav.field import Unknown
-from nerfnav_app.page.panels.status_words import status
+from nerfnav_app.page.panels.status.status import status
 from nerfnav_app.places.ends import End, Which
 from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.actions import Redo, Undo
 from nerfnav_app.state.history import MOST
-from nerfnav_app.state.plan_actions import AllowTime
+from nerfnav_app.state.records import AllowTime
 from nerfnav_app.state.session import Session
 from tests.app.sessions import after
 from tests.app.sessions import planned as well_planned

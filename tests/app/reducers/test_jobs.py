@@ -7,10 +7,9 @@ import pytest
 from nerfnav.core.errors import InvalidInputError
 from nerfnav_app.jobs.events import FileMade, JobFailed, JobFinished, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.jobs.export.occupancy_map import MapRequest, download
-from nerfnav_app.page.panels.status_words import activity
+from nerfnav_app.page.panels.status.status import activity
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.downloads import Download, MapWish, TakeMap
-from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.job import Download, JobKind, MapWish, TakeMap
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import Backdrop
 from tests.app.doubles import balls_place

@@ -6,7 +6,7 @@ import nerfnav_scenes as scenes
 from nerfnav.field import Unknown, planning_field
 from nerfnav.planner import fits
 from nerfnav.robots import load
-from nerfnav.world.task import Task
+from nerfnav.world.scene import Task
 from nerfnav_app.jobs.events import JobFinished, PlaceOpened
 from nerfnav_app.places.ends import End, Ends, Which
 from nerfnav_app.places.place import Place, Truth

@@ -12,18 +12,17 @@ from nerfnav.planner.steps import GOOD, PlanOutcome
 from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult
 from nerfnav_app.page.layers.plan import Look, look_of
 from nerfnav_app.page.panels.status.next_step import next_step, remedy
-from nerfnav_app.page.panels.status_words import asks, status
+from nerfnav_app.page.panels.status.status import asks, status
 from nerfnav_app.places.ends import End, Ends, Which
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import EndFitQuery
-from nerfnav_app.queries.following_plan import FollowingPlanQuery
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, WantedPlan, drafted, plan_request, planned
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
-from nerfnav_app.queries.wanted_plan import WantedPlan, drafted, plan_request, planned
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.plan_actions import AllowTime, RestoreWeights, StayDown
+from nerfnav_app.state.records import AllowTime, RestoreWeights, StayDown
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice
 from nerfnav_app.state.view import ViewSettings

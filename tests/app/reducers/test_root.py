@@ -10,7 +10,7 @@ import torch
 import nerfnav_scenes as scenes
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
-from nerfnav.world.task import Task
+from nerfnav.world.scene import Task
 from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.places.ends import End, Ends, Which
 from nerfnav_app.places.place import Truth
@@ -24,9 +24,8 @@ from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.records import CostHistory, PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import GUST, Choice
-from nerfnav_app.state.tab_actions import Left, Looked
-from nerfnav_app.state.view import Eye
-from nerfnav_app.worker.flight_orders import FlightOrders
+from nerfnav_app.state.view import Eye, Left, Looked
+from nerfnav_app.worker.operator_requests import FlightOrders
 from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
 from tests.app.sessions import after, planned, reports
 

@@ -16,15 +16,7 @@ from nerfnav_app.queries.stored_run import StoredRunQuery
 from nerfnav_app.reducers.root import reduce
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.run_actions import (
-    CompareRun,
-    DeleteRun,
-    ListRuns,
-    OpenRun,
-    PlayBack,
-    RenameRun,
-    Scrub,
-)
+from nerfnav_app.state.runs import CompareRun, DeleteRun, ListRuns, OpenRun, PlayBack, RenameRun, Scrub
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.worker.backend import NavigationBackend

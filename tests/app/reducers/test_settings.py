@@ -11,8 +11,7 @@ from nerfnav.planner.solvers.fast import FastPlanConfig
 from nerfnav_app.jobs.events import JobFinished, PlannerCompared, PlannerResult
 from nerfnav_app.jobs.plan import compare_planners as compare
 from nerfnav_app.jobs.plan.plan import PlanRequest
-from nerfnav_app.page.panels.plan_charts import chart_data
-from nerfnav_app.page.panels.plan_words import compared, describe
+from nerfnav_app.page.panels.plan.plan import chart_data, compared, describe
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.clearance import ClearanceQuery

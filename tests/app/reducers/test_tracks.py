@@ -11,13 +11,12 @@ from nerfnav.geometry import FORWARD_MOUNT
 from nerfnav.robots import RigidState, StateNoise
 from nerfnav.tracking import Tracked, TrackStatus
 from nerfnav_app.jobs.events import FrameTracked, JobFinished, JobResult
-from nerfnav_app.page.panels.camera import tracked_pictures
+from nerfnav_app.page.panels.flight.camera import tracked_pictures
 from nerfnav_app.page.panels.flight.track import describe, ended
-from nerfnav_app.page.panels.status.timeline import marks_of
-from nerfnav_app.page.panels.timeline import nearest
+from nerfnav_app.page.panels.status.timeline import marks_of, nearest
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.run_actions import PlayBack, Scrub
+from nerfnav_app.state.runs import PlayBack, Scrub
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import ForgetTrack, StartTrack
 from tests.app.sessions import after, planned, reports

@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from nerfnav_app.page.panels.estimate import EstimatePanel
-from nerfnav_app.page.panels.flight_settings import FlyingPanel
+from nerfnav_app.page.panels.flight.estimate import EstimatePanel
+from nerfnav_app.page.panels.flight.flight import FlyingPanel
 from nerfnav_app.page.panels.place.place import PlacePanel
 from nerfnav_app.page.panels.place.view_settings import ViewSettingsPanel
 from nerfnav_app.page.panels.plan.ends import EndsPanel
 from nerfnav_app.page.panels.runs.export import ExportPanel
-from nerfnav_app.page.panels.timeline import TimelinePanel
+from nerfnav_app.page.panels.status.timeline import TimelinePanel
 from nerfnav_app.security.widget_values import may_set
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session

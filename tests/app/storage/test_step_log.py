@@ -15,8 +15,7 @@ from nerfnav_app.storage import step_log as log_module
 from nerfnav_app.storage.file_lock import is_held
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.run_metadata import RunMetadata
-from nerfnav_app.storage.step_log import StepLog, logged
-from nerfnav_app.storage.stored_steps import count_steps, read_steps
+from nerfnav_app.storage.step_log import StepLog, count_steps, logged, read_steps
 from tests.app.storage.stored_runs import about
 from tests.export.flights import flown
 

@@ -14,7 +14,7 @@ from nerfnav.navigation.supervisor import Recovery
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import JobFinished, JobResult, Progress
-from nerfnav_app.jobs.find_robot import find
+from nerfnav_app.jobs.track.localize import find
 from nerfnav_app.page.layers.global_localization import frusta
 from nerfnav_app.page.panels.flight import estimate
 from nerfnav_app.state import actions as m
@@ -22,7 +22,7 @@ from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.records import SearchRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.backend import NavigationBackend
-from nerfnav_app.worker.flight_orders import FlightOrders
+from nerfnav_app.worker.operator_requests import FlightOrders
 from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 

@@ -8,7 +8,7 @@ from nerfnav_app.jobs.events import PlaceOpened
 from nerfnav_app.places.ends import End, Which
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.tab_actions import Viewed
+from nerfnav_app.state.view import Viewed
 from nerfnav_app.worker.session_memory import SessionMemory
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports

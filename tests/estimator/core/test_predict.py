@@ -3,7 +3,7 @@
 import torch
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.predict import predict, transition
+from nerfnav.estimator.core.prediction import predict, transition
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import ROBOT, draws

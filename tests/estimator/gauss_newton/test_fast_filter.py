@@ -10,13 +10,13 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter, inerf
 from nerfnav.estimator.paper.cost import PoseCost
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, SearchConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, patches
-from nerfnav.estimator.predict import predict
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image

@@ -12,11 +12,11 @@ from nerfnav.estimator import Corrector, estimators
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.covariance import Curvature
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.paper.adam import DescentConfig
 from nerfnav.estimator.paper.pose_filter import FilterConfig, PoseFilter
 from nerfnav.estimator.photometric.pixel_selection import PixelConfig, PixelSource
 from nerfnav.estimator.photometric.residuals import ColorNoise
-from nerfnav.estimator.predict import predict
 from nerfnav.field import FieldInfo
 from nerfnav.field.core.protocol import Points
 from nerfnav.field.models.analytic import BallsField

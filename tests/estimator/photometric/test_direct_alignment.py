@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.estimator.newton import Guess, Prior, joined
 from nerfnav.estimator.photometric.direct_alignment import AlignConfig, _lens, _scene, blurred, fitted, spaced
 from nerfnav.estimator.photometric.kernels.direct_alignment import align
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Prior, joined
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import Observation
 from nerfnav.field import levels_of

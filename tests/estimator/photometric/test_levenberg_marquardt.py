@@ -5,8 +5,15 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.estimator.descents import improve
-from nerfnav.estimator.newton import Guess, NewtonConfig, Prior, evaluate, joined, minimise
+from nerfnav.estimator.photometric.levenberg_marquardt import (
+    Guess,
+    NewtonConfig,
+    Prior,
+    evaluate,
+    improve,
+    joined,
+    minimise,
+)
 from nerfnav.estimator.photometric.residuals import Observation, residuals
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.surroundings import Surroundings

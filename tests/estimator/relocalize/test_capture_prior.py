@@ -7,10 +7,10 @@ from functools import cache
 import pytest
 import torch
 
-from nerfnav.estimator.looks import LooksConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.estimator.relocalize.capture_prior import places_near, remembered, tilts_near, views_moved, views_of
 from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseOutcome
+from nerfnav.estimator.relocalize.panorama import LooksConfig
 from nerfnav.estimator.relocalize.searcher import Searcher
 from nerfnav.field import FieldInfo, VoxelField
 from nerfnav.field.models.levels import raw_of

@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator.looks import Looks, LooksConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseOutcome, distinct
+from nerfnav.estimator.relocalize.panorama import Looks, LooksConfig
 from nerfnav.estimator.relocalize.searcher import Searcher
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose

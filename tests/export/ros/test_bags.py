@@ -18,10 +18,8 @@ from rosbags.rosbag2 import Reader
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.export.recording import Recording
-from nerfnav.export.ros.messages import pose_covariance
-from nerfnav.export.ros.rosbag2 import rosbag2
-from nerfnav.export.ros_bags import mcap
-from nerfnav.export.ros_messages import typestore
+from nerfnav.export.ros_bags import mcap, rosbag2
+from nerfnav.export.ros_messages import pose_covariance, typestore
 from nerfnav.geometry import so3
 from tests.export.flights import flight, flown, plan
 

@@ -6,11 +6,9 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field.bake import BakeConfig, bake
-from nerfnav.field.edit.bake import likeness, sample_views
+from nerfnav.field.edit.bake import BakeConfig, bake, fitted, likeness, moments, moments_of, refined, sample_views
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
-from nerfnav.field.moments import fitted, moments, moments_of, refined
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Camera

@@ -17,7 +17,7 @@ from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.similarity import Similarity
-from nerfnav.planner.occupancy import OccupancyMap
+from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav.robots.body import Body
 from tests.field.models.test_neural import random_field

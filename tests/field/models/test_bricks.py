@@ -12,9 +12,9 @@ from nerfnav.field.core.occupancy import EMPTY_RAW, State
 from nerfnav.field.core.protocol import density_and_gradient
 from nerfnav.field.models.bricks import BrickField, in_bricks
 from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.proof.occupancy_grid import Unknown, planning_field
 from nerfnav.field.storage import voxel_codec
 from nerfnav.field.storage.checkpoint import load_field, save_field
-from nerfnav.field.unknown import Unknown, planning_field
 from tests.field.fields import random_rays, random_voxels
 
 

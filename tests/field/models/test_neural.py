@@ -11,14 +11,11 @@ import torch
 from nerfnav.core.errors import FieldFileError, InvalidInputError
 from nerfnav.field.core.protocol import Field, density_and_gradient, uniform_samples
 from nerfnav.field.models.mlp import Encoding, MlpConfig
-from nerfnav.field.models.neural import NeuralField
-from nerfnav.field.neural_blank import blank_field
-from nerfnav.field.neural_learner import drawn_from
-from nerfnav.field.neural_train import train_neural
+from nerfnav.field.models.neural import NeuralField, blank_field
 from nerfnav.field.render.jacobian import colors_and_jacobian
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.field.storage.checkpoint import load_field, save_field
-from nerfnav.field.train.neural import NeuralTrainConfig
+from nerfnav.field.train.neural import NeuralTrainConfig, drawn_from, train_neural
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import Pose
 from tests.field.fields import BOX, photographs_of_ball, random_rays

@@ -7,7 +7,7 @@ import torch
 
 from nerfnav.field.core.occupancy import State, states_of
 from nerfnav.field.proof.carving import CarvingConfig, carved, in_company, noise_of
-from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.field.proof.occupancy_grid import Unknown, planning_field
 from nerfnav.geometry.grid import node_positions
 from nerfnav.geometry.images import PosedImages
 from tests.field import rooms

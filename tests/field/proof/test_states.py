@@ -9,8 +9,7 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.occupancy import states_of_unseen
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
-from nerfnav.field.states import VoxelState, voxel_states
-from nerfnav.field.unknown import Unknown, planning_field
+from nerfnav.field.proof.occupancy_grid import Unknown, VoxelState, planning_field, voxel_states
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions
 from tests.field.fields import ball

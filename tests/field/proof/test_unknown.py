@@ -13,9 +13,9 @@ from nerfnav.field.core.protocol import density_and_gradient
 from nerfnav.field.models import grid_field
 from nerfnav.field.models.bricks import in_bricks
 from nerfnav.field.models.voxel import VoxelField
+from nerfnav.field.proof.occupancy_grid import Unknown, planning_field
 from nerfnav.field.render.composite import CompositeField, PlacedField
 from nerfnav.field.storage.checkpoint import load_field, save_field
-from nerfnav.field.unknown import Unknown, planning_field
 from nerfnav.geometry.camera import Pose
 from nerfnav.geometry.grid import node_positions
 from tests.field.fields import BOX, ball

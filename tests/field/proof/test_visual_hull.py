@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from nerfnav.field.core.occupancy import EMPTY_RAW
-from nerfnav.field.first_learner import first_learner
 from nerfnav.field.proof.visual_hull import hull, widened
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.grid_learner import GridLearner
+from nerfnav.field.train.loop import first_learner
 from nerfnav.field.train.rays import RaySampler
 from nerfnav.geometry import Box, PosedImages, node_positions
 from tests.field.fields import ball, photographs_of_ball

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from nerfnav.field.core.protocol import uniform_samples
-from nerfnav.field.kernels import sight
+from nerfnav.field.kernels import pose_descent
 from nerfnav.field.models.bricks import in_bricks
 from nerfnav.field.models.grid_field import GridField
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
@@ -53,7 +53,7 @@ def test_descents_ask_shells_in_pairs_and_see_nearly_the_same():
     one_by_one = glanced(field.whole_sight_grid, *rays)
     for mine, theirs in ((one_by_one.color, whole.color), (one_by_one.opacity, whole.opacity)):
         torch.testing.assert_close(mine, theirs, rtol=0, atol=5e-4)
-    colors, _ = sight.colors_and_jacobian(field.sight_grid, *(part.numpy() for part in rays))
+    colors, _ = pose_descent.colors_and_jacobian(field.sight_grid, *(part.numpy() for part in rays))
     torch.testing.assert_close(torch.from_numpy(colors), seen.color, rtol=0, atol=1e-4)
 
 

@@ -5,12 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.field.exposure_looks import ExposureLooks
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.proof.carving import CarvingConfig, carved
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.field.train.evaluation import calibrated
-from nerfnav.field.train.exposure import QUARTERS, common_gains, corrected, gains
+from nerfnav.field.train.exposure import QUARTERS, ExposureLooks, common_gains, corrected, gains
 from nerfnav.field.train.grid_learner import GridLearner
 from nerfnav.field.train.rays import RaySampler
 from nerfnav.field.train.torch_learner import TorchLearner

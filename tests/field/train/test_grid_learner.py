@@ -7,13 +7,12 @@ import pytest
 import torch
 
 from nerfnav.field.core.protocol import uniform_samples
-from nerfnav.field.kernels.parts import parts_above
+from nerfnav.field.kernels.learn import parts_above
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField, occupied_blocks
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.field.render.volume_rendering import render_rays
-from nerfnav.field.seen_points import PointBatch
 from nerfnav.field.train.grid_learner import GridLearner, LearningRates
-from nerfnav.field.train.rays import RayBatch
+from nerfnav.field.train.rays import PointBatch, RayBatch
 from nerfnav.field.train.torch_learner import TorchLearner
 from nerfnav.field.train.trained_grid import TrainedGrid, training_bytes
 from nerfnav.field.train.training_volume import Finish

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from nerfnav.core.jit import default_threads
-from nerfnav.field.clear_grids import views_of
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import TrainStep, train
 from nerfnav.field.train.rays import RaySampler
+from nerfnav.field.train.trained_grid import views_of
 from nerfnav.geometry.grid import node_positions
 from tests.field.fields import BOX, ball, photographs_of_ball
 

@@ -2,8 +2,8 @@
 
 import torch
 
-from nerfnav.field.seen_points import PointSampler, points_of
 from nerfnav.field.train.grid_learner import GridLearner
+from nerfnav.field.train.rays import PointSampler, points_of
 from nerfnav.field.train.training_volume import Finish, Place
 from nerfnav.geometry import Box, Camera, PosedImages, Sightings, look_at
 

@@ -10,7 +10,7 @@ import torch
 
 from nerfnav.core import memory
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.field import trainable
+from nerfnav.field.train import loop
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import train
 from nerfnav.geometry.box import Box
@@ -74,4 +74,4 @@ def test_training_takes_no_more_memory_than_is_said():
     done = subprocess.run([sys.executable, "-c", _PEAK], capture_output=True, text=True, cwd=root)
     assert done.returncode == 0, done.stderr
     compiled = 120_000_000  # what the kernels' machine code and libraries may take
-    assert int(done.stdout) < trainable.training_bytes(100**3, 2) + compiled
+    assert int(done.stdout) < loop.training_bytes(100**3, 2) + compiled

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
+from nerfnav.importers.captures.importer import import_capture
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.placement import Placement
 from tests.importers.captures.synthetic import (

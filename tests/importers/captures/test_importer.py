@@ -13,9 +13,9 @@ from PIL import Image
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry.camera import Camera, look_at
-from nerfnav.importers.captures import capture
-from nerfnav.importers.captures.capture import import_capture
+from nerfnav.importers.captures import importer
 from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
+from nerfnav.importers.captures.importer import import_capture
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.placement import Placement
 from tests.importers.captures.synthetic import (
@@ -115,7 +115,7 @@ def test_captures_in_the_coordinates_of_a_map_are_moved_to_where_numbers_are_exa
 
 
 def test_large_photographs_are_made_smaller_and_that_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(capture, "LONGEST", 20)
+    monkeypatch.setattr(importer, "LONGEST", 20)
     report = imported(write_transforms(tmp_path)).report
     assert (report.downscale, report.image_size) == (3, (16, 12))
     assert any(guess.startswith("downscale") for guess in report.guesses)

@@ -13,8 +13,8 @@ import pytest
 import torch
 
 from nerfnav.core.errors import MissingExtraError
-from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.config import ImportConfig, ImportedCapture
+from nerfnav.importers.captures.importer import import_capture
 from nerfnav.importers.captures.views import CaptureError
 from nerfnav.importers.core.placement import Placement
 from tests.importers.captures.phones import write_polycam, write_record3d, write_scanner

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from nerfnav.importers.captures.archive import unpacked
-from nerfnav.importers.captures.capture import import_capture
 from nerfnav.importers.captures.config import ImportConfig
 from nerfnav.importers.captures.formats import is_capture, read_views
+from nerfnav.importers.captures.importer import import_capture
 from nerfnav.importers.captures.views import CaptureError
 from tests.importers.captures.phones import (
     arkit_poses,

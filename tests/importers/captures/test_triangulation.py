@@ -8,7 +8,7 @@ import torch
 
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.images import PosedImages
-from nerfnav.importers.captures.boxing import guessed_box
+from nerfnav.importers.captures.placement import guessed_box
 from nerfnav.importers.captures.triangulation import agreed_points
 
 ROOM = np.array([[-2.0, -1.5, 0.0], [2.0, 1.5, 2.5]])

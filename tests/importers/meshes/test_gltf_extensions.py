@@ -15,8 +15,8 @@ import pytest
 import trimesh
 from PIL import Image
 
+from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.meshes.gltf import glb_parts
-from nerfnav.importers.meshes.refusal import MeshFileError
 from tests.importers.meshes.places import color_at, data_uri, imported, quad, seen_from_above, two_textures, write
 
 QUARTERS = {(0, 0): (200, 30, 10), (1, 0): (20, 180, 40), (0, 1): (30, 40, 190), (1, 1): (220, 210, 20)}

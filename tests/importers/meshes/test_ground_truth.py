@@ -9,7 +9,7 @@ import torch
 import trimesh
 
 from nerfnav.core.errors import FieldFileError
-from nerfnav.importers.meshes.truth import load_truth, truth_beside, truth_path
+from nerfnav.importers.meshes.ground_truth import load_truth, truth_beside, truth_path
 from nerfnav.world.raycast import MeshRenderer
 from nerfnav.world.scene import Scene
 from tests.importers.meshes.places import ABOVE, CAMERA, UP_Z, imported, quad, two_textures, write

@@ -5,8 +5,8 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
+from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.meshes.folders import mesh_file, mesh_in, meshes_in_archive, only_one
-from nerfnav.importers.meshes.refusal import MeshFileError
 from tests.importers.meshes.places import color_at, imported, quad, seen_from_above, write_collada
 
 _RED = (200, 30, 10)

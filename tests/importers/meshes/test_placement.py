@@ -7,10 +7,10 @@ import pytest
 import trimesh
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions, SceneConfig
 from nerfnav.importers.meshes.importer import Imported
-from nerfnav.importers.meshes.refusal import MeshFileError
 from tests.importers.meshes.places import imported, quad, write, write_collada
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.meshes.files import SUFFIXES, read_mesh
-from nerfnav.importers.meshes.refusal import MeshFileError
 from tests.importers.meshes.places import data_uri, imported, quad, textured, two_textures, write, write_collada
 
 

@@ -14,9 +14,9 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry.camera import Camera, look_at
 from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.nerf.checkpoint import is_checkpoint
 from nerfnav.importers.nerf.config import NerfPytorchConfig
-from nerfnav.importers.nerf_pytorch import load_nerf_pytorch
-from nerfnav.importers.nerf_pytorch_files import is_checkpoint
+from nerfnav.importers.nerf.importer import load_nerf_pytorch
 
 BOX = Placement(box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
 

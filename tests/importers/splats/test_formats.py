@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.importers.splats.formats import holds_splats, load_splats
 from nerfnav.importers.splats.gaussians import in_half_precision, save_splats, splats_beside
-from nerfnav.importers.splats.layouts import holds_splats, load_splats
 from tests.importers.splat_files import (
     Gaussians,
     bundle_sog,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nerfnav.importers.core.placement import Placement, size_doubt
+from nerfnav.importers.splats.formats import load_splats
 from nerfnav.importers.splats.gaussians import Splats, extent
-from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.placement import guessed_up, upright
 from nerfnav.importers.splats.voxels import voxelize
 from tests.importers.splat_files import Gaussians, write_inria

@@ -11,9 +11,9 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.geometry.box import Box
+from nerfnav.importers.splats.formats import load_splats
 from nerfnav.importers.splats.gaussians import Splats
 from nerfnav.importers.splats.kernels.splatting import REACH, splat
-from nerfnav.importers.splats.layouts import load_splats
 from nerfnav.importers.splats.voxels import VoxelizeConfig, voxelize
 from tests.importers.splat_files import ball_of_splats, write_inria
 

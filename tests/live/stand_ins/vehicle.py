@@ -12,7 +12,7 @@ import nerfnav_scenes as scenes
 from nerfnav.field import render_image
 from nerfnav.geometry import so3
 from nerfnav.live.answer import Guidance
-from nerfnav.live.guided import expected
+from nerfnav.live.setpoints import expected
 from nerfnav.robots import Quadrotor, RigidState
 
 PLACE, START, GOAL = "playground", (-0.07, 0.93, 0.28), (-0.1, 0.0, 0.35, 0.0)

@@ -12,9 +12,9 @@ from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
 from nerfnav.planner.objective.default_ends import Pair, first_ends, way_between
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.risk.tracking_error import PAPERS_NOISE
 from nerfnav.planner.space.ends import fits
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.regions import free_regions
 from nerfnav.robots import Robot, load
 

@@ -10,12 +10,12 @@ import torch
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.grid import node_positions
 from nerfnav.planner import terms
-from nerfnav.planner.kernels.eigen import inverse_of_absolute, inverse_of_shifted
+from nerfnav.planner.kernels.bfgs import inverse_of_absolute, inverse_of_shifted
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.route import Route
 from nerfnav.planner.solvers import bfgs
 from nerfnav.planner.terms.term import CostTerm, TermContext
+from nerfnav.planner.trajectory import Route
 from nerfnav.robots.quadrotor import Quadrotor
 from tests.planner.places import BOX, ROBOT
 from tests.planner.test_objective import DT, GOAL, START, STEPS, guess

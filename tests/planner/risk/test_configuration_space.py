@@ -12,11 +12,11 @@ from nerfnav.field.core.occupancy import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import node_positions
 from nerfnav.geometry.box import Box
-from nerfnav.planner.kernels.danger import chance_at
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
+from nerfnav.planner.kernels.terms import chance_at
 from nerfnav.planner.risk.collision_map import DangerMap
 from nerfnav.planner.risk.configuration_space import CSpace
 from nerfnav.planner.risk.tracking_error import Disturbance, Outlook
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots import Body, load
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.quadrotor_config import QuadrotorConfig

@@ -9,8 +9,7 @@ from nerfnav.field.core.protocol import Field
 from nerfnav.geometry import so3
 from nerfnav.planner import terms
 from nerfnav.planner.risk.costs import CostWeights, collision_per_step, collision_probability_bound, control
-from nerfnav.planner.terms.evaluate import Evaluated, evaluate
-from nerfnav.planner.terms.term import TermContext
+from nerfnav.planner.terms.term import Evaluated, TermContext, evaluate
 from nerfnav.robots.body import Body
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import BOX, ROBOT, Fog, Wall, ball, straight_motion

@@ -8,10 +8,10 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError, OccupiedError
 from nerfnav.planner.objective.problem import InitialGuess
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.adam import PlanConfig, plan, replan
 from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, Colorless, Fog, Wall, across, ball

@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from nerfnav.core.errors import OccupiedError
-from nerfnav.planner.moved_ends import follow_ends, with_ends
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners import PLANNERS
 from nerfnav.planner.planners.planner import FollowingPlanner
 from nerfnav.planner.solvers.fast import plan_fast
+from nerfnav.planner.solvers.warm_start import follow_ends, with_ends
 from nerfnav.planner.steps import GOOD, last_step
 from nerfnav.robots.state import Motion, RigidState
 from tests.planner.places import ROBOT, ball

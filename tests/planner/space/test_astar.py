@@ -10,7 +10,6 @@ import torch
 
 from nerfnav import robots
 from nerfnav.planner.kernels.search import costs_to
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.astar import (
     SearchConfig,
     _node,
@@ -23,6 +22,7 @@ from nerfnav.planner.space.astar import (
     smooth_path,
     waypoints_along,
 )
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, Wall, ball
 

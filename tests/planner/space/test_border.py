@@ -14,13 +14,13 @@ from nerfnav.planner import terms
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.objective.safety import SafetyConfig, clearance_of, safety_of, verdict
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.planners.planner import with_risk
 from nerfnav.planner.risk.costs import CostWeights, collision_probability_bound
 from nerfnav.planner.solvers.adam import PlanConfig, plan
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.space.border import SOLID_BEYOND, is_beyond, known_density, outside, reach_of
 from nerfnav.planner.space.ends import check_ends, fits, nearest_free_pose
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome, last_step
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.robots import load

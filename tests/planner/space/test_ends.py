@@ -7,9 +7,9 @@ from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, OccupiedError, OutsideBoxError
 from nerfnav.geometry import so3
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.planner.solvers.fast import plan_fast
 from nerfnav.planner.space.ends import check_ends, fits, nearest_free_pose
+from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap, body_density
 from nerfnav.robots.state import RigidState
 from tests.planner.places import ROBOT, Fog, Wall, ball
 

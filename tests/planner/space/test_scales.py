@@ -5,7 +5,7 @@ import pytest
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.field.storage.checkpoint import load_field
-from nerfnav.planner.occupancy import OccupancyConfig
+from nerfnav.planner.space.occupancy import OccupancyConfig
 from nerfnav.planner.space.scales import scales_of
 from nerfnav.robots.body import Body
 from tests.planner.halls import field_of, house

@@ -1,9 +1,16 @@
-"""What the camera panel shows: the robot's picture beside the field's, and where they differ."""
+"""Camera panel: the robot's picture, the field rendered from the estimated pose, and the difference times three."""
+
 
 import numpy as np
+import viser
 
 from nerfnav.estimator import FilterStep
+from nerfnav.importers import read_picture
+from nerfnav.navigation import NavigationStep
 from nerfnav_app.page.kit.theme import BELIEF, HIT
+from nerfnav_app.queries.robot_view import RobotView, RobotViewQuery
+from nerfnav_app.state.session import Session
+from nerfnav_app.state.tracks import TrackedFrame
 
 _GAP = 6  # [pixels] between two pictures
 _DARK = 30  # level of grey of the gap
@@ -37,3 +44,64 @@ def with_pixels(image: np.ndarray, update: FilterStep | None) -> np.ndarray:
     for chosen, color in ((believed, BELIEF), (~believed, HIT)):
         marked[rows[inside & chosen], columns[inside & chosen]] = color
     return marked
+
+
+_FLYING = "camera · as believed · difference × 3"
+_FROM_THE_ENDS = "seen from start · from goal"
+_NOTHING = np.full((2, 4, 3), 30, np.uint8)
+
+
+class CameraPanel:
+    """Pictures of the flight, else of what waits at start and goal: beside the scene, where they cover nothing.
+
+    The folder folds them away; a press on them opens them large.
+    """
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._folder = server.gui.add_folder("Camera", visible=False)
+        with self._folder:
+            self._picture = server.gui.add_image(_NOTHING, label=_FROM_THE_ENDS, jpeg_quality=85)
+        self._shown: tuple[RobotView | TrackedFrame, int] | None = None
+
+    def show(self, session: Session) -> None:
+        """Show the last picture, once the field's answer to it is there."""
+        if session.place is None:  # what the robot saw elsewhere is no picture of what is being opened
+            self._folder.visible, self._shown = False, None
+        track = session.shown_track
+        if track is not None and track.steps:
+            self._show_frame(track.steps[-1])
+            return
+        query, view = RobotViewQuery.asked_in(session), RobotViewQuery.result_in(session)
+        if query is None or view is None:
+            return
+        steps = session.steps_reported
+        if self._shown is not None and self._shown[0] is view and self._shown[1] == steps:
+            return
+        self._shown = view, steps
+        self._picture.label, self._picture.image = compose(view, query.step_of(session.shown_flight))
+        self._folder.visible = True
+
+    def _show_frame(self, frame: TrackedFrame) -> None:
+        """Show a frame of a track."""
+        if self._shown is None or self._shown[0] is not frame:
+            self._shown = frame, 0
+            self._picture.label, self._picture.image = _FLYING, tracked_pictures(frame)
+            self._folder.visible = True
+
+
+def tracked_pictures(frame: TrackedFrame) -> np.ndarray:
+    """The picture of a track's frame, and beside it what the field shows from there, where that is known."""
+    seen = read_picture(frame.seen).pixels
+    believed = np.zeros_like(seen) if frame.shown is None else read_picture(frame.shown).pixels
+    return beside(seen, believed, difference(seen, believed))
+
+
+def compose(view: RobotView, step: NavigationStep | None) -> tuple[str, np.ndarray]:
+    """What the pictures are, and the pictures side by side; `step` is the time step that the view is of."""
+    if step is None or step.image is None:
+        return _FROM_THE_ENDS, beside(*view)
+    seen, (believed, *_) = step.image.numpy(), view
+    pictures = [with_pixels(seen, step.update), believed]
+    if seen.shape == believed.shape:
+        pictures.append(difference(seen, believed))
+    return _FLYING, beside(*pictures)

@@ -1,14 +1,22 @@
-"""Estimates in words and numbers, as HTML."""
+"""Estimate panel: the estimator, and the estimated pose with its covariance, in words, numbers and charts."""
+
+
+from collections.abc import Callable
 
 import numpy as np
+import viser
 
-from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep, estimators
 from nerfnav.geometry.so3 import yaw_of
 from nerfnav.navigation import NavigationStep, Recovery
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
 from nerfnav_app.page.kit.html import columns, fine, note, table, warning
+from nerfnav_app.page.kit.widgets import Binder, ChoiceList
 from nerfnav_app.page.layers.global_localization import MOST_CANDIDATES
+from nerfnav_app.page.panels.flight.flight_charts import ERRORS, FlightChart
+from nerfnav_app.state.actions import CarryAway, Command, FindRobot, Settings
 from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.session import Session
 from nerfnav_app.text import number, sentence
 
 
@@ -86,3 +94,47 @@ def _times(nees: float) -> str:
 
 def _three(values: np.ndarray, unit: str) -> str:
     return " · ".join(f"{value:.2g}" for value in values) + f" {unit}"
+
+
+class EstimatePanel:
+    """The estimator, its numbers at the last time step, and its error over the flight."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._estimator = ChoiceList(server, "estimator", estimators.names(), "How the robot knows where it is", post)
+        self._ellipsoid = server.gui.add_slider(
+            "Ellipsoids ×", 1.0, 10.0, 0.5, 1.0, hint="Draw the 95 % regions larger than they are"
+        )
+        Binder(Settings.VIEW, post)(self._ellipsoid, "ellipsoid", float)
+        self._find = server.gui.add_button(
+            "Find the robot", icon=viser.Icon.MAP_SEARCH, disabled=True,
+            hint="Look for it everywhere by its last picture alone, as if nothing were known",
+        )  # fmt: skip
+        self._carry = server.gui.add_button(
+            "Put it elsewhere", color="gray", icon=viser.Icon.HAND_GRAB, visible=False,
+            hint="Kidnapped robot: the flying robot is put down somewhere else, without being told",
+        )  # fmt: skip
+        self._found = server.gui.add_html("", visible=False)
+        self._numbers = server.gui.add_html(note("Opening…"))
+        self._errors = FlightChart(server, ERRORS)
+
+        @self._find.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(FindRobot())
+
+        @self._carry.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(CarryAway())
+
+    def show(self, session: Session) -> None:
+        """Show the estimate of the last time step."""
+        self._estimator.show(session)
+        self._ellipsoid.value = session.view_settings.ellipsoid
+        self._errors.show(session)
+        self._find.disabled = not session.may_find
+        self._carry.visible = session.in_flight
+        self._found.visible = session.search is not None
+        if session.search is not None:
+            self._found.content = found(session.search.step)
+        self._numbers.visible = session.track is None
+        self._numbers.content = describe(session.shown_flight)

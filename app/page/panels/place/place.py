@@ -7,11 +7,10 @@ import viser
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav_app.page.kit.html import note
-from nerfnav_app.page.panels.dropdown import ChoiceList
+from nerfnav_app.page.kit.widgets import ChoiceList
 from nerfnav_app.places.derived import unproven_of
-from nerfnav_app.places.learning import BUDGETS_S, QualityName
 from nerfnav_app.places.library import PlaceLibrary
-from nerfnav_app.places.sources import SUFFIXES, title_of
+from nerfnav_app.places.sources import BUDGETS_S, SUFFIXES, QualityName, title_of
 from nerfnav_app.places.uploads import UploadError
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.state.actions import Cancel, ChooseQuality, Command, OpenPlace, Tell

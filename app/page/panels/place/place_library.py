@@ -10,9 +10,8 @@ import viser
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.page.kit.html import note, table
-from nerfnav_app.page.panels.delete_dialog import ask_to_delete
-from nerfnav_app.places.kept_place import KeptPlace
-from nerfnav_app.places.library import PlaceLibrary
+from nerfnav_app.page.kit.widgets import ask_to_delete
+from nerfnav_app.places.library import KeptPlace, PlaceLibrary
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.state.actions import Command, ListPlaces, OpenPlace, Tell
 from nerfnav_app.state.session import Session

@@ -7,8 +7,7 @@ import viser
 
 from nerfnav_app.page.kit.html import note
 from nerfnav_app.state.actions import Command
-from nerfnav_app.state.downloads import Download, MapWish, TakeMap
-from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.job import Download, JobKind, MapWish, TakeMap
 from nerfnav_app.state.session import Session
 
 MAPS = {"Voxels (.npz)": ".npz", "Collision mesh (.glb)": ".glb", "Map of ROS (.pgm, .yaml)": ".pgm"}

@@ -1,18 +1,242 @@
-"""How a plan is made, and how its cost falls."""
+"""Plan panel: the planner and its settings, the numbers of the plan, and its charts.
 
+The settings have one widget for each number: how long plans take and what they weigh. The charts show the cost by
+term over the iterations, and clearance and risk over time. Plans in words and numbers are HTML.
+"""
+
+
+import math
 from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
 
+import numpy as np
 import viser
 
-from nerfnav.planner import PLANNERS
-from nerfnav_app.page.kit.html import note
-from nerfnav_app.page.panels.dropdown import ChoiceList
-from nerfnav_app.page.panels.plan_charts import PlanCharts
-from nerfnav_app.page.panels.plan_settings import PlanningPanel
-from nerfnav_app.page.panels.plan_words import compared, describe
-from nerfnav_app.state.actions import Command, StartComparison
+from nerfnav.field import Unknown
+from nerfnav.planner import GOOD, PLANNERS, CostWeights, PlanOutcome
+from nerfnav_app.jobs.events import PlannerResult
+from nerfnav_app.page.kit.chart import Chart
+from nerfnav_app.page.kit.html import legend, note, table, warning
+from nerfnav_app.page.kit.theme import HIT, STALE, START, TRUTH
+from nerfnav_app.page.kit.widgets import Binder, ChoiceList
+from nerfnav_app.page.panels.flight.flight_charts import time_shown
+from nerfnav_app.queries.clearance import ClearanceQuery
+from nerfnav_app.queries.more_time import MoreTimeQuery
+from nerfnav_app.state.actions import Command, Settings, StartComparison
 from nerfnav_app.state.job import JobKind
+from nerfnav_app.state.records import NOWHERE, CostHistory, PlanRecord
 from nerfnav_app.state.session import Session
+from nerfnav_app.text import capital, number
+
+_IN_WORDS = {
+    PlanOutcome.CONVERGED: "The plan cannot be improved any more.",
+    PlanOutcome.ITERATION_LIMIT: "The plan could still be improved.",
+    PlanOutcome.NO_PATH: "No way from start to goal was found: move one of them.",
+    PlanOutcome.TIME_LIMIT: "No way was found in time: allow more time, or move start or goal.",
+    PlanOutcome.IN_COLLISION: "The robot would hit something: move start or goal, or take a smaller robot.",
+    PlanOutcome.OVER_LIMITS: "The robot cannot do what this plan asks of it: allow more time.",
+    PlanOutcome.TOO_RISKY: "The risk of a hit stays above what you accept: accept more, or move start or goal.",
+    PlanOutcome.LIKELY_COLLISION: "The robot is likely to hit something: keep start and goal away from walls and from "
+    "what no photograph shows, or take a smaller robot.",
+    PlanOutcome.TOUCHES_MESH: "The robot would touch the true surface, which the field does not show well enough: "
+    "train it longer, or move start or goal.",
+    PlanOutcome.DIVERGED: "The search for a plan failed: allow more time, or restore the weights.",
+}
+
+
+def outcome_in_words(outcome: PlanOutcome) -> str:
+    """How planning ended, and what helps, in plain words."""
+    return _IN_WORDS[outcome]
+
+
+def duration_of(plan: PlanRecord) -> float:
+    """How long a plan takes [s]."""
+    assert plan.latest is not None, "only plans with iterations take any time"
+    return len(plan.latest.motion.actions) * plan.latest.motion.dt
+
+
+def percent(share: float) -> str:
+    """An upper bound of a probability as a person reads it, rounded up."""
+    tenths = math.ceil(1000 * share - 1e-6)
+    return f"{tenths / 10:g} %" if tenths < 100 else f"{math.ceil(100 * share - 1e-6)} %"
+
+
+def compared(comparison: tuple[PlannerResult, ...]) -> str:
+    """The numbers of several planners, as HTML."""
+    rows = [("planner", "collision · effort · overlap [cm³] · time [s]")]
+    for result in comparison:
+        if result.motion is None:
+            rows.append((result.planner, result.complaint))
+            continue
+        cost, overlap = result.summary["cost"], result.summary["mesh_overlap_m3"]
+        told = "–" if overlap is None else f"{1e6 * overlap:.1f}"
+        numbers = f"{cost['collision']:.3g} · {cost['control']:.3g} · {told} · {result.summary['wall_s']:.3g}"
+        rows.append((result.planner, numbers))
+    found = [result.planner for result in comparison if result.motion is not None]
+    lines = legend((PLANNERS[name].color, name) for name in found)
+    return table(rows) + lines
+
+
+def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
+    """The numbers of a plan, as HTML."""
+    if plan is None or plan.latest is None:
+        none = "No plan yet: press Plan the way, and its cost shows here."
+        return note("Looking for a free way…" if planning else none)
+    cost = plan.latest.cost
+    rows = [
+        ("Iteration", _iteration(plan)),
+        ("Cost: collision", number(cost.collision, ""), "Sum over time of density × distance travelled (Eq. 2)"),
+        ("Cost: effort", number(cost.control, ""), "Control effort: sum of u' Γ u (Eq. 2)"),
+        ("Cost: all", number(cost.total, ""), "J"),
+        *_judgement(plan),
+    ]
+    # what is wrong with a plan is said once, in the status line
+    words = outcome_in_words(plan.outcome) if plan.outcome in GOOD and plan.outcome is not None else ""
+    if plan.outcome is None and not planning:
+        words = "Stopped before it was done."
+    remark = warning("Something was changed since: this is the earlier plan.") if stale else ""
+    return table(rows) + (note(words) if words else "") + remark
+
+
+def _iteration(plan: PlanRecord) -> str:
+    shown, latest = plan.shown, plan.latest
+    assert shown is not None and latest is not None, "only plans with iterations are described"
+    if plan.replayed is None:
+        return f"{latest.iteration + 1}"
+    return f"{shown.iteration + 1} of {latest.iteration + 1}, shown again slowly"
+
+
+def _judgement(plan: PlanRecord) -> list[tuple[str, ...]]:
+    summary, rows = plan.summary, list[tuple[str, ...]]()
+    if summary.get("wall_s") is not None:
+        rows.append(("Computed in", number(summary["wall_s"], "s")))
+    if summary.get("collision_probability_bound") is not None:
+        risk, term = percent(summary["collision_probability_bound"]), "Upper bound of the collision probability (Eq. 1)"
+        rows.append(("Risk of a hit, at most", risk, term))
+    if summary.get("mesh_overlap_m3") is not None:
+        overlap = number(1e6 * summary["mesh_overlap_m3"], "cm³")
+        rows.append(("Overlap with the true surface", overlap, "Largest volume that body and ground-truth mesh share"))
+    if summary.get("max_thrust_n") is not None:
+        rows.append(("Largest thrust", number(summary["max_thrust_n"], "N")))
+    if summary.get("duration_s") is not None:
+        rows.append(("Duration", number(summary["duration_s"], "s")))
+    if summary.get("safety", {}).get("min_clearance_m") is not None:
+        rows.append(("Least clearance", number(100 * summary["safety"]["min_clearance_m"], "cm")))
+    for name, use in summary.get("limits", {}).items():
+        rows.append((capital(name.replace("_", " ")), _used(use)))
+    return rows
+
+
+def _used(use: dict[str, Any]) -> str:
+    """How much of a limit is used; angles in degrees."""
+    scale, unit = (math.degrees(1), use["unit"].replace("rad", "°")) if "rad" in use["unit"] else (1.0, use["unit"])
+    least, most = (round(scale * use[end], 3) for end in ("least", "most"))
+    parts = [f"{number(least, '')} to {number(most, unit)}"]
+    parts += [f"at least {scale * use['lower']:.3g}"] if use["lower"] is not None else []
+    parts += [f"at most {scale * use['upper']:.3g}"] if use["upper"] is not None else []
+    return ", ".join(parts) + (" ✗" if use["violated"] else "")
+
+
+def planned(plan: PlanRecord) -> str:
+    """How good a plan is, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
+    parts, safety = [f"Planned: {duration_of(plan):.1f} s"], plan.summary.get("safety", {})
+    if safety.get("min_clearance_m") is not None:
+        parts.append(f"{100 * safety['min_clearance_m']:.1f} cm clearance")
+    if plan.summary.get("collision_probability_bound") is not None:
+        parts.append(f"risk at most {percent(plan.summary['collision_probability_bound'])}")
+    return ", ".join(parts)
+
+
+def unsafe(plan: PlanRecord, session: Session) -> str:
+    """Why a plan is not to be flown, and what helps."""
+    assert plan.outcome is not None, "only a plan that has ended is unsafe"
+    if plan.outcome is PlanOutcome.OVER_LIMITS:
+        seconds = MoreTimeQuery.seconds_for(plan, session)
+        helps = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
+        return f"Too fast for {duration_of(plan):.1f} s: {helps}."
+    if plan.settings.weights != CostWeights() and plan.outcome not in NOWHERE:
+        return f"{outcome_in_words(plan.outcome).split(':')[0]}, with these weights: restore them."
+    return outcome_in_words(plan.outcome)
+
+
+_LEAST_COST = 1e-3  # of what the logarithmic axis shows
+_TERMS = (((235, 237, 243), "total"), (TRUTH, "control"), (HIT, "collision"), (STALE, "limits"))
+
+
+class PlanCharts:
+    """Hidden while there is nothing to draw."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        """Put the charts up below what is there."""
+        self._cost = Chart(server, "iteration", _TERMS, logarithmic=True)
+        self._room = Chart(server, "time [s]", ((START, "clearance [cm]"),))
+        self._risk = Chart(server, "time [s]", ((HIT, "risk of a hit in a step, at most [%]"),))
+        self._history: CostHistory | None = None
+
+    def show(self, session: Session) -> None:
+        """Draw the plan of the session; one that follows a hand is drawn once the hand lets go."""
+        if session.held:
+            return
+        history = session.plan.history if session.plan is not None else CostHistory()
+        if history is not self._history:
+            self._history = history
+            self._cost.show(chart_data(history))
+        known = ClearanceQuery.rows_of(session.plan, session)
+        rows = np.zeros((3, 0)) if known is None else known
+        at = time_shown(session)
+        self._room.show(rows[[0, 1]], at)
+        self._risk.show(rows[[0, 2]], at)
+
+
+def chart_data(history: CostHistory) -> np.ndarray:
+    """Rows: iterations, then total, control, collision and limits at each; floored for the logarithmic axis."""
+    terms = [(cost.total, cost.control, cost.collision, cost.limits) for cost in history.costs]
+    rows = np.maximum(np.array(terms, dtype=np.float64).reshape(-1, 4), _LEAST_COST).T
+    return np.concatenate([np.array(history.iterations, dtype=np.float64)[None], rows])
+
+
+_UNITS = {"outside": "1/m²", "margin": "m", "risk": "J"}
+
+
+class PlanningPanel:
+    """The widgets of `PlanSettings`; those of the weights are made from the record's own fields."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        gui = server.gui
+        self._duration = gui.add_number("Duration [s]", 2.0, step=0.1, hint="From start to goal, rest to rest")
+        self._shortest = gui.add_checkbox(
+            "Find the shortest duration", False, hint="Minimum time: the least in which the robot keeps its limits"
+        )
+        self._accepted = gui.add_number(
+            "Accepted risk [%]", 100.0, step=0.1, hint="Largest bound on the probability of a collision; 100: any"
+        )
+        self._free = gui.add_checkbox(
+            "Unseen space is free", False, hint="Plan through what no photograph shows; else it is taken for solid"
+        )
+        bind, weigh = Binder(Settings.PLAN, post), Binder(Settings.WEIGHTS, post)
+        bind(self._duration, "duration_s", float)
+        bind(self._shortest, "shortest", bool)
+        bind(self._accepted, "max_collision", lambda percent: None if percent >= 100 else 0.01 * float(percent))
+        bind(self._free, "unknown", lambda free: Unknown.FREE if free else Unknown.OCCUPIED)
+        self._weights: dict[str, viser.GuiInputHandle[Any]] = {}
+        with gui.add_folder("Weights", expand_by_default=False):
+            for part in fields(CostWeights):
+                name = capital(part.name.replace("_", " "))
+                unit = f" [{_UNITS[part.name]}]" if part.name in _UNITS else ""
+                self._weights[part.name] = widget = gui.add_number(name + unit, getattr(CostWeights(), part.name))
+                weigh(widget, part.name, type(getattr(CostWeights(), part.name)))
+
+    def show(self, session: Session) -> None:
+        """Put the session's settings into the widgets."""
+        settings = session.plan_settings
+        self._duration.value, self._shortest.value = settings.duration_s, settings.shortest
+        accepted = settings.max_collision
+        self._accepted.value = 100.0 if accepted is None else round(100 * accepted, 6)
+        self._free.value = settings.unknown is Unknown.FREE
+        for name, widget in self._weights.items():
+            widget.value = getattr(settings.weights, name)
 
 
 class PlanPanel:

@@ -9,8 +9,8 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.export import FORMATS, ExportFormat, unsafe
 from nerfnav_app.page.kit.html import note
 from nerfnav_app.state.actions import Command, Tell
-from nerfnav_app.state.downloads import TakeTrajectory, TrajectoryWish
 from nerfnav_app.state.export_subject import ended, file_name, recording_of, subject
+from nerfnav_app.state.job import TakeTrajectory, TrajectoryWish
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import sentence
 

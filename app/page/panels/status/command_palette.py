@@ -33,7 +33,7 @@ from nerfnav_app.state.actions import (
     Undo,
 )
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.run_actions import PlayBack, Scrub
+from nerfnav_app.state.runs import PlayBack, Scrub
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMode
 

@@ -1,10 +1,20 @@
-"""What has happened in a flight, and when: the marks of the timeline."""
+"""Timeline of a flight or a track: choose the time that the scene, the pictures and the charts show.
 
-from collections.abc import Iterable, Iterator
+Its marks are the events of a flight, each at its time.
+"""
+
+
+from bisect import bisect
+from collections.abc import Callable, Iterable, Iterator
+
+import viser
+from viser._messages import GuiSliderMark
 
 from nerfnav.navigation import NavigationStep, Recovery
 from nerfnav.tracking import TrackStatus
-from nerfnav_app.state.runs import Timed
+from nerfnav_app.state.actions import Command
+from nerfnav_app.state.runs import PlayBack, Scrub, Timed
+from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackRecord
 
 Mark = tuple[float, str]
@@ -68,3 +78,72 @@ def _at(indices: Iterable[int], count: int) -> list[bool]:
 
 def _beginnings(told: list[bool]) -> Iterator[int]:
     return (index for index, now in enumerate(told) if now and not (index and told[index - 1]))
+
+
+_PLAY, _PAUSE = "Play back", "Hold"
+
+
+class TimelinePanel:
+    """A slider over the flight's time and a button that moves it, above the tabs, for they all show that time."""
+
+    def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
+        """`post` takes what the user asks."""
+        self._server, self._post = server, post
+        self._slider = server.gui.add_slider(
+            "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Which moment of the flight is shown"
+        )
+        self._button = server.gui.add_button(_PLAY, icon=viser.Icon.PLAYER_PLAY, color="gray", visible=False)
+        self._flight: Timed | None = None
+        self._times: tuple[float, ...] = (0.0,)
+        self._asked: int | None = None
+        self._playing = False
+        self._slider.on_update(self._scrub)
+
+        @self._button.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            post(PlayBack(not self._playing))
+
+    async def _scrub(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return  # the session wrote it
+        self._asked = nearest(self._times, float(self._slider.value))
+        self._post(Scrub(self._asked))
+
+    def show(self, session: Session) -> None:
+        """Show where in time the flight is, and what has happened in it; while it flies, that is its last step."""
+        flight, shown = session.timed, session.runs.shown(session.timed)
+        visible = flight is not None and len(flight.steps) > 1
+        self._slider.visible = visible
+        self._button.visible = visible and not session.growing
+        if not visible or flight is None or shown is None:
+            return
+        self._slider.disabled = session.growing
+        if flight is not self._flight:
+            self._flight, self._asked = flight, None
+            self._span(flight)
+        at = len(shown.steps) - 1
+        # a hand that holds the slider is ahead of the session: it must not be pulled back
+        if self._asked in (None, at) or session.runs.timeline.playing:
+            self._asked = None
+            self._slider.value = round(self._times[at], 3)
+        if self._playing != session.runs.timeline.playing:
+            self._playing = session.runs.timeline.playing
+            self._button.label = _PAUSE if self._playing else _PLAY
+            self._button.icon = viser.Icon.PLAYER_PAUSE if self._playing else viser.Icon.PLAYER_PLAY
+
+    def _span(self, flight: Timed) -> None:
+        """Reach over all of the flight, with a mark at each event."""
+        self._times = flight.times
+        end = round(self._times[-1], 3)
+        marks = spaced(marks_of(flight), end)
+        with self._server.atomic():
+            self._slider.step, self._slider.max = flight.tick, end
+            self._slider.precision = max(0, len(f"{flight.tick:.6g}".partition(".")[2]))
+            # viser takes marks where a slider is made, and has only an inner name for them later
+            self._slider._marks = tuple(GuiSliderMark(value, label or None) for value, label in marks)
+
+
+def nearest(times: tuple[float, ...], time: float) -> int:
+    """Which of the times, in order, is nearest to another [s]."""
+    after = bisect(times, time)
+    return min(range(max(0, after - 1), min(after + 1, len(times))), key=lambda index: abs(times[index] - time))

@@ -1,4 +1,4 @@
-"""The whole descent of camera poses in one call: twin of `minimise` in estimator/newton.py, whose notation holds here.
+"""Descent of camera poses in one call: twin of `minimise` in levenberg_marquardt.py, whose notation holds here.
 
 A row of the Jacobian by the camera's motion in the world's axes, g = (by centre, by turn), becomes one by the body's
 tangent through M = [I, -(R m)^ R; 0, R] with m the camera's place in the body; so the sums are made of g, and M is
@@ -6,7 +6,10 @@ applied to them once: J'WJ = M' (sum w g g') M.
 
 Where a pose has hardly moved since its rays were last followed from the camera on, they are followed from a little
 before the first density that they met then. A step that is too small to matter is taken without looking again.
+
+`slopes` gives the derivatives alone, before anything is compared: what pixels tell of a camera's motion.
 """
+
 
 import math
 
@@ -21,7 +24,7 @@ from nerfnav.estimator.photometric.kernels.levenberg_marquardt import (
     stretched,
 )
 from nerfnav.estimator.photometric.kernels.probe import center, turn
-from nerfnav.field.kernels.sight import ray_scratch, see_ray
+from nerfnav.field.kernels.pose_descent import ray_scratch, see_ray
 from nerfnav.geometry.kernels.linear import multiply
 from nerfnav.robots.kernels.rotations import inverse_left_jacobian, log_between, product
 
@@ -110,7 +113,8 @@ def look(grid, sight, guess, bounds, residuals, scratch):
     """Follow the rays of all pixels: fill residuals (m, 3) and rows (9, 3 m); returns the sum of the robust squares.
 
     Rows hold sqrt(w) times the derivatives by the camera's motion (6), by gain and bias, and the residual. `bounds` are
-    Huber's and the slack from which trust w is made (see newton.py); where that is negative, trust is that of before.
+    Huber's and the slack from which trust w is made (see levenberg_marquardt.py); where that is negative, trust is that
+    of before.
     """
     directions, colors = sight[0], sight[1]
     rotation, position, exposure = guess
@@ -243,3 +247,15 @@ def pulled(prior, rotation, position, exposure, change, known, slope):
         for j in range(8):
             slope[i] += derivative[j, i] * push[j]
     return process
+
+
+@kernel()
+def slopes(grid, sight, rotation, position):
+    """Derivatives (6, 3 m) of m pixels' colours by the camera's motion in the world's axes, centre and turn, at a body
+    pose; `grid` and `sight` as `descend` has them."""
+    pixels = sight[0].shape[0]
+    rows, first = np.empty((9, 3 * pixels), np.float32), np.empty(pixels, np.float32)
+    anchor, residuals = np.full((4, 3), np.inf), np.empty((pixels, 3), np.float32)
+    scratch = rows, first, anchor, np.ones(3 * pixels, np.float32)
+    look(grid, sight, (rotation, position, np.zeros(2)), (np.inf, -1.0), residuals, scratch)
+    return rows[:6]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from nerfnav.core.jit import kernel
-from nerfnav.field.kernels.glance import glance_along, glance_scratch
+from nerfnav.field.kernels.pose_descent import glance_along, glance_scratch
 from nerfnav.robots.kernels.rotations import product
 
 

@@ -13,11 +13,10 @@ from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.geometry.box import Box
 from nerfnav_app.cli import main as cli
-from nerfnav_app.jobs import open_place
 from nerfnav_app.jobs.events import JobEvent, PlaceOpened
-from nerfnav_app.jobs.import_field import run as run_import
-from nerfnav_app.jobs.open import make_field
+from nerfnav_app.jobs.open import make_field, opening
 from nerfnav_app.jobs.open.import_field import ImportRequest
+from nerfnav_app.jobs.open.import_field import run as run_import
 from nerfnav_app.jobs.open.make_field import field_path, made_before
 from tests.app.following import result_of
 from tests.importers.captures.synthetic import write_transforms
@@ -114,7 +113,7 @@ def test_splats_of_every_layout_are_opened_by_their_path(name: str, tmp_path: Pa
     writers = {"moon.spz": write_spz, "moon.sog": bundle_sog, "moon.ksplat": write_ksplat, "moon": write_sog}
     writers[name](tmp_path / name, ball_of_splats(400))
     events: list[JobEvent | PlaceOpened | object] = []
-    for event in open_place.run(str(tmp_path / name)):
+    for event in opening.run(str(tmp_path / name)):
         events.append(event)
         if isinstance(event, PlaceOpened):
             break
@@ -133,7 +132,7 @@ def test_opening_again_makes_nothing_anew(tmp_path: Path, monkeypatch: pytest.Mo
 
 def _until_opened(what: str) -> list[object]:
     events: list[object] = []
-    for event in open_place.run(what):
+    for event in opening.run(what):
         events.append(event)
         if isinstance(event, PlaceOpened):
             break

@@ -12,8 +12,7 @@ from nerfnav.core.errors import InvalidInputError, NameTakenError
 from nerfnav.export import formats
 from nerfnav.export.formats import FORMATS, ExportFormat
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.table_text import json_text
-from nerfnav.export.tables import motion_table
+from nerfnav.export.tables import json_text, motion_table
 from nerfnav.export.tum import poses_of_tum
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.voxel import VoxelField

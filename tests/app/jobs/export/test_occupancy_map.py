@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.states import VoxelState
+from nerfnav.field.proof.occupancy_grid import VoxelState
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav_app.cli.main import BAD_INPUT, main

@@ -11,8 +11,8 @@ from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene
 from nerfnav_app.jobs.events import JobEvent
 from nerfnav_app.jobs.field import bundled
+from nerfnav_app.jobs.field.request import TrainRequest
 from nerfnav_app.jobs.field.training_data import StoppedError
-from nerfnav_app.jobs.training_data.request import TrainRequest
 
 
 def asked_for(name: str, depth: bool | None, monkeypatch: pytest.MonkeyPatch) -> int:

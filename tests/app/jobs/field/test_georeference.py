@@ -14,9 +14,9 @@ from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.geometry.similarity import Similarity
 from nerfnav.importers.alignment import Correction
 from nerfnav.importers.core.placement import rotation_to_z
-from nerfnav_app.jobs.import_field import ImportRequest
-from nerfnav_app.jobs.import_field import run as import_run
-from nerfnav_app.jobs.place_field import PlaceRequest, run
+from nerfnav_app.jobs.field.georeference import PlaceRequest, run
+from nerfnav_app.jobs.open.import_field import ImportRequest
+from nerfnav_app.jobs.open.import_field import run as import_run
 from nerfnav_app.places.place import open_place
 from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import result_of

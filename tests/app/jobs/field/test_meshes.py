@@ -13,16 +13,16 @@ import trimesh
 from nerfnav.core.errors import FieldFileError, InvalidInputError, NerfnavError
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.field.train.config import TrainConfig
+from nerfnav.importers.core.errors import MeshFileError
 from nerfnav.importers.core.placement import Placement
 from nerfnav.importers.meshes.config import MeshOptions
-from nerfnav.importers.meshes.refusal import MeshFileError
 from nerfnav.robots.state import RigidState
-from nerfnav.world.capture_config import CaptureConfig
+from nerfnav.world.capture import CaptureConfig
 from nerfnav.world.contact import judge
 from nerfnav_app.cli.main import main
 from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.train import StoppedError, TrainRequest, run
-from nerfnav_app.jobs.training_data.gather import Photographs, TrainingData, gather
+from nerfnav_app.jobs.field.train import StoppedError, TrainRequest, run
+from nerfnav_app.jobs.field.training_data import Photographs, TrainingData, gather
 from nerfnav_app.places.place import open_place
 from tests.app.following import followed, result_of
 from tests.importers.meshes.places import two_textures, write

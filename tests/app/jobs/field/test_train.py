@@ -9,12 +9,12 @@ from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import TrainStep
-from nerfnav.world.capture_config import CaptureConfig
+from nerfnav.world.capture import CaptureConfig
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.field.bundled import images_for, iterations_for
-from nerfnav_app.jobs.train import run
-from nerfnav_app.jobs.training_data.gather import Photographs, StoppedError, TrainRequest
-from nerfnav_app.jobs.training_data.request import NeuralOptions
+from nerfnav_app.jobs.field.request import NeuralOptions
+from nerfnav_app.jobs.field.train import run
+from nerfnav_app.jobs.field.training_data import Photographs, StoppedError, TrainRequest
 from nerfnav_app.places.place import NoTrainedFieldError, field_file, open_place
 from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import followed, result_of

@@ -6,10 +6,9 @@ import pytest
 import torch
 
 from nerfnav.field.train.config import TrainConfig
-from nerfnav_app.jobs.field.request import QualityName
+from nerfnav_app.jobs.field.request import QualityName, TrainRequest
 from nerfnav_app.jobs.field.train import config_for
 from nerfnav_app.jobs.field.training_data import TrainingData
-from nerfnav_app.jobs.training_data.request import TrainRequest
 from tests.field.fields import BOX, black_photographs
 
 PICTURES = black_photographs(12, size=200)  # pixels of a centimetre or two at the box

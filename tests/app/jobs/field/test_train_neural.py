@@ -9,7 +9,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav_app.cli import main as cli
-from nerfnav_app.jobs.training_data.request import NeuralOptions
+from nerfnav_app.jobs.field.request import NeuralOptions
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import torch
 
 from nerfnav.core.errors import UnknownNameError
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.orders import Orders
+from nerfnav.navigation.flight import Orders
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.planner.solvers.adam import PlanConfig
 from nerfnav.planner.steps import PlanStep
@@ -20,7 +20,7 @@ from nerfnav_app.jobs.plan.plan import run as plan_job
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
 from nerfnav_app.storage.run_metadata import RunMetadata
-from nerfnav_app.storage.stored_steps import read_steps
+from nerfnav_app.storage.step_log import read_steps
 from tests.app.following import followed, result_of
 
 ENDS = Ends(End((-0.6, -0.6, 0.5)), End((0.6, -0.6, 0.5)))

@@ -11,12 +11,9 @@ from PIL import Image
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.render.volume_rendering import render_image
-from nerfnav_app.jobs import bench
-from nerfnav_app.jobs.bench import BenchRequest
-from nerfnav_app.jobs.bench_chart import picture
-from nerfnav_app.jobs.bench_files import save_bench
-from nerfnav_app.jobs.bench_training import Row, measure_training
+from nerfnav_app.jobs.measure import bench
 from nerfnav_app.jobs.measure.arena import open_arena
+from nerfnav_app.jobs.measure.bench import BenchRequest, Row, measure_training, picture, save_bench
 from tests.app.following import result_of
 from tests.field.fields import ball, photographs_of_ball
 from tests.importers.captures.synthetic import matrices

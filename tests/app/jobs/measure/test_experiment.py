@@ -12,18 +12,16 @@ import pytest
 from matplotlib.figure import Figure
 
 from nerfnav.core.errors import InvalidInputError, MissingExtraError, NerfnavError, UnknownNameError
-from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.figures import panels
-from nerfnav.experiments.study import ExperimentStep, Results, Study, TrialDone
+from nerfnav.experiments.study import Arena, ExperimentStep, Results, Study, TrialDone
 from nerfnav_app.benchmarks.comparison import Comparison
-from nerfnav_app.jobs import bench, experiment
-from nerfnav_app.jobs.bench import BenchRequest
 from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.experiment import ExperimentRequest
+from nerfnav_app.jobs.measure import bench, experiment
 from nerfnav_app.jobs.measure import bench as bench_measures
 from nerfnav_app.jobs.measure import experiment as experiment_catalog
 from nerfnav_app.jobs.measure.arena import open_arena
-from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, Experiment
+from nerfnav_app.jobs.measure.bench import BenchRequest
+from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, Experiment, ExperimentRequest
 from nerfnav_app.storage.output_files import OutputError
 from tests.app.following import result_of
 

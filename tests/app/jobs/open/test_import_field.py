@@ -14,9 +14,8 @@ from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.importers.core.placement import Placement
 from nerfnav_app.cli import main as cli
 from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.import_field import imports, run
 from nerfnav_app.jobs.open import make_field as adopt
-from nerfnav_app.jobs.open.import_field import ImportRequest
+from nerfnav_app.jobs.open.import_field import ImportRequest, imports, run
 from nerfnav_app.places.place import open_place
 from tests.app.following import followed, result_of
 from tests.importers.nerf.test_importer import Flexible, saved

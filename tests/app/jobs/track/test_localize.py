@@ -19,9 +19,8 @@ from nerfnav.geometry.camera import FORWARD_MOUNT, Camera
 from nerfnav.robots import CAMERA as ROBOTS_CAMERA
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.find_robot import find
-from nerfnav_app.jobs.localize import LocalizeRequest, run
 from nerfnav_app.jobs.track.camera import GivenCamera, camera_of, read_image
+from nerfnav_app.jobs.track.localize import LocalizeRequest, find, run
 from nerfnav_app.places.derived import searcher_of
 from tests.app.doubles import balls_place
 from tests.app.following import followed

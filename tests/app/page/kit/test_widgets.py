@@ -8,7 +8,7 @@ import pytest
 import viser
 
 from nerfnav import robots
-from nerfnav_app.page.panels.dropdown import ChoiceList
+from nerfnav_app.page.kit.widgets import ChoiceList
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice
 

@@ -7,8 +7,7 @@ import torch
 
 from nerfnav.navigation import NavigationStep
 from nerfnav_app.page.kit.theme import BELIEF, HIT
-from nerfnav_app.page.panels.camera import compose
-from nerfnav_app.page.panels.flight.camera import beside, difference, with_pixels
+from nerfnav_app.page.panels.flight.camera import beside, compose, difference, with_pixels
 from nerfnav_app.page.panels.flight.flight_charts import FlightRows, error_curves, time_curves
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.state.records import FlightRecord

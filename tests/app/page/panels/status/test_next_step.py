@@ -6,7 +6,7 @@ import msgspec
 import pytest
 import viser
 
-from nerfnav_app.page.panels.next_buttons import NextButtons
+from nerfnav_app.page.panels.status.next_step import NextButtons
 from nerfnav_app.page_server import page_server
 from nerfnav_app.state.actions import Cancel, Command, StartFlight, StartPlan
 from nerfnav_app.state.session import Session
