@@ -141,7 +141,7 @@ class LiveServer:
             except NerfnavError as error:
                 await _say(connection, messages.Error(str(error)), came.text)
             else:
-                await _say(connection, messages.Told(replace(answer, dropped=dropped)), came.text)
+                await _say(connection, messages.AnswerMessage(replace(answer, dropped=dropped)), came.text)
 
     def _look(self, came: _Came) -> Answer:
         """Runs in the thread that computes."""
@@ -157,11 +157,11 @@ async def _reading(connection: ServerConnection, newest: Newest[_Came]) -> None:
     """Take what comes, until the vehicle leaves."""
     async for message in connection:
         try:
-            newest.put(_Came(messages.picture_in(message), isinstance(message, str)))
+            newest.put(_Came(messages.decode_picture_message(message), isinstance(message, str)))
         except NerfnavError as error:
             await _say(connection, messages.Error(str(error)), isinstance(message, str))
 
 
 async def _say(connection: ServerConnection, message: messages.FromServer, text: bool) -> None:
     with suppress(ConnectionClosed):
-        await connection.send(messages.encoded(message, text))
+        await connection.send(messages.encode_message(message, text))

@@ -7,7 +7,7 @@ tabs --commands--> inbox --> UI loop: session = reduce(session, message) --> lay
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
-from nerfnav_app.page.page import put_up
+from nerfnav_app.page.page import build_page
 from nerfnav_app.page_server import page_server
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.security.address import page_url
@@ -64,7 +64,7 @@ class App:
         self._worker.follow(self.session)  # opens the place while the page is being put up
         self._worker.start()
         # all changes of a frame in one message: each would wake up viser's thread, which takes the interpreter's lock
-        self._loop.start(put_up(surface, self.post, self._library), surface.server.atomic)
+        self._loop.start(build_page(surface, self.post, self._library), surface.server.atomic)
 
     def stop(self) -> None:
         """End the worker and the page."""
@@ -80,6 +80,6 @@ class App:
 
     def wait(self) -> None:
         """Return when the app was stopped; raise NerfnavError when the place could not be opened."""
-        while self._loop.runs_on(0.5):
+        while self._loop.call_on_loop(0.5):
             if self.session.job is None and self.session.place is None:
                 raise NerfnavError(self.session.notices[-1].body)

@@ -61,7 +61,7 @@ class UiLoop:
         self._inbox.put(None)
         self._thread.join(5)
 
-    def runs_on(self, wait_s: float) -> bool:
+    def call_on_loop(self, wait_s: float) -> bool:
         """Whether messages are still taken after a while."""
         self._thread.join(wait_s)
         return self._thread.is_alive()
@@ -91,7 +91,7 @@ class UiLoop:
         frame, job = _FRAME_S, self.session.job
         if self.session.held:  # the worker makes no more plans a second than the hand makes moves: none has to wait
             frame = 0.0
-        elif job is not None and job.hurries and isinstance(message, Reported | QueryAnswered):
+        elif job is not None and job.runs_unpaced and isinstance(message, Reported | QueryAnswered):
             frame = _HURRYING_S
         return max(shown_at + frame, time.monotonic() + _SETTLED_S)
 
@@ -111,7 +111,7 @@ class UiLoop:
             _log.exception("a message of type %s was not understood", type(message).__name__)
         for follow in self._follow:
             follow(self.session)
-        if isinstance(message, MoveEnd) and message.held and self.session.plan_follows:
+        if isinstance(message, MoveEnd) and message.held and self.session.plan_follows_hand:
             return False  # the hand has moved the gizmo itself: what is worth a frame is the plan that follows
         # a command that was refused leaves the session alone, but its tab shows what was refused
         return self.session is not before or not isinstance(message, Reported)

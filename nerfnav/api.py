@@ -11,18 +11,18 @@ from typing import Literal
 import torch
 
 import nerfnav.world as world  # loaded where it is first used: half a second, for which no plan need wait
-from nerfnav.estimator import FastFilter, LastingError
-from nerfnav.field import GridField, Unknown, planning_field, render_image
+from nerfnav.estimator import ConsiderCovariance, FastFilter
+from nerfnav.field import GridField, UnknownSpace, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
     CameraFunction,
     Episode,
-    Mission,
+    FlightRequest,
     NavigateConfig,
+    NavigationStack,
     NavigationStep,
-    Pilot,
     Simulator,
-    guarded,
+    build_safe_planner,
     navigate,
     world_generator,
 )
@@ -30,13 +30,13 @@ from nerfnav.planner import (
     FastPlanConfig,
     PlanProblem,
     PlanStep,
+    estimate_timing,
+    find_shortest_plan,
     last_step,
     map_for,
+    path_length,
     plan_fast,
     planners,
-    shortest_plan,
-    timing_of,
-    way_length,
 )
 
 
@@ -55,12 +55,12 @@ def plan(
         return last_step(plan_fast(problem, config))
     config = FastPlanConfig() if config is None else config
     occupancy = map_for(problem, config.occupancy).remembering()
-    timing = timing_of(problem.robot, way_length(problem, occupancy, config.search), problem.dt)
+    timing = estimate_timing(problem.robot, path_length(problem, occupancy, config.search), problem.dt)
 
     def lasting(steps: int) -> Iterator[PlanStep]:
         return plan_fast(replace(problem, steps=steps, dt=timing.dt), config, occupancy)
 
-    return last_step(shortest_plan(lasting, problem.robot, timing.config))
+    return last_step(find_shortest_plan(lasting, problem.robot, timing.config))
 
 
 def fly(
@@ -77,15 +77,15 @@ def fly(
     noise. Raises as `plan` does.
     """
     config, generator = config or NavigateConfig(), torch.Generator().manual_seed(seed)
-    seen, robot, lasting = _careful(problem), problem.robot, LastingError()
+    seen, robot, lasting = _careful(problem), problem.robot, ConsiderCovariance()
     if isinstance(problem.field, GridField):
         info = problem.field.info
         config = replace(config, filter=config.filter.for_field(info))
-        lasting = lasting if scene is None else LastingError(info.pose_floor, robot.mount)
+        lasting = lasting if scene is None else ConsiderCovariance(info.pose_floor, robot.mount)
     camera, settings = camera or robot.camera, FastPlanConfig()
     where = (seen.field, map_for(seen, settings.occupancy), robot)
-    planner, guard = guarded(planners.load("fast"), where, settings, None, config.noise, problem.terms)
-    pilot = Pilot(
+    planner, guard = build_safe_planner(planners.load("fast"), where, settings, None, config.noise, problem.terms)
+    pilot = NavigationStack(
         planner,
         FastFilter(problem.field, robot, camera, robot.mount, config=config.filter),
         guard=guard,
@@ -96,14 +96,14 @@ def fly(
     look = _pictures(problem, scene, camera)
     draws = world_generator(seed)
     simulator = Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
-    mission = Mission(problem.goal, problem.steps, problem.dt)
+    mission = FlightRequest(problem.goal, problem.steps, problem.dt)
     events = navigate(mission, simulator, pilot, config, generator)
     return Episode.of([event for event in events if isinstance(event, NavigationStep)])
 
 
 def _careful(problem: PlanProblem) -> PlanProblem:
     """The problem in the field with what no camera saw taken for solid."""
-    return replace(problem, field=planning_field(problem.field, Unknown.OCCUPIED))
+    return replace(problem, field=planning_field(problem.field, UnknownSpace.OCCUPIED))
 
 
 def _pictures(problem: PlanProblem, scene: "world.Scene | None", camera: Camera) -> CameraFunction:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import nerfnav
-from nerfnav.core.cache import code_of, kept
+from nerfnav.core.cache import code_of, load_or_make
 from nerfnav.core.errors import UnknownNameError
 from nerfnav.world import Task
 
@@ -36,7 +36,7 @@ def load(name: str) -> "Scene":
     here, library = Path(__file__).parent, Path(nerfnav.__file__).parent
     key = name.encode() + code_of(here, library / "world", library / "geometry")
     # only what this user's own nerfnav has written is unpickled, as with numba's cache of machine code
-    return pickle.loads(kept("scenes", key, build))
+    return pickle.loads(load_or_make("scenes", key, build))
 
 
 def tasks_of(name: str) -> tuple[Task, ...]:

@@ -14,9 +14,14 @@ from pathlib import Path
 import torch
 
 import nerfnav_scenes as scenes
-from nerfnav.experiments import Freedom, freedom_noted, freedom_on_mesh, in_words
-from nerfnav.field import VoxelField, load_field, save_field, states_of
-from nerfnav.field.proof.fusion import fused
+from nerfnav.experiments import (
+    FreeSpaceAccuracy,
+    describe_free_space_accuracy,
+    measure_free_space_on_mesh,
+    note_free_space,
+)
+from nerfnav.field import VoxelField, classify_nodes, load_field, save_field
+from nerfnav.field.proof.fusion import fuse_depth
 from nerfnav.geometry import PosedImages
 from nerfnav.world import CaptureConfig, Scene, images_taken, split
 from nerfnav.world.capture import capture
@@ -33,12 +38,12 @@ def learned_from(field: VoxelField, scene: Scene) -> PosedImages:
 
 def proven(field: VoxelField, scene: Scene, photographs: PosedImages) -> VoxelField:
     """The field with what depth maps prove, and with what planners then take for free."""
-    states = states_of(fused(photographs, field.box, field.shape).free, field.values[..., 0])
+    states = classify_nodes(fuse_depth(photographs, field.box, field.shape).free, field.values[..., 0])
     info = replace(field.info, learned_from="pictures", proven_from="depth")
     known = replace(field, evidence=states, info=info)
     seen_from = (photographs.camera, photographs.poses)
-    freedom = freedom_on_mesh(known, float(field.spacing.max()), scene, seen_from)
-    return replace(known, info=freedom_noted(known.info, freedom))
+    freedom = measure_free_space_on_mesh(known, float(field.spacing.max()), scene, seen_from)
+    return replace(known, info=note_free_space(known.info, freedom))
 
 
 def main(names: list[str]) -> None:
@@ -50,8 +55,8 @@ def main(names: list[str]) -> None:
         known = proven(field, scene, learned_from(field, scene))
         size = save_field(known, Path(path))
         info = known.info
-        freedom = Freedom(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, 0.0)
-        sys.stdout.write(f"{name}: {in_words(freedom)}; {size / 1e6:.1f} MB\n")
+        freedom = FreeSpaceAccuracy(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, 0.0)
+        sys.stdout.write(f"{name}: {describe_free_space_accuracy(freedom)}; {size / 1e6:.1f} MB\n")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import os
 from pathlib import Path
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.core.steps import returned
+from nerfnav.core.steps import run_steps
 from nerfnav_app.jobs.measure.bench import SECONDS, Row, check_capture, measure_training, picture
 from nerfnav_app.jobs.measure.results import png_of
 
@@ -25,7 +25,7 @@ def main(source: Path, seconds: tuple[float, ...]) -> None:
     cores = len(os.sched_getaffinity(0))
     of: dict[str, str | int] = {"capture": source.name, "cores": cores}
     for budget in seconds:
-        rows = returned(measure_training(source, (budget,)))
+        rows = run_steps(measure_training(source, (budget,)))
         rows += [row for row in measured_before(of) if row["budget_s"] != budget]
         rows.sort(key=lambda row: row["budget_s"] or 0.0)
         NUMBERS.write_text(json.dumps({**of, "rows": rows}, indent=1) + "\n")

@@ -25,7 +25,7 @@ from nerfnav.field.storage import checkpoint
 from nerfnav.field.storage.checkpoint import CODECS, load_field, save_field
 from nerfnav.geometry.box import Box
 from nerfnav.planner import planners, terms
-from nerfnav.planner.baselines.waypoint_following import step_along
+from nerfnav.planner.baselines.waypoint_following import plan_along
 from nerfnav.planner.planners import PLANNERS
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.risk.costs import CostWeights
@@ -110,7 +110,7 @@ class DetourPlanner(FieldPlanner):
         start, goal = route.start.position, route.goal.position
         beside = (start + goal) / 2 + torch.tensor([0.0, self.first.side, 0.0])
         waypoints = waypoints_along(torch.stack([start, beside, goal]), route.start, route.goal, route.steps)
-        yield step_along(self.problem(route), waypoints, self.first.weights, PlanOutcome.CONVERGED)
+        yield plan_along(self.problem(route), waypoints, self.first.weights, PlanOutcome.CONVERGED)
 
     def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
         """See Planner."""

@@ -15,7 +15,7 @@ from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import train
 from nerfnav.geometry.camera import Camera
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.flight import Mission, NavigateConfig, Pilot
+from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
@@ -66,12 +66,12 @@ def test_from_photographs_to_a_flight(tmp_path: Path) -> None:
     # The filter turns each picture into a belief; the plan is made anew from it: three steps of the paper's loop.
     filtering = FilterConfig(descent=DescentConfig(iterations=150)).for_field(field.info)
     settings = NavigateConfig(filter=filtering)
-    pilot = Pilot(
+    pilot = NavigationStack(
         PaperPlanner(field, robot, again=PlanConfig(iterations=20)),
         PoseFilter(field, robot, camera, config=filtering),
     )
     flown: list[NavigationStep] = []
-    for event in navigate(Mission(task.goal_state, plan=planned.motion), simulator, pilot, settings, generator):
+    for event in navigate(FlightRequest(task.goal_state, plan=planned.motion), simulator, pilot, settings, generator):
         if isinstance(event, NavigationStep):
             flown.append(event)
         if len(flown) == 4:

@@ -12,11 +12,11 @@ from contextlib import ExitStack, contextmanager, suppress
 import torch
 
 from nerfnav.experiments import Arena
-from nerfnav.planner import FastPlanConfig, OccupancyMap, carry_on, last_step, plan_fast
+from nerfnav.planner import FastPlanConfig, OccupancyMap, last_step, plan_fast, replan_from
 from nerfnav_app.benchmarks.comparison import milliseconds
 from nerfnav_app.benchmarks.filter import bench_filter, situations
 from nerfnav_app.benchmarks.plan import both_threads, problems_of
-from nerfnav_app.benchmarks.replan import pushed_plan
+from nerfnav_app.benchmarks.replan import disturbed_plan
 
 PROCESSES = 2
 """Busy processes."""
@@ -25,7 +25,7 @@ _SETTLE_S = 0.3
 
 
 @contextmanager
-def company() -> Iterator[None]:
+def busy_processes() -> Iterator[None]:
     """Processes that compute as long as the block lasts, on the cores of this one."""
     with ExitStack() as stack:
         for _ in range(PROCESSES):
@@ -69,7 +69,7 @@ def measure(arena: Arena, tasks: int = 3, rounds: int = 4, per_round: int = 3) -
         busy: dict[str, list[float]] = {name: [] for name in calls}
         for _ in range(rounds):
             _time(calls, per_round, quiet)
-            with company():
+            with busy_processes():
                 _time(calls, per_round, busy)
     medians = {name: (statistics.median(quiet[name]), statistics.median(busy[name])) for name in calls}
     return {
@@ -83,11 +83,13 @@ def _calls(arena: Arena, tasks: int) -> dict[str, list[Callable[[], object]]]:
     problems, config = problems_of(arena, tasks), FastPlanConfig()
     occupancy = OccupancyMap.of(arena.field, problems[0].robot.body)
     generator = torch.Generator().manual_seed(0)
-    pushed = [pushed_plan(problem, generator) for problem in problems]
+    pushed = [disturbed_plan(problem, generator) for problem in problems]
     fast = bench_filter(arena)
     return {
         "plan": [lambda p=problem: last_step(plan_fast(p, config, occupancy)) for problem in problems],
-        "replan": [lambda p=rest, m=motion: last_step(carry_on(p, m, 1, config, occupancy)) for rest, motion in pushed],
+        "replan": [
+            lambda p=rest, m=motion: last_step(replan_from(p, m, 1, config, occupancy)) for rest, motion in pushed
+        ],
         "filter": [lambda s=now: s.updated(fast) for now in situations(arena, tasks)],
     }
 

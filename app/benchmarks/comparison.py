@@ -27,7 +27,7 @@ class Comparison:
         return self.paper_ms / self.fast_ms
 
 
-def interleaved(
+def time_interleaved(
     paper: Callable[[], object], fast: Callable[[], object], rounds: int, fast_per_round: int = 1
 ) -> tuple[float, float]:
     """Median times [ms] of two calls made in turn, so that a busy moment of the machine strikes both.

@@ -15,7 +15,7 @@ from nerfnav.experiments import Arena
 from nerfnav.experiments.held_out_views import SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState, StateNoise
 from nerfnav.world import MeshRenderer
-from nerfnav_app.benchmarks.comparison import Comparison, interleaved, milliseconds
+from nerfnav_app.benchmarks.comparison import Comparison, milliseconds, time_interleaved
 from nerfnav_app.benchmarks.plan import both_threads
 
 _PIXELS = 1024
@@ -104,7 +104,7 @@ def _compare(
         means[name] = now.updated(estimator)
 
     update("fast", fast)
-    slow_ms, fast_ms = interleaved(lambda: update("paper", paper), lambda: update("fast", fast), *effort)
+    slow_ms, fast_ms = time_interleaved(lambda: update("paper", paper), lambda: update("fast", fast), *effort)
     return slow_ms, fast_ms, now.truth.local(means["paper"]), now.truth.local(means["fast"])
 
 

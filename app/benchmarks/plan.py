@@ -10,7 +10,7 @@ from nerfnav import robots
 from nerfnav.core.jit import threads
 from nerfnav.experiments import Arena
 from nerfnav.planner import FastPlanConfig, OccupancyMap, PlanConfig, PlanProblem, last_step, plan, plan_fast
-from nerfnav_app.benchmarks.comparison import Comparison, interleaved
+from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
 
 THREADS, TORCH_THREADS = 1, 1
 """Threads of compiled kernels, and of torch: what plans and filters asks for no more."""
@@ -68,5 +68,5 @@ def _compare(problem: PlanProblem, paper: PlanConfig, rounds: int, per_round: in
         totals["fast"] = last_step(plan_fast(problem, FastPlanConfig(weights=paper.weights), occupancy)).cost.total
 
     fast()  # compiled, and the map's prices made
-    slow_ms, fast_ms = interleaved(slow, fast, rounds, per_round)
+    slow_ms, fast_ms = time_interleaved(slow, fast, rounds, per_round)
     return slow_ms, fast_ms, totals["fast"] / totals["paper"]

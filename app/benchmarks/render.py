@@ -13,7 +13,7 @@ from nerfnav.core.jit import threads
 from nerfnav.experiments import Arena
 from nerfnav.field import Rendering, render_rays, uniform_samples
 from nerfnav.geometry import Camera, Pose, look_at
-from nerfnav_app.benchmarks.comparison import Comparison, interleaved
+from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
 
 THREADS = 2
 """Threads of compiled kernels and of torch, whose large tensors gain by them."""
@@ -25,7 +25,7 @@ _RADIUS = 0.3
 
 
 @contextmanager
-def field_threads() -> Iterator[None]:
+def threads_argument() -> Iterator[None]:
     """Give kernels and torch the same number of threads inside the block."""
     with threads(THREADS):  # which gives torch its own number back
         torch.set_num_threads(THREADS)
@@ -71,11 +71,11 @@ def measure(arena: Arena, pictures: int = 3, size: int = 100, rounds: int = 1, f
     def fast() -> None:
         result["fast"] = _colors([field.render_rays(*pair) for pair in batches])
 
-    with field_threads():
+    with threads_argument():
         fast()  # compiled
         samples = [field.samples(*pair) for pair in batches]
-        slow_ms, fast_ms = interleaved(slow, fast, rounds, fast_per_round)
-        given_ms, _ = interleaved(given, fast, rounds)
+        slow_ms, fast_ms = time_interleaved(slow, fast, rounds, fast_per_round)
+        given_ms, _ = time_interleaved(given, fast, rounds)
     difference = (result["paper"] - result["fast"]).abs().max().item()
     detail = {
         "max_color_difference": difference,

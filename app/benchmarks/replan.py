@@ -13,14 +13,14 @@ from nerfnav.planner import (
     PlanConfig,
     PlanProblem,
     PlanStep,
-    carry_on,
     last_step,
     plan_fast,
     replan,
+    replan_from,
 )
-from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.robots import Motion
-from nerfnav_app.benchmarks.comparison import Comparison, interleaved
+from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
 from nerfnav_app.benchmarks.plan import both_threads, problems_of
 
 _KICK_M, _KICK_RAD = 0.02, 0.02
@@ -37,7 +37,7 @@ def measure(
     """
     generator = torch.Generator().manual_seed(0)
     with both_threads() as used:
-        pushed = [pushed_plan(problem, generator) for problem in problems_of(arena, tasks)]
+        pushed = [disturbed_plan(problem, generator) for problem in problems_of(arena, tasks)]
         occupancy = OccupancyMap.of(arena.field, pushed[0][0].robot.body)
         found = [_compare(*one, occupancy, (rounds, fast_per_round, iterations)) for one in pushed]
     slow_ms, fast_ms, same_ms, ratios = zip(*found, strict=True)
@@ -50,7 +50,7 @@ def measure(
     return Comparison("replan", statistics.median(slow_ms), statistics.median(fast_ms), used, detail)
 
 
-def pushed_plan(problem: PlanProblem, generator: torch.Generator) -> tuple[PlanProblem, Motion]:
+def disturbed_plan(problem: PlanProblem, generator: torch.Generator) -> tuple[PlanProblem, Motion]:
     """What is left to plan after one step that ended elsewhere, and the plan so far."""
     motion = last_step(plan_fast(problem)).motion
     scale = torch.tensor([_KICK_M] * 3 + [_KICK_M / 2] * 3 + [_KICK_RAD] * 3 + [_KICK_RAD / 2] * 3)
@@ -68,17 +68,17 @@ def _compare(
     last: dict[str, PlanStep] = {}
 
     def slow() -> None:
-        trajectory = hot_start(motion, problem.start, problem.goal, problem.robot, steps=problem.steps)
+        trajectory = shift_warm_start(motion, problem.start, problem.goal, problem.robot, steps=problem.steps)
         last["paper"] = last_step(replan(problem, trajectory, paper))
 
     def fast() -> None:
-        last["fast"] = last_step(carry_on(problem, motion, 1, config, occupancy))
+        last["fast"] = last_step(replan_from(problem, motion, 1, config, occupancy))
 
     fast()
-    slow_ms, fast_ms = interleaved(slow, fast, rounds, per_round)
+    slow_ms, fast_ms = time_interleaved(slow, fast, rounds, per_round)
     paper_total = last["paper"].cost.total
     same_ms = statistics.median(
-        _until(carry_on(problem, motion, 1, config, occupancy), paper_total) for _ in range(per_round)
+        _until(replan_from(problem, motion, 1, config, occupancy), paper_total) for _ in range(per_round)
     )
     return slow_ms, fast_ms, same_ms, last["fast"].cost.total / paper_total
 

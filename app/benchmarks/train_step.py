@@ -6,8 +6,8 @@ import torch
 from nerfnav.experiments import Arena
 from nerfnav.field import GridLearner, LearningRates, RayBatch, TorchLearner, TrainConfig
 from nerfnav.field.core.occupancy import VOXELS_IN_UNIT
-from nerfnav_app.benchmarks.comparison import Comparison, interleaved
-from nerfnav_app.benchmarks.render import THREADS, field_threads, views_in
+from nerfnav_app.benchmarks.comparison import Comparison, time_interleaved
+from nerfnav_app.benchmarks.render import THREADS, threads_argument, views_in
 
 _VIEWS, _SIZE = 8, 64
 
@@ -21,7 +21,7 @@ def measure(arena: Arena, rays: int = 1024, rounds: int = 3, fast_per_round: int
     batch = _batch(arena, rays)
     config = TrainConfig()
     rates = LearningRates(1e-4, 1e-4, config.sparsity)  # small: the state stays what it is
-    with field_threads():
+    with threads_argument():
         fast = GridLearner.of(arena.field, VOXELS_IN_UNIT * 2 * arena.field.step, THREADS)
         slow = TorchLearner.of(fast, torch.device("cpu"))
         error, gradient = fast.gradient(batch, config.sparsity), fast.inner.dense_gradient()
@@ -35,7 +35,7 @@ def measure(arena: Arena, rays: int = 1024, rounds: int = 3, fast_per_round: int
         }
         fast.step(batch, rates)  # compiled
         slow.step(batch, rates)
-        slow_ms, fast_ms = interleaved(
+        slow_ms, fast_ms = time_interleaved(
             lambda: slow.step(batch, rates), lambda: fast.step(batch, rates), rounds, fast_per_round
         )
     return Comparison("train_step", slow_ms, fast_ms, THREADS, detail)

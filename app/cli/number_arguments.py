@@ -25,7 +25,7 @@ def numbers(words: list[str], what: str) -> tuple[float, ...]:
     return read
 
 
-def counted(what: str, count: int, words: list[str]) -> tuple[float, ...]:
+def parse_count(what: str, count: int, words: list[str]) -> tuple[float, ...]:
     """So many numbers. Raises ValueError, which names `what` they are, for more or less of them."""
     read = numbers(words, what)
     if len(read) != count:
@@ -33,12 +33,12 @@ def counted(what: str, count: int, words: list[str]) -> tuple[float, ...]:
     return read
 
 
-def counted_in_words(what: str, metavar: str) -> PrimitiveConstructorSpec[Any]:
+def numbers_argument(what: str, metavar: str) -> PrimitiveConstructorSpec[Any]:
     """How tyro makes an argument called `what` of as many numbers as `metavar` has words; None where not given."""
-    return in_words(metavar, partial(counted, what, len(metavar.split())))
+    return words_argument(metavar, partial(parse_count, what, len(metavar.split())))
 
 
-def in_words(metavar: str, read: Callable[[list[str]], tuple[float, ...]]) -> PrimitiveConstructorSpec[Any]:
+def words_argument(metavar: str, read: Callable[[list[str]], tuple[float, ...]]) -> PrimitiveConstructorSpec[Any]:
     """How tyro makes an argument, None where it is not given, of words that help calls `metavar`."""
     return PrimitiveConstructorSpec(
         nargs="*",

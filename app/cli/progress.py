@@ -8,7 +8,7 @@ import rich.progress
 import torch
 from rich.console import Console
 
-from nerfnav.core.jit import telling_compilation
+from nerfnav.core.jit import report_compilation
 from nerfnav.field import TrainStep
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
@@ -17,14 +17,14 @@ from nerfnav_app.jobs.events import COMPILING, JobEvents, JobResult, Progress
 from nerfnav_app.system import TORCH_THREADS
 
 
-def tell(title: str, job: JobEvents, as_json: bool, can_stop_early: bool = False) -> JobResult:
+def run_and_print(title: str, job: JobEvents, as_json: bool, can_stop_early: bool = False) -> JobResult:
     """Follow a job to its end, print its numbers under a title, and return what it returns."""
-    result = follow(job, can_stop_early)
+    result = run_with_progress(job, can_stop_early)
     show(title, result.summary, as_json)
     return result
 
 
-def follow(job: JobEvents, can_stop_early: bool = False) -> JobResult:
+def run_with_progress(job: JobEvents, can_stop_early: bool = False) -> JobResult:
     """Run a job to its end behind a progress bar, and return what it returns.
 
     With `can_stop_early` the first Ctrl-C asks the job to end and keep what it has; a second one ends it at once.
@@ -63,7 +63,7 @@ def _bar() -> Iterator[tuple[rich.progress.Progress, rich.progress.TaskID]]:
 def _telling_compilation(bars: rich.progress.Progress, task: rich.progress.TaskID) -> AbstractContextManager[None]:
     """Say for as long as the compiler works inside the block that it does."""
     before = bars.tasks[0].description
-    return telling_compilation(lambda begins: bars.update(task, description=COMPILING if begins else before))
+    return report_compilation(lambda begins: bars.update(task, description=COMPILING if begins else before))
 
 
 def _told_of(event: object) -> str:

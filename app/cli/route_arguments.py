@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from nerfnav.core.errors import InvalidInputError, require_not_negative
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav.planner import PlannerConfig, PlannerEntry, planners
 from nerfnav.planner.solvers.duration import is_hurried
-from nerfnav_app.cli.number_arguments import in_words, numbers
+from nerfnav_app.cli.number_arguments import numbers, words_argument
 from nerfnav_app.jobs.plan.plan import PlanRequest
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place, open_place
@@ -28,7 +28,7 @@ def _end_numbers(words: list[str]) -> tuple[float, ...]:
     return read
 
 
-EndNumbers = Annotated[tuple[float, ...] | None, in_words("X Y Z [YAW]", _end_numbers)]
+EndNumbers = Annotated[tuple[float, ...] | None, words_argument("X Y Z [YAW]", _end_numbers)]
 """Where a flight starts or ends, as words of a command line [m, rad]."""
 
 
@@ -86,7 +86,7 @@ class Route:
             keep_dt=self.dt is not None,
             shortest=self.steps is None and unknown,
             planner=self.planner,
-            unknown=Unknown(self.unknown),
+            unknown=UnknownSpace(self.unknown),
             config=self.weighing_risk(config),
         )
 

@@ -16,7 +16,7 @@ from torch import Tensor
 from nerfnav.field import TrainStep
 from nerfnav.navigation import LoopEvent
 from nerfnav.robots import Motion
-from nerfnav.tracking import Tracked
+from nerfnav.tracking import TrackedFrame
 from nerfnav_app.places.place import Place
 
 COMPILING = "compiling kernels, once on this machine"
@@ -113,7 +113,7 @@ class PlannerCompared:
 class FrameTracked:
     """A picture of a camera that is followed was looked at."""
 
-    tracked: Tracked
+    tracked: TrackedFrame
     """Where the camera was."""
     seen: UInt8[Tensor, "height width 3"] | None = field(default=None, repr=False)
     """The picture, as it was compared; None where nobody wants to see it."""

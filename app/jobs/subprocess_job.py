@@ -20,7 +20,7 @@ class _Refused:
     message: str
 
 
-def in_subprocess(job: Callable[[], JobEvents]) -> JobEvents:
+def run_in_subprocess(job: Callable[[], JobEvents]) -> JobEvents:
     """Yield what a job yields, and four times a second how far it is; return what it returns. Closing ends the process.
 
     `job` travels to the process: a function of a module, with plain values. Raises NerfnavError where the job does, or

@@ -10,13 +10,13 @@ import viser
 
 from nerfnav.core.registry import Registry
 from nerfnav_app.page.kit.panel import Page, Panel, PanelEntry
-from nerfnav_app.page.layers.alignment import PlacingLayer
+from nerfnav_app.page.layers.alignment import AlignmentLayer
 from nerfnav_app.page.layers.camera_modes import CameraModesLayer
 from nerfnav_app.page.layers.comparison import ComparisonLayer
 from nerfnav_app.page.layers.ends import EndsLayer
 from nerfnav_app.page.layers.field_backdrop import FieldBackdropLayer
 from nerfnav_app.page.layers.flight import FlightLayer
-from nerfnav_app.page.layers.global_localization import SearchLayer
+from nerfnav_app.page.layers.global_localization import GlobalLocalizationLayer
 from nerfnav_app.page.layers.notices import NoticesLayer
 from nerfnav_app.page.layers.overlays import OverlaysLayer
 from nerfnav_app.page.layers.plan import PlanLayer
@@ -45,9 +45,9 @@ def layers(page: Page) -> tuple[Panel, ...]:
         CameraModesLayer(server),
         ViewpointLayer(server, page.post),
         ComparisonLayer(server),
-        SearchLayer(server),
+        GlobalLocalizationLayer(server),
         TrackLayer(server),
-        PlacingLayer(server),
+        AlignmentLayer(server),
         NoticesLayer(server),
     )
 
@@ -61,11 +61,11 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
     PanelEntry("command palette", lambda page: command_palette.CommandPalette(page.server, page.post)),
     PanelEntry("place", lambda page: place.PlacePanel(page.server, page.post, page.library), "Scene", _ICON.MAP_2),
     PanelEntry(
-        "kept places", lambda page: place_library.KeptPlacesPanel(page.server, page.post, page.library), "Scene"
+        "kept places", lambda page: place_library.PlaceLibraryPanel(page.server, page.post, page.library), "Scene"
     ),
     PanelEntry("ends", lambda page: ends.EndsPanel(page.server, page.post), "Scene"),
     PanelEntry("robot", lambda page: robot.RobotPanel(page.server, page.post, page.library), "Scene"),
-    PanelEntry("placing", lambda page: alignment.PlacingPanel(page.server, page.post), "Scene"),
+    PanelEntry("placing", lambda page: alignment.AlignmentPanel(page.server, page.post), "Scene"),
     PanelEntry("view settings", lambda page: view_settings.ViewSettingsPanel(page.server, page.post), "Scene"),
     PanelEntry("plan", lambda page: plan.PlanPanel(page.server, page.post), "Plan", _ICON.ROUTE),
     PanelEntry("flight", lambda page: flight.FlightPanel(page.server, page.post), "Fly", _ICON.DRONE),
@@ -77,7 +77,7 @@ PANELS: Registry[PanelEntry] = Registry("panel", (
     ),
     PanelEntry("export", lambda page: export.ExportPanel(page.server, page.post), "Export", _ICON.DOWNLOAD),
     PanelEntry("screenshot", lambda page: screenshot.ScreenshotPanel(page.server, page.post), "Export"),
-    PanelEntry("map", lambda page: map_panel.MapPanel(page.server, page.post), "Export"),
+    PanelEntry("map", lambda page: map_panel.OccupancyMapPanel(page.server, page.post), "Export"),
 ))  # fmt: skip
 """Name to panel, in the order of the page; a tab is where its first panel is."""
 

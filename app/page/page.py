@@ -31,7 +31,7 @@ def icons_at_hand() -> Iterator[None]:
             _icons.zipfile = zipfile  # type: ignore[attr-defined]
 
 
-def put_up(
+def build_page(
     surface: FieldSurfaceLayer, post: Callable[[Command], None], library: PlaceLibrary
 ) -> tuple[Panel, ...]:
     """Put up all layers and panels, in place of what was seen at first: the surface, on whose server the page is."""

@@ -10,7 +10,7 @@ from nerfnav_app.page.kit.theme import apply_theme
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
 
 
-def first_sight(server: viser.ViserServer, surface: bytes | None) -> FieldSurfaceLayer:
+def show_splash(server: viser.ViserServer, surface: bytes | None) -> FieldSurfaceLayer:
     """Show the surface of the place, where it is known, and that more is to come."""
     apply_theme(server)
     server.gui.add_html(heading("nerfnav", "Starting…"))

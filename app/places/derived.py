@@ -3,21 +3,21 @@
 from dataclasses import replace
 from functools import lru_cache
 
-from nerfnav.estimator import ColorNoise, RelocaliseConfig, Searcher
-from nerfnav.field import Unknown, planning_field, unproven_in_words
+from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig
+from nerfnav.field import UnknownSpace, describe_unproven, planning_field
 from nerfnav.geometry import Camera
 from nerfnav.planner import OccupancyConfig, OccupancyMap
 from nerfnav_app.places.place import Place
 
 
 @lru_cache(maxsize=4)
-def planning_place(place: Place, unknown: Unknown) -> Place:
+def prepare_place(place: Place, unknown: UnknownSpace) -> Place:
     """The place as planners see it, its unknown space taken for solid or not; made once, as maps of it are."""
     field = planning_field(place.field, unknown)
     return place if field is place.field else replace(place, field=field)
 
 
-def occupancy_of(place: Place, config: OccupancyConfig, height: float) -> OccupancyMap:
+def build_occupancy(place: Place, config: OccupancyConfig, height: float) -> OccupancyMap:
     """The map that paths are searched on: of one height [m] for a robot that never leaves it, else of the place."""
     return _map_of(place, config, height if place.robot.planar else None)
 
@@ -29,12 +29,12 @@ def _map_of(place: Place, config: OccupancyConfig, height: float | None) -> Occu
 
 
 @lru_cache(maxsize=1)
-def unproven_of(place: Place) -> str:
+def describe_unproven_in(place: Place) -> str:
     """What is not proven of the place, in words; counted once."""
-    return unproven_in_words(place.field)
+    return describe_unproven(place.field)
 
 
 @lru_cache(maxsize=1)
-def searcher_of(place: Place, camera: Camera, noise: ColorNoise) -> Searcher:
+def build_searcher(place: Place, camera: Camera, noise: ColorNoise) -> GlobalLocalizer:
     """What finds a robot anywhere in the place; made once, for it looks all around from everywhere first."""
-    return Searcher(place.field, camera, noise, RelocaliseConfig().for_field(place.field.info))
+    return GlobalLocalizer(place.field, camera, noise, RelocaliseConfig().for_field(place.field.info))

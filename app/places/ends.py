@@ -14,7 +14,7 @@ _TYPED_M = 0.005
 """People type numbers in centimetres: what is so near is meant."""
 
 
-class Which(Enum):
+class EndRole(Enum):
     """One of the two ends; the value is what the user reads."""
 
     START = "start"
@@ -40,7 +40,7 @@ class End:
         x, y, z = state.position.tolist()
         return cls((round(x, 4), round(y, 4), round(z, 4)), round(so3.yaw_of(state.rotation).item(), 4))
 
-    def kept_inside(self, box: Box, margin: float) -> "End":
+    def clamp_inside(self, box: Box, margin: float) -> "End":
         """The nearest end whose position is at least `margin` [m] inside the box, its yaw in -pi to pi."""
         lower, upper = (box.lower + margin).tolist(), (box.upper - margin).tolist()
         x, y, z = (
@@ -67,16 +67,16 @@ class Ends:
         """What a task asks for."""
         return cls(End(task.start, task.start_yaw), End(task.goal, task.goal_yaw))
 
-    def of(self, which: Which) -> End:
+    def of(self, which: EndRole) -> End:
         """The start or the goal."""
-        return self.start if which is Which.START else self.goal
+        return self.start if which is EndRole.START else self.goal
 
-    def moved(self, which: Which, end: End) -> "Ends":
+    def moved(self, which: EndRole, end: End) -> "Ends":
         """The same ends but for one."""
-        return replace(self, start=end) if which is Which.START else replace(self, goal=end)
+        return replace(self, start=end) if which is EndRole.START else replace(self, goal=end)
 
 
-def opening_ends(place: Place, task: str | None) -> Ends | None:
+def default_ends(place: Place, task: str | None) -> Ends | None:
     """The ends of a task of the place; without a task, two ends beside the middle of the box; None if unknown."""
     if task is None:
         x, y, z = place.field.box.center.tolist()

@@ -23,7 +23,7 @@ from pathlib import Path
 from platformdirs import user_data_path
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
-from nerfnav.core.files import replacing
+from nerfnav.core.files import replace_file
 from nerfnav_app.places.robot_library import RobotLibrary
 from nerfnav_app.places.uploads import check_upload, folder_of, write_upload
 
@@ -90,7 +90,7 @@ def write_place(place: KeptPlace) -> None:
     """Raises InvalidInputError where the disk does not take it."""
     about = {key: value for key, value in asdict(place).items() if key in _KNOWN}
     try:
-        with replacing(place.folder / ABOUT) as stream:
+        with replace_file(place.folder / ABOUT) as stream:
             stream.write(json.dumps(about).encode())
     except OSError as error:
         raise InvalidInputError(f"what is known of {place.name} cannot be written: {error.strerror}") from error
@@ -98,7 +98,7 @@ def write_place(place: KeptPlace) -> None:
 
 def keep_picture(place: KeptPlace, picture: bytes) -> None:
     """Keep what it looks like; without a picture, it is listed all the same."""
-    with suppress(OSError), replacing(place.picture_file) as stream:
+    with suppress(OSError), replace_file(place.picture_file) as stream:
         stream.write(picture)
 
 

@@ -10,7 +10,7 @@ import nerfnav_scenes as scenes
 from nerfnav.core.errors import NerfnavError, UnknownNameError
 from nerfnav.field import StoredField, load_field
 from nerfnav.geometry import Camera
-from nerfnav.importers import SourceKind, Splats, load_splats, source_kind, splats_beside, wrong_kind
+from nerfnav.importers import SourceKind, Splats, load_splats, source_kind, splats_path, wrong_kind_error
 from nerfnav.importers.core.kinds import FIELD
 from nerfnav.robots import Robot, load
 from nerfnav.world import Task
@@ -86,7 +86,7 @@ def open_place(what: str, robot: str = "quadrotor") -> Place:
     body, field = load(robot), load_field(path)
     if what in scenes.names():
         return Place(what, field, _truth_of(what), body, file=path)
-    beside = splats_beside(path)
+    beside = splats_path(path)
     splats = load_splats(beside) if beside.is_file() else None
     return Place(path.stem, field, ground_truth(field, path), body, splats, path)
 
@@ -131,7 +131,7 @@ def field_file(what: str) -> Path:
     kind = source_kind(what)
     missing = kind is SourceKind.MISSING and Path(what).suffix in (FIELD, "")  # reading tells how to make it
     if kind is not SourceKind.FIELD and not missing:
-        raise wrong_kind(what, kind, "a field")
+        raise wrong_kind_error(what, kind, "a field")
     return Path(what)
 
 

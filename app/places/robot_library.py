@@ -12,7 +12,7 @@ import shutil
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.robots import RobotFile, decoded, load, to_yaml
+from nerfnav.robots import RobotFile, decode_robot_file, load, to_yaml
 from nerfnav_app.places.uploads import UploadError, folder_of, safe_name, write_upload
 
 ROBOTS, MESHES = (".yaml", ".yml"), (".stl", ".obj", ".ply", ".glb")
@@ -48,7 +48,7 @@ class RobotLibrary:
         brought = self._folder / "brought" / safe
         write_upload(brought, content)
         try:
-            return self.keep(decoded(brought), self._folder / "meshes")
+            return self.keep(decode_robot_file(brought), self._folder / "meshes")
         except InvalidInputError as error:
             raise InvalidInputError(str(error).replace(f"{brought.parent}/", "")) from error
         finally:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from nerfnav.core.glb import packed, parts
-from nerfnav.geometry import before_tone_mapping, to_linear, to_srgb
+from nerfnav.geometry import invert_tone_map, to_linear, to_srgb
 
 if TYPE_CHECKING:
     import trimesh  # slow to import, and surfaces are seldom made
@@ -31,7 +31,7 @@ Corner = list[float]
 Box = tuple[Corner, Corner] | None
 
 
-def without_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimesh":
+def remove_specks(mesh: "trimesh.Trimesh", least_faces: int) -> "trimesh.Trimesh":
     """The mesh without connected parts of fewer faces: a trained field has specks of fog that only disturb the eye."""
     if len(mesh.faces) == 0:
         return mesh
@@ -56,13 +56,13 @@ def simplified(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
     return mesh if len(mesh.faces) <= count else mesh.simplify_quadric_decimation(face_count=count)
 
 
-def unlit_glb(mesh: "TexturedMesh", box: Box = None) -> bytes:
+def encode_textured_glb(mesh: "TexturedMesh", box: Box = None) -> bytes:
     """A mesh with its picture as binary glTF that viser shows as it is, without light (KHR_materials_unlit).
 
     viser maps tones, which would make stones chalky: the picture holds what comes out as its colours, in units of
-    `BRIGHTEST`. `box`, lower and upper corner [m] of the place that it is of, goes along for `box_of`.
+    `BRIGHTEST`. `box`, lower and upper corner [m] of the place that it is of, goes along for `read_box`.
     """
-    from nerfnav.geometry import picture_file  # imports torch: see above
+    from nerfnav.geometry import encode_image  # imports torch: see above
 
     picture = np.round(255 * to_srgb(_light(mesh.picture))).astype(np.uint8)
     uv = np.round(65535 * mesh.uv).astype("<u2")
@@ -72,10 +72,10 @@ def unlit_glb(mesh: "TexturedMesh", box: Box = None) -> bytes:
         "images": [{"bufferView": 3, "mimeType": "image/jpeg"}],
         "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}],
     }
-    return _glb(mesh.vertices, mesh.faces, ("TEXCOORD_0", uv), painted, box, picture_file(picture, _JPEG_QUALITY))
+    return _glb(mesh.vertices, mesh.faces, ("TEXCOORD_0", uv), painted, box, encode_image(picture, _JPEG_QUALITY))
 
 
-def colored_glb(mesh: "trimesh.Trimesh", box: Box = None) -> bytes:
+def encode_colored_glb(mesh: "trimesh.Trimesh", box: Box = None) -> bytes:
     """The same of a mesh with the colours of its vertices: not as sharp, but made in a moment."""
     colors = np.full((len(mesh.vertices), 4), 65535, "<u2")  # 16 bits, or dark ones show bands
     colors[:, :3] = np.round(65535 * _light(_vertex_colors(mesh)))
@@ -84,7 +84,7 @@ def colored_glb(mesh: "trimesh.Trimesh", box: Box = None) -> bytes:
 
 def _light(colors: np.ndarray) -> np.ndarray:
     """What viser shows as sRGB bytes (..., 3), linear, in units of `BRIGHTEST`."""
-    return (before_tone_mapping(to_linear(colors / 255.0)) / BRIGHTEST).clip(0, 1)
+    return (invert_tone_map(to_linear(colors / 255.0)) / BRIGHTEST).clip(0, 1)
 
 
 def _material(**more: Any) -> dict[str, Any]:
@@ -133,14 +133,15 @@ def _glb(
     )
 
 
-def box_of(glb: bytes) -> Box:
+def read_box(glb: bytes) -> Box:
     """Lower and upper corner [m] of the place whose surface this is, where it was told."""
     box = parts(glb)[0]["scenes"][0]["extras"]["box"]
     return None if box is None else (box[0], box[1])
 
 
-def dressed(glb: bytes, opacity: float, clip: float) -> bytes:
-    """A surface from `unlit_glb`, less opaque (0 to 1), and without what is above a share `clip` of its height."""
+def clip_and_fade(glb: bytes, opacity: float, clip: float) -> bytes:
+    """A surface from `encode_textured_glb`, less opaque (0 to 1), and without what is above a share `clip` of its
+    height."""
     document, binary = parts(glb)
     (primitive,) = document["meshes"][0]["primitives"]
     indices = document["accessors"][primitive["indices"]]

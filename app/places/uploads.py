@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
-from nerfnav.core.files import replacing
+from nerfnav.core.files import replace_file
 from nerfnav.importers.core.kinds import VIDEOS
 from nerfnav_app.places.sources import SUFFIXES
 
@@ -58,7 +58,7 @@ def write_upload(path: Path, content: bytes) -> None:
     """Write a whole file or none, its folder included. Raises UploadError where the disk does not take it."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as stream:
+        with replace_file(path) as stream:
             stream.write(content)
     except OSError as error:
         raise UploadError(f"{path.name} cannot be kept: {error.strerror}") from error

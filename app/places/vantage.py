@@ -54,7 +54,7 @@ def view_of_ends(
     return best
 
 
-def shows(view: View, lower: Sequence[float], upper: Sequence[float]) -> bool:
+def is_visible(view: View, lower: Sequence[float], upper: Sequence[float]) -> bool:
     """Whether anything of the box between two corners [m] is seen from there, as more than a speck."""
     eye, target = (np.array(point, np.float64) for point in view)
     corners = np.array([lower, upper], np.float64)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from nerfnav.field import Unknown
-from nerfnav.planner import PlanStep, SafetyConfig, clearance_of, collision_per_step
+from nerfnav.field import UnknownSpace
+from nerfnav.planner import PlanStep, SafetyConfig, collision_per_step, measure_clearance
 from nerfnav.robots import Motion
-from nerfnav_app.places.derived import planning_place
+from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.records import PlanRecord
 from nerfnav_app.state.session import Session
@@ -21,7 +21,7 @@ class ClearanceQuery(Query[np.ndarray]):
 
     step: PlanStep = field(compare=False)
     """The last iteration of the plan."""
-    unknown: Unknown = field(default=Unknown.OCCUPIED, compare=False)
+    unknown: UnknownSpace = field(default=UnknownSpace.OCCUPIED, compare=False)
     """What the plan took space for that no camera ever saw into."""
 
     def __eq__(self, other: object) -> bool:
@@ -50,14 +50,14 @@ class ClearanceQuery(Query[np.ndarray]):
     @torch.no_grad()
     def answer(self, resources: Resources) -> np.ndarray:
         """Take the densities around the body at each step, as plans do."""
-        place = planning_place(resources.place, self.unknown)
+        place = prepare_place(resources.place, self.unknown)
         motion, body, config = self.step.motion, place.robot.body, SafetyConfig()
         _, reach, _ = config.lengths(place.field, body)
         bound = collision_per_step(place.field, motion, body, config.samples_per_step)
         steps = [
             Motion(motion.states[k : k + 2], motion.actions[k : k + 1], motion.dt) for k in range(len(motion.actions))
         ]
-        room = [clearance_of(place.field, step, body, config) for step in steps]
+        room = [measure_clearance(place.field, step, body, config) for step in steps]
         # where nothing is within reach, that is how much room there is at least
         clearance = np.array([reach if free is None else free for free in room])
         times = motion.dt * (1 + np.arange(len(room)))

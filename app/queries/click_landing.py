@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from nerfnav.field import Field, Unknown, render_rays
+from nerfnav.field import Field, UnknownSpace, render_rays
 from nerfnav.planner import OccupancyConfig, OccupancyMap, fits, nearest_free_pose
-from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import End
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
@@ -22,7 +22,7 @@ _ROOM_M = 0.05  # kept below the body
 Vector = tuple[float, float, float]
 
 
-def met_by(field: Field, origin: Vector, direction: Vector) -> Vector | None:
+def intersect_ray(field: Field, origin: Vector, direction: Vector) -> Vector | None:
     """The point [m] where a ray, its direction of any length, meets something; None where it meets nothing."""
     start, along = torch.tensor(origin), torch.nn.functional.normalize(torch.tensor(direction), dim=0)
     rendering = render_rays(field, start[None], along[None])
@@ -37,7 +37,7 @@ class ClickLandingQuery(Query[Vector | None]):
     """Where does the end go that is put where a click points? The result is a position [m], None where nothing is."""
 
     click: Click
-    unknown: Unknown = Unknown.OCCUPIED
+    unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """What space is taken for that no camera ever saw into."""
 
     @classmethod
@@ -49,7 +49,7 @@ class ClickLandingQuery(Query[Vector | None]):
     def answer(self, resources: Resources) -> Vector | None:
         """Where the robot would stand or hover if it were put on what the ray of the click meets."""
         place = resources.place
-        met = met_by(place.field, self.click.origin, self.click.direction)
+        met = intersect_ray(place.field, self.click.origin, self.click.direction)
         if met is None:
             return None
         # as high above it as the body and what it keeps clear of
@@ -58,19 +58,19 @@ class ClickLandingQuery(Query[Vector | None]):
 
     def _before(self, resources: Resources, met: Vector) -> Vector | None:
         """Beside the side of something: the nearest free point before it, as the click came; None without one."""
-        place = planning_place(resources.place, self.unknown)
+        place = prepare_place(resources.place, self.unknown)
         towards = np.array(self.click.direction) / np.linalg.norm(self.click.direction)
         x, y, z = (np.array(met) - (place.robot.body.radius + _ROOM_M) * towards).tolist()
         nearest = nearest_free_pose(place.field, place.robot.body, End((x, y, z)).state(), self._map(place, z))
         return None if nearest is None else End.of_state(nearest).position
 
     def _fits(self, resources: Resources, at: Vector) -> bool:
-        place = planning_place(resources.place, self.unknown)
+        place = prepare_place(resources.place, self.unknown)
         threshold = self._map(place, at[2]).scales.threshold
         return fits(place.field, place.robot.body, End(at).state(), threshold)
 
     def _map(self, place: Place, height: float) -> OccupancyMap:
-        return occupancy_of(place, OccupancyConfig(), height)
+        return build_occupancy(place, OccupancyConfig(), height)
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """The session with the end there, unless another click came."""

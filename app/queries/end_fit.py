@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav.geometry import so3
-from nerfnav.planner import OccupancyConfig, fits, nearest_free_pose, unfit_words
-from nerfnav_app.places.derived import occupancy_of, planning_place
-from nerfnav_app.places.ends import End, Which
+from nerfnav.planner import OccupancyConfig, explain_unfit, fits, nearest_free_pose
+from nerfnav_app.places.derived import build_occupancy, prepare_place
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.session import Session
 
@@ -26,9 +26,9 @@ class EndFit:
 class EndFitQuery(Query[EndFit]):
     """Does the robot fit here?"""
 
-    which: Which
+    which: EndRole
     end: End
-    unknown: Unknown = Unknown.OCCUPIED
+    unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """What space is taken for that no camera ever saw into."""
 
     @classmethod
@@ -36,18 +36,18 @@ class EndFitQuery(Query[EndFit]):
         """Of each end that was not looked at where it is now, once they are where they shall be at first."""
         if session.seeking:
             return
-        for which in Which:
+        for which in EndRole:
             if which not in session.problems:
                 yield cls(which, session.ends.of(which), session.plan_settings.unknown)
 
     def answer(self, resources: Resources) -> EndFit:
         """Ask the density at all body points, as plans do."""
-        place = planning_place(resources.place, self.unknown)
+        place = prepare_place(resources.place, self.unknown)
         body, state, name = place.robot.body, self.end.state(), self.which.value
-        occupancy = occupancy_of(place, OccupancyConfig(), self.end.position[2])
+        occupancy = build_occupancy(place, OccupancyConfig(), self.end.position[2])
         if fits(place.field, body, state, occupancy.scales.threshold):
             return EndFit(None)
-        nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), unfit_words(place.field, body, state)
+        nearest, wrong = nearest_free_pose(place.field, body, state, occupancy), explain_unfit(place.field, body, state)
         if nearest is None:
             return EndFit(f"the {name} {wrong}, far from any free point.")
         x, y, z = nearest.position.tolist()

@@ -7,10 +7,10 @@ import numpy as np
 import torch
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav.planner import OccupancyConfig, threshold_of
 from nerfnav.planner.space.occupancy import dense_at
-from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.vantage import View, view_of_ends
@@ -45,13 +45,13 @@ class FirstEndsQuery(Query[FirstEnds]):
 
     def answer(self, resources: Resources) -> FirstEnds:
         """Look in the free space that planners see."""
-        from nerfnav.planner.objective.default_ends import first_ends  # slow to import, and bundled places have tasks
+        from nerfnav.planner.objective.default_ends import propose_ends  # slow to import, and bundled places have tasks
 
         place = resources.place
-        seen = planning_place(place, Unknown.OCCUPIED)
+        seen = prepare_place(place, UnknownSpace.OCCUPIED)
         try:
-            found = first_ends(
-                seen.field, place.field, place.robot, lambda height: occupancy_of(seen, OccupancyConfig(), height)
+            found = propose_ends(
+                seen.field, place.field, place.robot, lambda height: build_occupancy(seen, OccupancyConfig(), height)
             )
         except NerfnavError as error:
             return FirstEnds(None, str(error))

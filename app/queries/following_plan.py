@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.planner import FollowingPlanner, PlannerConfig, PlanStep, Route, last_step, planners
+from nerfnav.planner import InteractivePlanner, PlannerConfig, PlanStep, Route, last_step, planners
 from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobRun
 from nerfnav_app.jobs.plan import plan
-from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
@@ -23,7 +23,7 @@ from nerfnav_app.state.settings import Choice, PlanSettings
 
 
 @dataclass(frozen=True)
-class WantedPlan:
+class SessionPlan:
     """A plan that was made for a session, or why there is none."""
 
     steps: tuple[PlanStep, ...] = field(default=(), compare=False)
@@ -43,36 +43,36 @@ def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerC
     return request.lasting(settings.duration_s)
 
 
-def planned(request: plan.PlanRequest, place: Place) -> WantedPlan:
+def planned(request: plan.PlanRequest, place: Place) -> SessionPlan:
     """Plan as the job does, verdict included."""
     planning = JobRun(plan.run(request, place))
     try:
         steps = tuple(event for event in planning if isinstance(event, PlanStep))
     except NerfnavError as error:
-        return WantedPlan(refusal=str(error))
-    return WantedPlan(steps, planning.result.summary)
+        return SessionPlan(refusal=str(error))
+    return SessionPlan(steps, planning.result.summary)
 
 
-def drafted(request: plan.PlanRequest, place: Place, last: Motion | None = None) -> WantedPlan:
+def drafted(request: plan.PlanRequest, place: Place, last: Motion | None = None) -> SessionPlan:
     """Plan as quickly as can be with the `last` plan as warm start, and without the verdict of the mesh.
 
     Where a duration is to be found, the draft is as fast as the last plan: how long it must take is found at the end.
     """
-    seen_as = planning_place(place, request.unknown)
-    occupancy = occupancy_of(seen_as, request.settings.occupancy, request.ends.start.position[2])
+    seen_as = prepare_place(place, request.unknown)
+    occupancy = build_occupancy(seen_as, request.settings.occupancy, request.ends.start.position[2])
     finder = planners.load(request.planner).planner(seen_as.field, place.robot, request.settings, occupancy=occupancy)
     start, goal = request.ends.start.state(), request.ends.goal.state()
     if request.shortest and last is not None:
         request = replace(request, steps=len(last.actions), dt=last.dt * _stretch(last, request.ends))
     route = Route(start, goal, request.steps, request.dt)
-    if last is not None and isinstance(finder, FollowingPlanner):
+    if last is not None and isinstance(finder, InteractivePlanner):
         steps = finder.follow(last, route)
     else:
         steps = finder.plan(route)
     try:
-        return WantedPlan((last_step(steps),))
+        return SessionPlan((last_step(steps),))
     except NerfnavError as error:
-        return WantedPlan(refusal=str(error))
+        return SessionPlan(refusal=str(error))
 
 
 def _stretch(last: Motion, ends: Ends) -> float:
@@ -83,7 +83,7 @@ def _stretch(last: Motion, ends: Ends) -> float:
 
 
 @dataclass(frozen=True)
-class FollowingPlanQuery(Query[WantedPlan]):
+class FollowingPlanQuery(Query[SessionPlan]):
     """What is the plan between these ends, by this planner with these settings?"""
 
     ends: Ends
@@ -108,13 +108,13 @@ class FollowingPlanQuery(Query[WantedPlan]):
             asked = session.ends, session.choice, session.plan_settings
             yield cls(*asked, session.held, session.jobs_begun, last)
 
-    def answer(self, resources: Resources) -> WantedPlan:
+    def answer(self, resources: Resources) -> SessionPlan:
         """Plan as the job does, or as quickly as can be."""
         own = resources.plan_configs.get(self.choice.planner)
         request = plan_request(self.settings, self.ends, self.choice.planner, own)
         return drafted(request, resources.place, self.last) if self.draft else planned(request, resources.place)
 
-    def apply(self, session: Session, result: WantedPlan) -> Session:
+    def apply(self, session: Session, result: SessionPlan) -> Session:
         """The session with the plan, unless a job has begun since or another robot was taken.
 
         The ends may have moved on meanwhile: what was found for earlier ones is newer than what is shown.

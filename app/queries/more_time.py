@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from nerfnav.planner import GOOD, PlanOutcome
+from nerfnav.planner import FLYABLE, PlanOutcome
 from nerfnav_app.queries.following_plan import drafted, plan_request
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.records import PlanRecord
@@ -55,5 +55,5 @@ class MoreTimeQuery(Query[float | None]):
             request = plan_request(plan.settings.lasting(seconds), plan.ends, plan.planner, own)
             steps = drafted(request, resources.place).steps
             if not steps or steps[-1].outcome is not PlanOutcome.OVER_LIMITS:
-                return seconds if steps and steps[-1].outcome in GOOD else None
+                return seconds if steps and steps[-1].outcome in FLYABLE else None
         return None

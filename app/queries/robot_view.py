@@ -8,7 +8,7 @@ import numpy as np
 
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import RigidState
-from nerfnav_app.jobs.fly.simulated_world import view_from
+from nerfnav_app.jobs.fly.simulated_world import render_view
 from nerfnav_app.places.ends import End
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.records import FlightRecord
@@ -51,7 +51,7 @@ class RobotViewQuery(Query[RobotView]):
     def answer(self, resources: Resources) -> RobotView:
         """Render the field from each of them."""
         states = (from_.state() if isinstance(from_, End) else from_ for from_ in self.states)
-        return tuple(view_from(resources.place, state, self.rough) for state in states)
+        return tuple(render_view(resources.place, state, self.rough) for state in states)
 
     def step_of(self, flight: FlightRecord | None) -> NavigationStep | None:
         """The time step of the flight that the view is of."""

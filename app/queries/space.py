@@ -7,9 +7,9 @@ from enum import Enum
 import numpy as np
 import torch
 
-from nerfnav.field import Unknown, VoxelField
+from nerfnav.field import UnknownSpace, VoxelField
 from nerfnav.planner import OccupancyConfig
-from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.session import Session
@@ -60,7 +60,7 @@ class SpaceQuery(Query[SpaceVoxels]):
 
 
 def _occupied(place: Place, height: float) -> SpaceVoxels:
-    occupancy = occupancy_of(planning_place(place, Unknown.OCCUPIED), OccupancyConfig(), height)
+    occupancy = build_occupancy(prepare_place(place, UnknownSpace.OCCUPIED), OccupancyConfig(), height)
     indices = torch.from_numpy(np.argwhere(_shell(occupancy.dense.any(0).numpy())))
     return SpaceVoxels(occupancy.centers(indices).numpy(), occupancy.spacing.mean().item())
 

@@ -39,7 +39,7 @@ class StoredRunQuery(Query[StoredRunResult]):
         if resources.runs is None:
             return StoredRunResult(problem="No runs are kept here.")
         try:
-            return StoredRunResult(stored_flight(resources.runs, self.request.name))
+            return StoredRunResult(load_flight(resources.runs, self.request.name))
         except NerfnavError as error:
             return StoredRunResult(problem=sentence(resources.runs.without_folder(str(error))))
 
@@ -55,7 +55,7 @@ class StoredRunQuery(Query[StoredRunResult]):
         return (compared if self.request.compare else opened)(session, result.flight)
 
 
-def stored_flight(store: RunStore, name: str) -> StoredFlight:
+def load_flight(store: RunStore, name: str) -> StoredFlight:
     """A run as the session has flights that were just flown. Raises NerfnavError where it cannot be read."""
     entry, steps = store.entry(name), store.steps(name)
     metadata = entry.metadata

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from nerfnav_app.queries.click_landing import Vector, met_by
+from nerfnav_app.queries.click_landing import Vector, intersect_ray
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import noticed
 from nerfnav_app.state.alignment import Ray
@@ -24,7 +24,7 @@ class SurfacePointQuery(Query[Vector | None]):
 
     def answer(self, resources: Resources) -> Vector | None:
         """The point [m]."""
-        return met_by(resources.place.field, self.ray.origin, self.ray.direction)
+        return intersect_ray(resources.place.field, self.ray.origin, self.ray.direction)
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """The session with one more point, unless another click came."""

@@ -47,9 +47,9 @@ class SurfaceTextureQuery(Query[Baking]):
 
     def answer(self, resources: Resources) -> Baking:
         """Go on with the texture, or take the one that was kept."""
-        from nerfnav_app.jobs.export.surface import shaping  # slow to import
+        from nerfnav_app.jobs.export.surface import shape_surface  # slow to import
 
-        going = shaping(resources.place) if self.baking is None else self.baking.going
+        going = shape_surface(resources.place) if self.baking is None else self.baking.going
         try:
             next(going)
         except StopIteration as end:

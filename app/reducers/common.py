@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from nerfnav.planner.solvers.duration import is_hurried
-from nerfnav_app.places.ends import End, Ends, Which, opening_ends
+from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_paths
 from nerfnav_app.state.records import FlightRecord
@@ -26,9 +26,9 @@ def noticed(session: Session, title: str, body: str, bad: bool = False) -> Sessi
     return replace(session, notices=(*session.notices, notice)[-_NOTICES_KEPT:])
 
 
-def moved(session: Session, place: Place, which: Which, end: End, held: bool = False) -> Session:
+def moved(session: Session, place: Place, which: EndRole, end: End, held: bool = False) -> Session:
     """The session with one end somewhere else, kept inside the box; `held` while a hand still moves it."""
-    end = end.kept_inside(place.field.box, margin=place.robot.body.radius)
+    end = end.clamp_inside(place.field.box, margin=place.robot.body.radius)
     if session.held != held or which in session.outside:
         session = replace(session, held=held, outside=_without(session.outside, which))
     if end == session.ends.of(which):
@@ -40,7 +40,7 @@ def moved(session: Session, place: Place, which: Which, end: End, held: bool = F
     )  # fmt: skip
 
 
-def typed(session: Session, place: Place, which: Which, end: End) -> Session:
+def typed(session: Session, place: Place, which: EndRole, end: End) -> Session:
     """The session with one end where it was typed, or with what was typed, where that is no place for it."""
     if not end.misfits(place.field.box, place.robot.body.radius):
         return moved(session, place, which, end)
@@ -55,7 +55,7 @@ def settled(session: Session, place: Place) -> Session:
     if place.robot.source != session.choice.robot:
         place = place.with_robot(session.choice.robot)
     name = next((task.name for task in place.tasks if task.robot == place.robot.name), None)
-    ends = opening_ends(place, name) or opening_ends(place, None) or Ends()
+    ends = default_ends(place, name) or default_ends(place, None) or Ends()
     settings = first_settings(session.plan_settings, place, ends, name)
     return replace(
         session, place=place, plan_settings=settings, task=name, home=name, home_ends=None, ends=ends,
@@ -80,5 +80,5 @@ def _followed(session: Session, ends: Ends) -> FlightRecord | None:
     return replace(flight, ends=Ends(flight.ends.start, ends.goal), goals_moved=moved_at)
 
 
-def _without(known: Mapping[Which, Value], which: Which) -> dict[Which, Value]:
+def _without(known: Mapping[EndRole, Value], which: EndRole) -> dict[EndRole, Value]:
     return {key: value for key, value in known.items() if key is not which}

@@ -3,7 +3,7 @@
 from collections.abc import Hashable
 from dataclasses import replace
 
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.reducers.common import moved
 from nerfnav_app.reducers.place import chosen
 from nerfnav_app.state import actions as m
@@ -49,7 +49,7 @@ def restored(session: Session, aim: Moment) -> Session:
             return session  # its file is gone or broken, as a notice says
     place = session.place
     assert place is not None, "another robot is in the same place"
-    for which in Which:
+    for which in EndRole:
         session = moved(session, place, which, aim.ends.of(which))
     if aim.plan_settings.unknown is not session.plan_settings.unknown:  # which decides where the robot fits
         session = replace(session, problems={}, offers={})

@@ -4,18 +4,18 @@ from dataclasses import replace
 
 from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
 from nerfnav.field import TrainStep
-from nerfnav.importers import ONE_UNIT, size_doubt
+from nerfnav.importers import UNIT_ASSUMED, warn_implausible_size
 from nerfnav.navigation import NavigationStep
 from nerfnav.planner import PlanStep
 from nerfnav_app.jobs import events as e
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_folder
-from nerfnav_app.places.vantage import shows
+from nerfnav_app.places.vantage import is_visible
 from nerfnav_app.reducers import history, jobs
 from nerfnav_app.reducers import place as placing
 from nerfnav_app.reducers.common import noticed, settled
 from nerfnav_app.state.job import Download, Job, JobKind
-from nerfnav_app.state.records import PlanRecord, SearchRecord
+from nerfnav_app.state.records import LocalizationRecord, PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice
 from nerfnav_app.state.view import Backdrop
@@ -49,7 +49,7 @@ def reported(session: Session, event: e.JobReport) -> Session:
             shown, flight = session.shown_flight, session.flight
             if flight is not None and session.in_flight:
                 flight = flight.with_iteration(event)
-            return replace(session, flight=flight, search=SearchRecord(event, len(shown.steps) if shown else 0))
+            return replace(session, flight=flight, search=LocalizationRecord(event, len(shown.steps) if shown else 0))
         case e.FrameTracked():
             return session if session.track is None else replace(session, track=session.track.with_frame(event))
         case e.JobFinished(_, result):
@@ -67,7 +67,7 @@ def _opened(session: Session, place: Place) -> Session:
     there, left = settled(_suited(session, place), place), session.left_off
     if left is not None:
         box = place.field.box
-        seen = left.view is not None and shows(left.view, box.lower.tolist(), box.upper.tolist())
+        seen = left.view is not None and is_visible(left.view, box.lower.tolist(), box.upper.tolist())
         view = left.view if seen else None
         there = history.restored(replace(there, left_off=None, view=view, viewed=view), left.moment)
     return _doubted(there, place)
@@ -93,8 +93,8 @@ def _unseen(session: Session) -> Session:
 
 def _doubted(session: Session, place: Place) -> Session:
     """The session with a notice where nobody knows how long the place is, and the guess is absurd."""
-    known = not any(guess.startswith(ONE_UNIT) for guess in place.field.info.guesses)
-    doubt = None if known else size_doubt(float(place.field.box.size.max()))
+    known = not any(guess.startswith(UNIT_ASSUMED) for guess in place.field.info.guesses)
+    doubt = None if known else warn_implausible_size(float(place.field.box.size.max()))
     return session if doubt is None else noticed(session, "How long is a metre?", sentence(doubt), bad=True)
 
 
@@ -124,12 +124,12 @@ def _grounded(session: Session, plan: PlanRecord) -> Session:
     if not plan.settings.shortest:
         return replace(session, doubt=plan if plan.leads else None)
     planning = jobs.begun(session, JobKind.PLAN)
-    return planning if planning.job is None else replace(planning, job=replace(planning.job, then_fly=True))
+    return planning if planning.job is None else replace(planning, job=replace(planning.job, fly_after=True))
 
 
 def _planning_if_asked(session: Session, job: Job) -> Session:
     """The session that plans where that was asked for while the place was being opened."""
-    return jobs.begun(session, JobKind.PLAN) if job.then_plan else session
+    return jobs.begun(session, JobKind.PLAN) if job.plan_after else session
 
 
 def _finished(session: Session, job: Job, result: e.JobResult) -> Session:
@@ -141,9 +141,9 @@ def _finished(session: Session, job: Job, result: e.JobResult) -> Session:
         quick = result.summary.get("wall_s", PlanRecord.QUICK_S) < PlanRecord.QUICK_S
         plan = replace(session.plan, summary=result.summary, replayed=0.0 if quick else None)
         session = replace(session, plan=plan)
-        if job.then_fly and session.fresh_plan is not None:
+        if job.fly_after and session.fresh_plan is not None:
             return jobs.begun(session, JobKind.FLY)
-        return replace(session, doubt=plan) if job.then_fly and plan.is_unsafe and plan.leads else session
+        return replace(session, doubt=plan) if job.fly_after and plan.is_unsafe and plan.leads else session
     if job.kind is JobKind.PLACE:
         return placing.placed(session, result)
     if job.kind is JobKind.FIND:

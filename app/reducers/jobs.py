@@ -7,8 +7,8 @@ from nerfnav.planner import CostWeights
 from nerfnav_app.reducers.common import noticed
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.experiments import StartExperiment
-from nerfnav_app.state.job import DownloadAction, Job, JobKind, TakeMap, TakeTrajectory, Wish
-from nerfnav_app.state.records import AllowTime, FlightRecord, PlanAction, PlanRecord, RestoreWeights, StayDown
+from nerfnav_app.state.job import DownloadAction, DownloadRequest, Job, JobKind, TakeMap, TakeTrajectory
+from nerfnav_app.state.records import AllowTime, DeclineFlight, FlightRecord, PlanAction, PlanRecord, RestoreWeights
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
 
@@ -34,7 +34,7 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
             return _planned(session)
         case m.StartFlight(anyway):
             return _flown(session, anyway)
-        case StayDown():
+        case DeclineFlight():
             return replace(session, doubt=None)
         case AllowTime(seconds):
             return begun(replace(session, plan_settings=session.plan_settings.lasting(seconds)), JobKind.PLAN)
@@ -59,7 +59,7 @@ def job_commanded(session: Session, command: JobCommand) -> Session:
 
 
 def begun(
-    session: Session, kind: JobKind, wish: Wish | None = None, anyway: PlanRecord | None = None
+    session: Session, kind: JobKind, wish: DownloadRequest | None = None, anyway: PlanRecord | None = None
 ) -> Session:
     """The session that wants a job of this kind, on a fresh record; a notice where another one runs.
 
@@ -85,7 +85,7 @@ def _planned(session: Session) -> Session:
     """The session that plans, or that will once the place can be seen: what shapes its surface is not to be stopped."""
     job = session.job
     if job is not None and job.kind is JobKind.OPEN and not session.may_begin:
-        return replace(session, job=replace(job, then_plan=True))
+        return replace(session, job=replace(job, plan_after=True))
     return begun(session, JobKind.PLAN)
 
 
@@ -133,7 +133,7 @@ def given_up(session: Session) -> Session:
     return replace(before, job=None, jobs_begun=session.jobs_begun, notices=session.notices)
 
 
-Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.CarryAway | m.FindRobot
+Steering = m.Pause | m.Resume | m.StepOnce | m.Gust | m.KidnapRobot | m.FindRobot
 
 
 def steered(session: Session, command: Steering) -> Session:
@@ -150,14 +150,14 @@ def steered(session: Session, command: Steering) -> Session:
 def _asked(job: Job, command: Steering, steps: int) -> Job:
     match command:
         case m.Pause():
-            return replace(job, paused=True, steps_granted=steps)
+            return replace(job, paused=True, allowed_steps=steps)
         case m.Resume():
             return replace(job, paused=False)
         case m.StepOnce():
-            return replace(job, paused=True, steps_granted=steps + 1)
+            return replace(job, paused=True, allowed_steps=steps + 1)
         case m.Gust():
             return replace(job, gusts=job.gusts + 1)
-        case m.CarryAway():
+        case m.KidnapRobot():
             return replace(job, kidnaps=job.kidnaps + 1)
         case m.FindRobot():
             return replace(job, searches=job.searches + 1)

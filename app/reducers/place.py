@@ -19,7 +19,7 @@ from nerfnav_app.state.alignment import Ray
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.session import Click, Session, Vector
 from nerfnav_app.state.settings import Choice
-from nerfnav_app.state.view import Left, Looked, TabAction, Viewed
+from nerfnav_app.state.view import CameraMoved, CameraRested, TabAction, TabClosed
 from nerfnav_app.text import sentence
 
 PlaceCommand = (
@@ -57,12 +57,12 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
             return replace(session, aiming=which, placing=replace(session.placing, pointing=None))
         case m.Point(origin, direction):
             return _pointed(session, origin, direction)
-        case Looked(client, eye):
+        case CameraMoved(client, eye):
             return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
-        case Viewed(view):
+        case CameraRested(view):
             return replace(session, viewed=view)
-        case Left(client):
-            return session.without_tab(client)
+        case TabClosed(client):
+            return session.close_tab(client)
 
 
 def opening(session: Session, what: str) -> Session:
@@ -111,36 +111,36 @@ def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
     return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)
 
 
-def placing_commanded(session: Session, command: p.PlacingAction) -> Session:
+def placing_commanded(session: Session, command: p.AlignmentAction) -> Session:
     """The session after such a command, in an open place."""
     placing = session.placing
     match command:
-        case p.PointAt(pointing):
+        case p.PickPoints(pointing):
             fresh = replace(placing, pointing=pointing, clicked=None)
-            if pointing is p.Pointing.DISTANCE:
+            if pointing is p.PickTarget.DISTANCE:
                 fresh = replace(fresh, measured=())
-            elif pointing is p.Pointing.FLOOR:
+            elif pointing is p.PickTarget.FLOOR:
                 fresh = replace(fresh, floor=(), above=None, find_floor=False)
             return replace(session, placing=fresh, aiming=None)
-        case p.Measure(distance):
+        case p.SetDistance(distance):
             return replace(session, placing=replace(placing, distance=distance))
         case p.FindFloor(on):
             floor = () if on else placing.floor
             return replace(session, placing=replace(placing, find_floor=on, floor=floor, above=None))
         case p.Keep(box):
             return replace(session, placing=replace(placing, kept=box))
-        case p.ForgetPlacing():
-            return replace(session, placing=p.Placing(undo=placing.undo))
-        case p.ApplyPlacing():
+        case p.DiscardAlignment():
+            return replace(session, placing=p.AlignmentDraft(undo=placing.undo))
+        case p.ApplyAlignment():
             return _applied(session)
-        case p.UndoPlacing():
+        case p.UndoAlignment():
             return _undone(session)
 
 
 def placed(session: Session, result: JobResult) -> Session:
     """The session that opens the place as it was put right, and can go back to it as it was."""
     told = tuple(map(str, result.summary["changed"]))
-    placing = p.Placing(undo=(*session.placing.undo, session.what), told=told)
+    placing = p.AlignmentDraft(undo=(*session.placing.undo, session.what), told=told)
     opened = replace(opening(session, str(result.files[0])), placing=placing)
     return noticed(opened, "Put right", sentence("; ".join(told)))
 
@@ -163,4 +163,4 @@ def _undone(session: Session) -> Session:
     placing = session.placing
     if not placing.undo:
         return noticed(session, "Nothing to undo", "The place is as it was opened.", bad=True)
-    return replace(opening(session, placing.undo[-1]), placing=p.Placing(undo=placing.undo[:-1]))
+    return replace(opening(session, placing.undo[-1]), placing=p.AlignmentDraft(undo=placing.undo[:-1]))

@@ -9,7 +9,7 @@ from nerfnav_app.reducers.common import noticed
 from nerfnav_app.reducers.job_reports import reported
 from nerfnav_app.reducers.settings import adjusted, reset
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.alignment import PlacingAction
+from nerfnav_app.state.alignment import AlignmentAction
 from nerfnav_app.state.experiments import ListExperiments, ShowResult
 from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
 from nerfnav_app.state.runs import OpenRun, RunAction
@@ -58,7 +58,7 @@ def _command(session: Session, command: m.Command) -> Session:
     if isinstance(command, RunAction):
         elsewhere = runs.source_elsewhere(session, command.name) if isinstance(command, OpenRun) else None
         return runs.commanded(session if elsewhere is None else place.opening(session, elsewhere), command)
-    if isinstance(command, PlacingAction):
+    if isinstance(command, AlignmentAction):
         return placing.placing_commanded(session, command)
     if isinstance(command, place.PlaceCommand):
         return place.place_commanded(session, opened, command)

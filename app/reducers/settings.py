@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav_app.places.ends import opening_ends
+from nerfnav_app.places.ends import default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.reducers import jobs
 from nerfnav_app.reducers.common import first_settings, noticed
@@ -51,7 +51,7 @@ def _checked(settings: PlanSettings) -> PlanSettings:
 
 def reset(session: Session, place: Place) -> Session:
     """The session as it was once the place was open, the robot and the task that were chosen since excepted."""
-    ends = session.first_ends or opening_ends(place, None) or session.ends
+    ends = session.first_ends or default_ends(place, None) or session.ends
     return replace(
         jobs.emptied(session), task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False,
         aiming=None, clicked=None, choice=Choice(session.choice.robot), flight_settings=FlightSettings(),

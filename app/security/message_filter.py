@@ -88,7 +88,7 @@ class MessageFilter:
         async def receive_sane() -> bytes:
             while True:
                 raw = await receive()
-                message = understood(raw)
+                message = decode_message(raw)
                 passes = message is not None and self._may_pass(connection, message)
                 part = isinstance(message, viser_messages.FileTransferPart)
                 price = (_PRICE_OF_A_PART if part else 1.0) if passes else _PRICE_OF_NONSENSE
@@ -134,7 +134,7 @@ class MessageFilter:
         return False
 
 
-def understood(raw: bytes | str) -> viser_messages.Message | None:
+def decode_message(raw: bytes | str) -> viser_messages.Message | None:
     """The message, if it is one that a page can send, whole and with sane numbers and texts; else None."""
     if isinstance(raw, str):
         return None

@@ -5,9 +5,9 @@ from enum import Enum
 from typing import Any, Protocol
 
 from nerfnav_app.jobs.events import JobReport
-from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.places.sources import QualityName
-from nerfnav_app.state.alignment import PlacingAction
+from nerfnav_app.state.alignment import AlignmentAction
 from nerfnav_app.state.experiments import ExperimentAction
 from nerfnav_app.state.job import DownloadAction
 from nerfnav_app.state.records import PlanAction
@@ -23,7 +23,7 @@ from nerfnav_app.state.view import TabAction
 class MoveEnd:
     """Put the start or the goal somewhere else."""
 
-    which: Which
+    which: EndRole
     end: End
     held: bool = False
     """Whether a hand still moves it."""
@@ -33,7 +33,7 @@ class MoveEnd:
 class TypeEnd:
     """Put the start or the goal where its numbers say; unlike a hand, they may say a place that is none."""
 
-    which: Which
+    which: EndRole
     end: End
 
 
@@ -75,7 +75,7 @@ class Choose:
 class Aim:
     """Let the next click into the scene put an end there; None: let clicks be clicks."""
 
-    which: Which | None
+    which: EndRole | None
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Gust:
 
 
 @dataclass(frozen=True)
-class CarryAway:
+class KidnapRobot:
     """Put the flying robot down somewhere else, once."""
 
 
@@ -198,7 +198,7 @@ Command = (
     | TabAction
     | StartComparison
     | Gust
-    | CarryAway
+    | KidnapRobot
     | FindRobot
     | StartPlan
     | StartFlight
@@ -214,7 +214,7 @@ Command = (
     | Undo
     | Redo
     | RunAction
-    | PlacingAction
+    | AlignmentAction
     | TrackAction
     | ExperimentAction
     | Tell

@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from nerfnav.importers import Correction
+from nerfnav.importers import AlignmentRequest
 
 Vector = tuple[float, float, float]
 
 
-class Pointing(Enum):
+class PickTarget(Enum):
     """What clicks into the scene tell; the value is what the user reads."""
 
     DISTANCE = "two points"
@@ -18,7 +18,7 @@ class Pointing(Enum):
     @property
     def count(self) -> int:
         """How many points it takes."""
-        return 2 if self is Pointing.DISTANCE else 3
+        return 2 if self is PickTarget.DISTANCE else 3
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ class Ray:
 
 
 @dataclass(frozen=True)
-class Placing:
+class AlignmentDraft:
     """How the place is to be put right, in its coordinates of now, as far as it was told."""
 
-    pointing: Pointing | None = None
+    pointing: PickTarget | None = None
     """What the next click tells; None: clicks are clicks."""
     clicked: Ray | None = None
     """A click whose landing is being looked for."""
@@ -59,10 +59,10 @@ class Placing:
     def pointed(self, point: Vector) -> "Placing":
         """With one more point of what is being pointed at; after the last one, clicks are clicks again."""
         assert self.pointing is not None, "only clicks that were asked for land"
-        known = self.measured if self.pointing is Pointing.DISTANCE else self.floor
+        known = self.measured if self.pointing is PickTarget.DISTANCE else self.floor
         points = (*known, point)[-self.pointing.count :] if len(known) < self.pointing.count else (point,)
         rest = None if len(points) == self.pointing.count else self.pointing
-        if self.pointing is Pointing.DISTANCE:
+        if self.pointing is PickTarget.DISTANCE:
             return replace(self, measured=points, pointing=rest)
         above = self.above if self.clicked is None else self.clicked.origin
         return replace(self, floor=points, above=above, find_floor=False, pointing=rest)
@@ -72,7 +72,7 @@ class Placing:
         """How far the two points are apart as the place is [m]."""
         return math.dist(*self.measured) if len(self.measured) == 2 else None
 
-    def correction(self) -> Correction:
+    def correction(self) -> AlignmentRequest:
         """What all this asks for. Raises InvalidInputError for what cannot be meant."""
         up = None
         floor = (self.floor[0], self.floor[1], self.floor[2]) if len(self.floor) == 3 else None
@@ -82,18 +82,18 @@ class Placing:
         measured = None
         if len(self.measured) == 2 and self.distance is not None:
             measured = (*self.measured, self.distance)
-        return Correction(measured, floor=floor, find_floor=self.find_floor, up=up, kept=self.kept)
+        return AlignmentRequest(measured, floor=floor, find_floor=self.find_floor, up=up, kept=self.kept)
 
 
 @dataclass(frozen=True)
-class PointAt:
+class PickPoints:
     """Let the next clicks into the scene tell something, from its first point on; None: let clicks be clicks."""
 
-    pointing: Pointing | None
+    pointing: PickTarget | None
 
 
 @dataclass(frozen=True)
-class Measure:
+class SetDistance:
     """Say how far the two points are apart in truth."""
 
     distance: float
@@ -115,18 +115,18 @@ class Keep:
 
 
 @dataclass(frozen=True)
-class ApplyPlacing:
+class ApplyAlignment:
     """Put the place right, as it was told."""
 
 
 @dataclass(frozen=True)
-class ForgetPlacing:
+class DiscardAlignment:
     """Forget what was told."""
 
 
 @dataclass(frozen=True)
-class UndoPlacing:
+class UndoAlignment:
     """Go back to the place as it was before the last change."""
 
 
-PlacingAction = PointAt | Measure | FindFloor | Keep | ApplyPlacing | ForgetPlacing | UndoPlacing
+AlignmentAction = PickPoints | SetDistance | FindFloor | Keep | ApplyAlignment | DiscardAlignment | UndoAlignment

@@ -6,22 +6,22 @@ from nerfnav.planner import PlanOutcome
 from nerfnav_app.state.session import Session
 
 
-def subject(session: Session) -> str | None:
+def name_subject(session: Session) -> str | None:
     """What would be exported: the flight, else the plan, else nothing."""
     if session.flight is not None and len(session.flight.steps) > 1:
         return "flight"
     return "plan" if session.plan is not None and session.plan.latest is not None else None
 
 
-def ended(session: Session) -> PlanOutcome | EpisodeOutcome | None:
+def find_outcome(session: Session) -> PlanOutcome | EpisodeOutcome | None:
     """How what would be exported ended; None while it goes on, or where there is nothing."""
-    name = subject(session)
+    name = name_subject(session)
     if name == "flight" and session.flight is not None:
         return session.flight.outcome
     return session.plan.outcome if name == "plan" and session.plan is not None else None
 
 
-def recording_of(session: Session) -> Recording | None:
+def make_recording(session: Session) -> Recording | None:
     """The flight or the plan, as formats take it."""
     place = session.place
     if place is None:
@@ -34,9 +34,9 @@ def recording_of(session: Session) -> Recording | None:
     return None
 
 
-def file_name(session: Session, format: str) -> str:
+def name_download(session: Session, format: str) -> str:
     """What a download is called."""
     place = session.place.name if session.place is not None else "nerfnav"
     ending = FORMATS[format].ending
     told = "" if format == ending else f"-{format}"
-    return f"{place}-{subject(session)}{told}.{ending}"
+    return f"{place}-{name_subject(session)}{told}.{ending}"

@@ -1,6 +1,6 @@
 """Undo history: what a person has asked for before each move and each setting.
 
-`LeftOff` is such a moment on disk: a place is found in it again when a server opens it the next time.
+`SavedSession` is such a moment on disk: a place is found in it again when a server opens it the next time.
 """
 
 
@@ -49,7 +49,7 @@ class History:
 
 
 @dataclass(frozen=True)
-class LeftOff:
+class SavedSession:
     """How a place was left."""
 
     moment: Moment

@@ -13,7 +13,7 @@ from nerfnav_app.state.tracks import StartTrack
 
 
 @dataclass(frozen=True)
-class MapWish:
+class MapDownload:
     """A map of the place that somebody wants to take away."""
 
     ending: str
@@ -23,7 +23,7 @@ class MapWish:
 
 
 @dataclass(frozen=True)
-class TrajectoryWish:
+class TrajectoryDownload:
     """What a vehicle is to fly, as a file that somebody wants to take away."""
 
     format: str
@@ -34,7 +34,7 @@ class TrajectoryWish:
     """Whether to have it also where it should not be flown."""
 
 
-Wish = MapWish | TrajectoryWish
+DownloadRequest = MapDownload | TrajectoryDownload
 """What is made for one tab."""
 
 
@@ -54,14 +54,14 @@ class Download:
 class TakeMap:
     """Make a map of the place and send it to the tab that asks."""
 
-    wish: MapWish
+    wish: MapDownload
 
 
 @dataclass(frozen=True)
 class TakeTrajectory:
     """Make the file for a vehicle, once it is judged, and send it to the tab that asks."""
 
-    wish: TrajectoryWish
+    wish: TrajectoryDownload
 
 
 DownloadAction = TakeMap | TakeTrajectory
@@ -96,9 +96,9 @@ class Job:
     """For a flight: a finished plan between these ends, to begin with."""
     anyway: bool = False
     """For a flight: whether it is wanted though its plan is not safe."""
-    then_plan: bool = False
+    plan_after: bool = False
     """For a place that is being opened: whether the way is to be planned as soon as that can be."""
-    then_fly: bool = False
+    fly_after: bool = False
     """For a plan: whether it is to be flown, if it is good."""
     label: str = ""
     """What is being done, for the user."""
@@ -107,8 +107,8 @@ class Job:
     left_s: float | None = None
     """About how long it will still take [s]; None while unknown."""
     paused: bool = False
-    """Whether to hold once the flight has reported `steps_granted` time steps."""
-    steps_granted: int = 0
+    """Whether to hold once the flight has reported `allowed_steps` time steps."""
+    allowed_steps: int = 0
     """How far a paused flight may go; it holds at once where it has gone that far."""
     pace: float = 0.0
     """How many times faster than in reality a flight may go; 0 is as fast as it is computed."""
@@ -118,13 +118,13 @@ class Job:
     """How many times its robot was to be carried away."""
     searches: int = 0
     """How many times it was asked to look for the robot everywhere."""
-    wish: Wish | None = None
+    wish: DownloadRequest | None = None
     """The file that is to be made."""
     track: StartTrack | None = None
     """What is to be tracked."""
 
     @property
-    def hurries(self) -> bool:
+    def runs_unpaced(self) -> bool:
         """Whether it is a flight that goes on as fast as it is computed: its next step waits for nobody, and nobody can
         follow all that it tells."""
         return self.kind is JobKind.FLY and not self.paused and self.pace <= 0

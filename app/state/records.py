@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 
 from nerfnav.estimator import FilterStep, RelocaliseStep
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
-from nerfnav.planner import GOOD, PlanCost, PlanOutcome, PlanStep
+from nerfnav.planner import FLYABLE, PlanCost, PlanOutcome, PlanStep
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.state.settings import PlanSettings
 
 
 @dataclass(frozen=True)
-class StayDown:
+class DeclineFlight:
     """Do not fly a plan that is not safe, after all."""
 
 
@@ -33,10 +33,10 @@ class RestoreWeights:
     """Plan again, with the weights as they were at first."""
 
 
-PlanAction = StayDown | AllowTime | RestoreWeights
+PlanAction = DeclineFlight | AllowTime | RestoreWeights
 
 
-NOWHERE = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
+NO_TRAJECTORY = (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
 """Outcomes of plans that are no way from start to goal."""
 
 
@@ -107,17 +107,17 @@ class PlanRecord:
     @property
     def is_good(self) -> bool:
         """Whether it is finished and nothing is known against flying it."""
-        return self.outcome in GOOD and not self.draft
+        return self.outcome in FLYABLE and not self.draft
 
     @property
     def is_unsafe(self) -> bool:
         """Whether it has ended with something that is not to be flown."""
-        return self.outcome is not None and self.outcome not in GOOD
+        return self.outcome is not None and self.outcome not in FLYABLE
 
     @property
     def leads(self) -> bool:
         """Whether it is a way from start to goal at all, be it a bad one."""
-        return self.latest is not None and self.outcome not in NOWHERE
+        return self.latest is not None and self.outcome not in NO_TRAJECTORY
 
     @property
     def shown(self) -> PlanStep | None:
@@ -152,7 +152,7 @@ class PlanRecord:
 
 
 @dataclass(frozen=True)
-class SearchRecord:
+class LocalizationRecord:
     """A search for the robot as far as it has come."""
 
     NEAR: ClassVar[int] = 4

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from nerfnav.robots import LIMITS, WITH_MASS, BodyFile, Cylinder, Kind, RobotFile, of_kind
+from nerfnav.robots import LIMITS, WITH_MASS, BodyFile, Cylinder, Kind, RobotFile, change_kind
 
 _DEGREES = math.degrees(1)
 _CALIBRATED = ("width", "height", "fov")
@@ -124,16 +124,16 @@ KINDS: dict[Kind, str] = {
 """How a robot may move, as a file and as a person says it."""
 
 
-def kind_changed(chosen: RobotFile, draft: RobotFile | None, kind: Kind, folder: Path) -> EditRobot:
+def edit_kind(chosen: RobotFile, draft: RobotFile | None, kind: Kind, folder: Path) -> EditRobot:
     """The change to another kind, with what that needs; back to the kind of `chosen`, as it was there.
 
     `folder` is where meshes lie. Raises InvalidInputError where there can be no such robot.
     """
     told = chosen if draft is None else draft
-    return EditRobot(chosen, "kind", kind, chosen if kind == chosen.kind else of_kind(told, kind, folder))
+    return EditRobot(chosen, "kind", kind, chosen if kind == chosen.kind else change_kind(told, kind, folder))
 
 
-def shape_of(body: BodyFile) -> str:
+def name_shape(body: BodyFile) -> str:
     """What a body is made of: the name of its field."""
     return next(name for name in ("box", "cylinder", "spheres", "mesh", "urdf") if getattr(body, name) is not None)
 
@@ -143,6 +143,6 @@ def box_of(body: BodyFile, edges: tuple[float, float, float]) -> BodyFile:
     return BodyFile(box=edges, spacing=body.spacing)
 
 
-def cylinder_of(body: BodyFile, radius: float, height: float) -> BodyFile:
+def make_cylinder(body: BodyFile, radius: float, height: float) -> BodyFile:
     """An upright cylinder [m] in place of a body."""
     return BodyFile(cylinder=Cylinder(radius, height), spacing=body.spacing)

@@ -65,9 +65,9 @@ class PlayBack:
 RunAction = ListRuns | OpenRun | CompareRun | RenameRun | DeleteRun | Scrub | PlayBack
 
 
-Timed = FlightRecord | TrackRecord
+TimedRecord = FlightRecord | TrackRecord
 """What a timeline goes along: at most one of them is on the page."""
-AnyTimed = TypeVar("AnyTimed", bound=FlightRecord | TrackRecord)
+AnyTimedRecord = TypeVar("AnyTimedRecord", bound=FlightRecord | TrackRecord)
 
 
 @dataclass(frozen=True)
@@ -109,9 +109,9 @@ class RunChange:
 class Timeline:
     """Which time step of a flight, or frame of a track, is shown."""
 
-    flight: Timed | None = None
+    flight: TimedRecord | None = None
     """The flight or track that it belongs to; for any other it says nothing."""
-    part: Timed | None = None
+    part: TimedRecord | None = None
     """The same up to the time that is shown."""
     elapsed_s: float = 0.0
     """Where it is while it runs [s]."""
@@ -122,12 +122,12 @@ class Timeline:
         """The time step that is shown."""
         return len(self.part.steps) - 1 if self.part is not None else 0
 
-    def moved(self, flight: Timed, at: float) -> "Timeline":
+    def moved(self, flight: TimedRecord, at: float) -> "Timeline":
         """At the time step nearest to `at`, held."""
         step = min(max(round(at), 0), len(flight.steps) - 1)
         return Timeline(flight, flight.cut(step), flight.times[step])
 
-    def started(self, flight: Timed) -> "Timeline":
+    def started(self, flight: TimedRecord) -> "Timeline":
         """Running; from the start where it was at the end, or showed another flight."""
         here = self if self.flight is flight and self.at < len(flight.steps) - 1 else self.moved(flight, 0)
         return replace(here, playing=True)
@@ -180,8 +180,8 @@ class Runs:
         """The run of that name, if there is one."""
         return next((entry for entry in self.entries if entry.name == name), None)
 
-    def shown(self, record: AnyTimed | None) -> AnyTimed | None:
+    def shown(self, record: AnyTimedRecord | None) -> AnyTimedRecord | None:
         """As much of a flight or track as the timeline shows."""
         if record is None or self.timeline.flight is not record:
             return record
-        return cast("AnyTimed | None", self.timeline.part)
+        return cast("AnyTimedRecord | None", self.timeline.part)

@@ -14,16 +14,16 @@ from torch import Tensor
 
 from nerfnav.robots import RobotFile
 from nerfnav_app.jobs.events import PlannerResult
-from nerfnav_app.places.ends import End, Ends, Which, opening_ends
+from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import USUAL, QualityName
 from nerfnav_app.places.vantage import View
-from nerfnav_app.state.alignment import Placing
+from nerfnav_app.state.alignment import AlignmentDraft
 from nerfnav_app.state.experiments import ExperimentState
-from nerfnav_app.state.history import History, LeftOff, Moment
+from nerfnav_app.state.history import History, Moment, SavedSession
 from nerfnav_app.state.job import Download, Job, JobKind
-from nerfnav_app.state.records import FlightRecord, PlanRecord, SearchRecord
-from nerfnav_app.state.runs import Runs, Timed
+from nerfnav_app.state.records import FlightRecord, LocalizationRecord, PlanRecord
+from nerfnav_app.state.runs import Runs, TimedRecord
 from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
 from nerfnav_app.state.tracks import TrackRecord
 from nerfnav_app.state.view import Eye, ViewSettings
@@ -50,7 +50,7 @@ Vector = tuple[float, float, float]
 class Click:
     """A click into the scene that puts an end down."""
 
-    which: Which
+    which: EndRole
     """The end that is put there."""
     origin: Vector
     """Where the ray of the click begins [m]."""
@@ -94,21 +94,21 @@ class Session:
     """From where both ends are seen; None where nobody has looked for that: then all of the place is looked at."""
     seeking: bool = False
     """Whether ends are being looked for that suit the robot: those of now do not."""
-    problems: dict[Which, str | None] = field(default_factory=dict)
+    problems: dict[EndRole, str | None] = field(default_factory=dict)
     """What keeps the robot from an end, None where nothing does; absent while it is being looked at."""
-    offers: dict[Which, End] = field(default_factory=dict)
+    offers: dict[EndRole, End] = field(default_factory=dict)
     """Where the robot would fit near an end at which it does not."""
-    outside: Mapping[Which, End] = field(default_factory=dict)
+    outside: Mapping[EndRole, End] = field(default_factory=dict)
     """Ends that were typed where the robot cannot be: they are shown until they are put right, and not taken."""
     held: bool = False
     """Whether a hand moves an end now."""
     history: History = field(default_factory=History)
     """Moves and settings that can be undone."""
-    aiming: Which | None = None
+    aiming: EndRole | None = None
     """Which end the next click into the scene puts down."""
     clicked: Click | None = None
     """A click whose landing is being looked for."""
-    placing: Placing = field(default_factory=Placing)
+    placing: AlignmentDraft = field(default_factory=AlignmentDraft)
     """What up, scale and box are to be put right by."""
     view_settings: ViewSettings = field(default_factory=ViewSettings)
     """What the page draws of the place."""
@@ -130,7 +130,7 @@ class Session:
     """The last flight."""
     track: TrackRecord | None = None
     """A camera that is followed, or was, in place of a flight: there is at most one of both."""
-    search: SearchRecord | None = None
+    search: LocalizationRecord | None = None
     """What the last search for the robot has found, as far as it has come."""
     runs: Runs = field(default_factory=Runs)
     """Stored flights, and the timeline."""
@@ -142,14 +142,14 @@ class Session:
     """The last few, newest last."""
     viewed: View | None = None
     """From where somebody has looked last; None where nobody has turned the camera."""
-    left_off: LeftOff | None = None
+    left_off: SavedSession | None = None
     """How a server last left this place, until it is open again."""
     before: "Session | None" = None
     """Where to go back to if the place cannot be opened; None for the first place."""
 
     @classmethod
     def opening(
-        cls, what: str, choice: Choice | None = None, surface: bytes | None = None, left_off: LeftOff | None = None
+        cls, what: str, choice: Choice | None = None, surface: bytes | None = None, left_off: SavedSession | None = None
     ) -> "Session":
         """The session at the start: `what` is to be opened; `surface` and `left_off` may be known from earlier."""
         job = Job(0, JobKind.OPEN, label="Opening the field")
@@ -160,7 +160,7 @@ class Session:
         """Where a reset puts the ends: those of the task that was chosen last, or those that were found."""
         if self.place is None or self.home is None:
             return self.home_ends
-        return opening_ends(self.place, self.home)
+        return default_ends(self.place, self.home)
 
     @property
     def moment(self) -> Moment:
@@ -201,7 +201,7 @@ class Session:
         return plan is not None and (plan.ends, plan.planner, plan.settings) != asked
 
     @property
-    def plan_follows(self) -> bool:
+    def plan_follows_hand(self) -> bool:
         """Whether the plan is a moment behind a hand that moves an end."""
         return self.held and self.plan is not None and self.plan.draft and not self.plan.refusal
 
@@ -247,7 +247,7 @@ class Session:
         return self.runs.shown(self.track)
 
     @property
-    def timed(self) -> Timed | None:
+    def timed(self) -> TimedRecord | None:
         """What the timeline goes along."""
         return self.track if self.flight is None else self.flight
 
@@ -272,7 +272,7 @@ class Session:
         """Changes whenever the list of stored runs may have changed."""
         return self.jobs_begun, int(self.job is not None), self.runs.asked
 
-    def without_tab(self, client: int) -> "Session":
+    def close_tab(self, client: int) -> "Session":
         """After a tab was closed: what was rendered for it alone is forgotten."""
         eyes = {tab: eye for tab, eye in self.eyes.items() if tab != client}
         kept = {slot: pair for slot, pair in self.results.items() if getattr(pair[0], "client", None) != client}

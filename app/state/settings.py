@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import estimators
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav.navigation import WorldName
 from nerfnav.planner import CostWeights, PlannerConfig, planners
 from nerfnav.robots import StateNoise
@@ -49,7 +49,7 @@ class PlanSettings:
     """Whether to find the shortest duration that keeps the robot's limits instead."""
     max_collision: float | None = None
     """Largest bound on the probability of a collision that is accepted, 0 to 1; None accepts any."""
-    unknown: Unknown = Unknown.OCCUPIED
+    unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """What space is taken for that no camera ever saw into."""
     weights: CostWeights = field(default_factory=CostWeights)
     """What the terms of J weigh."""

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from nerfnav.geometry import picture_file
-from nerfnav.tracking import Tracked
+from nerfnav.geometry import encode_image
+from nerfnav.tracking import TrackedFrame
 from nerfnav_app.jobs.events import FrameTracked
 
 _QUALITY = 85
@@ -38,7 +38,7 @@ TrackAction = StartTrack | ForgetTrack
 class TrackedFrame:
     """A picture and where its camera was."""
 
-    tracked: Tracked
+    tracked: TrackedFrame
     seen: bytes = field(repr=False)
     """The picture, as a JPEG file."""
     shown: bytes | None = field(repr=False)
@@ -72,7 +72,7 @@ class TrackRecord:
         return 0.01
 
     @property
-    def track(self) -> tuple[Tracked, ...]:
+    def track(self) -> tuple[TrackedFrame, ...]:
         """Its frames without their pictures."""
         return tuple(step.tracked for step in self.steps)
 
@@ -83,6 +83,6 @@ class TrackRecord:
     def with_frame(self, event: FrameTracked) -> "TrackRecord":
         """With one more frame."""
         assert event.seen is not None, "the page shows what it tracks"
-        shown = None if event.shown is None else picture_file(event.shown.numpy(), _QUALITY)
-        frame = TrackedFrame(event.tracked, picture_file(event.seen.numpy(), _QUALITY), shown)
+        shown = None if event.shown is None else encode_image(event.shown.numpy(), _QUALITY)
+        frame = TrackedFrame(event.tracked, encode_image(event.seen.numpy(), _QUALITY), shown)
         return replace(self, steps=(*self.steps, frame))

@@ -83,7 +83,7 @@ class Eye:
 
 
 @dataclass(frozen=True)
-class Looked:
+class CameraMoved:
     """The camera of a tab has moved."""
 
     client: int
@@ -92,17 +92,17 @@ class Looked:
 
 
 @dataclass(frozen=True)
-class Viewed:
+class CameraRested:
     """Somebody has turned the camera, and let it rest."""
 
     view: View
 
 
 @dataclass(frozen=True)
-class Left:
+class TabClosed:
     """A tab was closed."""
 
     client: int
 
 
-TabAction = Looked | Viewed | Left
+TabAction = CameraMoved | CameraRested | TabClosed

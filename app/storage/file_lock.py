@@ -5,7 +5,7 @@ from pathlib import Path
 from filelock import BaseFileLock, FileLock, Timeout
 
 
-def lock_of(path: Path) -> BaseFileLock:
+def lock_for(path: Path) -> BaseFileLock:
     """The lock of a file that is written for a while, FILE.lock beside it, not taken yet.
 
     Taking it raises filelock.Timeout, an OSError, at once where it is held.
@@ -13,9 +13,9 @@ def lock_of(path: Path) -> BaseFileLock:
     return FileLock(path.with_name(f"{path.name}.lock"), blocking=False, thread_local=False)
 
 
-def is_held(path: Path) -> bool:
+def is_locked(path: Path) -> bool:
     """Whether anybody is writing a file; False too where its lock may not be opened."""
-    lock = lock_of(path)
+    lock = lock_for(path)
     if not Path(lock.lock_file).is_file():
         return False
     try:

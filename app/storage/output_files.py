@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.core.files import replacing
+from nerfnav.core.files import replace_file
 
 
 class OutputError(NerfnavError):
@@ -41,7 +41,7 @@ def write_text(path: Path, text: str) -> Path:
 def write_bytes(path: Path, content: bytes) -> Path:
     """Write a whole file or none."""
     try:
-        with replacing(path) as stream:
+        with replace_file(path) as stream:
             stream.write(content)
     except OSError as error:
         raise OutputError(f"cannot write the file {path}: {error.strerror}") from error

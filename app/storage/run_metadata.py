@@ -51,7 +51,7 @@ class RunMetadata:
         """Write run.json."""
         return write_text(folder / FILE, json_line({"format": FORMAT, "version": VERSION, **asdict(self)}) + "\n")
 
-    def heading_for(self, goal: End) -> "RunMetadata":
+    def with_goal(self, goal: End) -> "RunMetadata":
         """The same flight; with another goal than it began with it is that of no task."""
         if math.dist(goal.position, self.ends.goal.position) < _SAME_M:
             return self

@@ -9,7 +9,7 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.navigation import NavigationStep
 from nerfnav_app.storage import run_metadata as about
-from nerfnav_app.storage.file_lock import is_held
+from nerfnav_app.storage.file_lock import is_locked
 from nerfnav_app.storage.output_files import OutputError, prepare_folder
 from nerfnav_app.storage.step_codec import FILE
 from nerfnav_app.storage.step_log import count_steps, read_steps
@@ -117,7 +117,7 @@ class RunStore:
 
     def _at_rest(self, name: str) -> Path:
         path = self.path(name)
-        if is_held(path / FILE):
+        if is_locked(path / FILE):
             raise InvalidInputError(f"{name} is being flown: wait for its end, or stop it")
         return path
 
@@ -139,4 +139,4 @@ def _entry(path: Path) -> about.StoredRun | None:
         return None
     steps = known.metrics.get("steps")
     counted = steps if isinstance(steps, int) else count_steps(path)
-    return about.StoredRun(path.name, known, counted, known.outcome is None and is_held(path / FILE))
+    return about.StoredRun(path.name, known, counted, known.outcome is None and is_locked(path / FILE))

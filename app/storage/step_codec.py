@@ -17,8 +17,8 @@ import torch
 from torch import Tensor
 
 from nerfnav.estimator import Belief
-from nerfnav.geometry import picture_file
-from nerfnav.navigation import EpisodeOutcome, NavigationStep, Recovery
+from nerfnav.geometry import encode_image
+from nerfnav.navigation import EpisodeOutcome, NavigationStep, SupervisorState
 from nerfnav.robots import Motion, RigidState
 
 FILE, PICTURES = "steps.jsonl", "pictures"
@@ -26,7 +26,7 @@ FILE, PICTURES = "steps.jsonl", "pictures"
 _JPEG_QUALITY = 90
 
 
-def content_of(step: NavigationStep) -> dict[str, Any]:
+def encode_step(step: NavigationStep) -> dict[str, Any]:
     """What is written of a step; its picture is a file of its own."""
     return {
         "index": step.index,
@@ -54,11 +54,11 @@ def keep_picture(folder: Path, image: Tensor, index: int) -> str:
     """Write the picture of a step into the folder of a flight. Its path within that."""
     (folder / PICTURES).mkdir(exist_ok=True)
     name = f"{PICTURES}/{index:05}.jpg"
-    (folder / name).write_bytes(picture_file(image.numpy(), _JPEG_QUALITY))
+    (folder / name).write_bytes(encode_image(image.numpy(), _JPEG_QUALITY))
     return name
 
 
-def step_of(content: dict[str, Any], folder: Path | None) -> NavigationStep:
+def decode_step(content: dict[str, Any], folder: Path | None) -> NavigationStep:
     """A step as it was written, with its picture where `folder` is given."""
     plan, action = content["plan"], content["action"]
     states = _state(torch.tensor(plan["states"]).reshape(-1, 18))
@@ -77,7 +77,7 @@ def step_of(content: dict[str, Any], folder: Path | None) -> NavigationStep:
         filter_ms=float(content["filter_ms"]),
         replan_ms=float(content["replan_ms"]),
         outcome=None if outcome is None else EpisodeOutcome[outcome.upper()],
-        recovery=None if recovery is None else Recovery[recovery.upper()],
+        recovery=None if recovery is None else SupervisorState[recovery.upper()],
         late=bool(content.get("late", False)),
     )
 

@@ -18,9 +18,9 @@ from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.robots import RigidState
 from nerfnav_app.places.ends import End
 from nerfnav_app.storage import run_metadata
-from nerfnav_app.storage.file_lock import lock_of
+from nerfnav_app.storage.file_lock import lock_for
 from nerfnav_app.storage.output_files import OutputError
-from nerfnav_app.storage.step_codec import FILE, PICTURES, content_of, keep_picture, step_of
+from nerfnav_app.storage.step_codec import FILE, PICTURES, decode_step, encode_step, keep_picture
 
 
 def count_steps(folder: Path) -> int:
@@ -43,7 +43,7 @@ def read_steps(folder: Path, pictures: bool = True) -> tuple[NavigationStep, ...
         raise InvalidInputError(f"{folder.name} holds no readable log of a flight") from error
     del rest  # empty, or cut off
     try:
-        steps = tuple(step_of(json.loads(line), folder if pictures else None) for line in lines)
+        steps = tuple(decode_step(json.loads(line), folder if pictures else None) for line in lines)
     except (ValueError, KeyError, TypeError, RuntimeError) as error:
         raise InvalidInputError(f"the log of {folder.name} is damaged: {error}") from error
     if not steps:
@@ -66,7 +66,7 @@ class StepLog:
         """
         self._folder, self._about, self._numbers = folder, flight, numbers
         self._steps: list[NavigationStep] = []
-        self._lock = lock_of(folder / FILE)
+        self._lock = lock_for(folder / FILE)
         try:
             self._lock.acquire()
         except Timeout as error:
@@ -80,16 +80,16 @@ class StepLog:
         """Write one step down. Raises OutputError where the disk does not take it."""
         try:
             picture = None if step.image is None else keep_picture(self._folder, step.image, step.index)
-            self._stream.write(json.dumps(content_of(step) | {"picture": picture}) + "\n")
+            self._stream.write(json.dumps(encode_step(step) | {"picture": picture}) + "\n")
             self._stream.flush()
         except OSError as error:
             raise OutputError(f"the flight cannot be written into {self._folder.name}: {error.strerror}") from error
         self._steps.append(step)
 
-    def head_for(self, goal: RigidState | None) -> None:
+    def note_goal(self, goal: RigidState | None) -> None:
         """Note where the flight goes now: one whose goal was moved is no flight of its task any more."""
         if goal is not None:
-            self._about = self._about.heading_for(End.of_state(goal))
+            self._about = self._about.with_goal(End.of_state(goal))
 
     def close(self) -> None:
         """Write into run.json how the flight ended; one that never left the start leaves nothing behind."""
@@ -115,7 +115,7 @@ class StepLog:
 
 
 @contextmanager
-def logged(
+def open_step_log(
     folder: Path | None, flight: run_metadata.RunMetadata, numbers: Callable[[Episode], dict[str, Any]]
 ) -> Iterator[StepLog | None]:
     """A log in `folder`; None writes nothing. However the flight ends, what was flown stays."""

@@ -22,22 +22,22 @@ from nerfnav_app.jobs.fly import fly
 from nerfnav_app.jobs.fly.request import FlyRequest
 from nerfnav_app.jobs.open import opening
 from nerfnav_app.jobs.plan import compare_planners, plan
-from nerfnav_app.jobs.subprocess_job import in_subprocess
+from nerfnav_app.jobs.subprocess_job import run_in_subprocess
 from nerfnav_app.jobs.track import localize
-from nerfnav_app.places.derived import planning_place
+from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import QualityName
 from nerfnav_app.queries.following_plan import plan_request
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.actions import RunChanged
-from nerfnav_app.state.export_subject import file_name, recording_of
-from nerfnav_app.state.job import Job, JobKind, MapWish, TrajectoryWish
+from nerfnav_app.state.export_subject import make_recording, name_download
+from nerfnav_app.state.job import Job, JobKind, MapDownload, TrajectoryDownload
 from nerfnav_app.state.runs import RunChange
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.experiment_store import ExperimentStore
 from nerfnav_app.storage.run_store import RunStore
 from nerfnav_app.text import sentence
-from nerfnav_app.worker.operator_requests import FlightOrders
+from nerfnav_app.worker.operator_requests import SessionRequests
 
 
 class PlacedFiles:
@@ -62,7 +62,7 @@ def begin_experiment(session: Session, runs: RunStore) -> JobEvents:
     asked = session.experiments.asked
     assert asked is not None, "an experiment is begun by who says which"
     out = ExperimentStore(runs.folder).new(asked.name)
-    return in_subprocess(partial(_do_experiment, asked.name, asked.trials, out))
+    return run_in_subprocess(partial(_do_experiment, asked.name, asked.trials, out))
 
 
 def _do_experiment(name: str, trials: int | None, out: Path) -> JobEvents:
@@ -84,7 +84,7 @@ class JobStarter:
     """How a flight is flown; its noise is what the session has."""
     runs: RunStore | None = field(default_factory=RunStore)
     """Where flights are kept; None keeps none."""
-    _flight_orders: FlightOrders | None = None
+    _flight_orders: SessionRequests | None = None
     _placed: PlacedFiles = field(default_factory=PlacedFiles)
 
     def begin(self, session: Session, job: Job) -> JobEvents:
@@ -107,7 +107,7 @@ class JobStarter:
         if job.kind is JobKind.PLACE:
             return self._placed.begin(session, job)
         if job.kind is JobKind.MAP:
-            assert isinstance(job.wish, MapWish), "a map is made for who says which"
+            assert isinstance(job.wish, MapDownload), "a map is made for who says which"
             name = Path(f"{place.name}-map{job.wish.ending}")
             return map_job.download(place.field, map_job.MapRequest(name))
         if job.kind is JobKind.EXPORT:
@@ -115,7 +115,7 @@ class JobStarter:
         if job.kind is JobKind.PLAN:
             name = session.choice.planner
             return plan.run(plan_request(settings, job.ends, name, self.plans.get(name)), place)
-        self._flight_orders = FlightOrders(job, place)
+        self._flight_orders = SessionRequests(job, place)
         return fly.run(self._flight(session, job, self._flight_orders), place)
 
     def follow(self, session: Session) -> None:
@@ -123,7 +123,7 @@ class JobStarter:
         if self._flight_orders is not None:
             self._flight_orders.follow(session)
 
-    def _flight(self, session: Session, job: Job, orders: FlightOrders) -> FlyRequest:
+    def _flight(self, session: Session, job: Job, orders: SessionRequests) -> FlyRequest:
         """What the session wants to be flown, beginning with a plan that is there already."""
         assert session.place is not None, "flights begin in a place"
         name, flying = session.choice.planner, session.flight_settings
@@ -161,10 +161,10 @@ def _followed(place: Place, job: Job) -> JobEvents:
 
 def _export(session: Session, job: Job, place: Place) -> JobEvents:
     """What a vehicle is to fly, judged in the place as planners see it."""
-    wish, made = job.wish, recording_of(session)
-    assert isinstance(wish, TrajectoryWish) and made is not None, "there is something to take away, in some format"
-    seen = planning_place(place, session.plan_settings.unknown)
-    return export.download(made.planned_in(seen.field), wish.format, file_name(session, wish.format), wish.force)
+    wish, made = job.wish, make_recording(session)
+    assert isinstance(wish, TrajectoryDownload) and made is not None, "there is something to take away, in some format"
+    seen = prepare_place(place, session.plan_settings.unknown)
+    return export.download(made.with_field(seen.field), wish.format, name_download(session, wish.format), wish.force)
 
 
 @dataclass

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import torch
 
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav.geometry import Pose
-from nerfnav.navigation import Orders
-from nerfnav.navigation.simulator import carried_away
+from nerfnav.navigation import OperatorRequests
+from nerfnav.navigation.simulator import sample_kidnap_pose
 from nerfnav.planner import fits
 from nerfnav.robots import RigidState
-from nerfnav_app.places.derived import planning_place
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.derived import prepare_place
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.places.place import Place
 from nerfnav_app.state.job import Job
 from nerfnav_app.state.session import Session
@@ -25,18 +25,18 @@ _ROOM = 0.03
 """Around a robot that is put down somewhere else [m]."""
 
 
-def elsewhere(place: Place, truth: RigidState, generator: torch.Generator) -> Pose | None:
+def find_kidnap_pose(place: Place, truth: RigidState, generator: torch.Generator) -> Pose | None:
     """A pose at which the robot fits, far from where it is; None where there is none."""
-    seen = planning_place(place, Unknown.OCCUPIED)  # as plans see it
+    seen = prepare_place(place, UnknownSpace.OCCUPIED)  # as plans see it
     body = seen.robot.body_with_room(_ROOM)
 
     def fits_there(state: RigidState) -> bool:
         return fits(seen.field, body, seen.robot.settled(state, truth))
 
-    return carried_away(truth, seen.field.box, fits_there, generator)
+    return sample_kidnap_pose(truth, seen.field.box, fits_there, generator)
 
 
-class FlightOrders:
+class SessionRequests:
     """Follows the session on behalf of one flight. Used by the worker's thread alone."""
 
     def __init__(self, job: Job, place: Place) -> None:
@@ -55,17 +55,19 @@ class FlightOrders:
         if session.flight is not None and session.flight.steps:
             self._truth = session.flight.steps[-1].truth
         goal = session.ends.goal
-        if goal != self._goal and session.problems.get(Which.GOAL, "not known yet") is None:
+        if goal != self._goal and session.problems.get(EndRole.GOAL, "not known yet") is None:
             self._goal, self._goal_state = goal, goal.state()
 
-    def orders(self) -> Orders:
+    def orders(self) -> OperatorRequests:
         """What is asked of the next time step; a gust blows once for each time it was asked for."""
         asked, felt = self._asked, self._felt
         blows = felt.gusts < asked.gusts
         self._felt = replace(asked, gusts=felt.gusts + blows)
-        return Orders(
+        return OperatorRequests(
             goal=self._goal_state,
             gust=GUST if blows else None,
-            carried=elsewhere(self._place, self._truth, self._generator) if asked.kidnaps > felt.kidnaps else None,
+            carried=find_kidnap_pose(self._place, self._truth, self._generator)
+            if asked.kidnaps > felt.kidnaps
+            else None,
             search=asked.searches > felt.searches,
         )

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.core.jit import telling_compilation
+from nerfnav.core.jit import report_compilation
 from nerfnav.navigation import Iteration, NavigationStep
 from nerfnav_app.jobs.events import COMPILING, JobEvents, JobFailed, JobFinished, Progress
 from nerfnav_app.state.job import Job
@@ -37,7 +37,7 @@ class RunningJob:
 
     def may_go_on(self, job: Job) -> bool:
         """Whether there is a next step, and the job is not held before it."""
-        held = job.paused and self._time_steps >= job.steps_granted
+        held = job.paused and self._time_steps >= job.allowed_steps
         return not self._ended and not held and self.rest_s(job) == 0
 
     def rest_s(self, job: Job) -> float:
@@ -60,7 +60,7 @@ class RunningJob:
         if self._between_steps:
             self._begun_at, self._between_steps = time.monotonic(), False
         try:
-            with telling_compilation(tell):
+            with report_compilation(tell):
                 event = next(self._events)
                 while self._is_soon_over(event):
                     event = next(self._events)

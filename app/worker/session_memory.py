@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 
-from nerfnav.core.files import replacing
-from nerfnav_app.state.history import LeftOff
+from nerfnav.core.files import replace_file
+from nerfnav_app.state.history import SavedSession
 from nerfnav_app.state.session import Session
 
 
@@ -22,10 +22,10 @@ class SessionMemory:
         self._file = folder / f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.json"
         self._kept = self.last()
 
-    def last(self) -> LeftOff | None:
+    def last(self) -> SavedSession | None:
         """How it was left last time; None where nobody knows, or an older version wrote it."""
         try:
-            return msgspec.json.decode(self._file.read_bytes(), type=LeftOff)
+            return msgspec.json.decode(self._file.read_bytes(), type=SavedSession)
         except (OSError, msgspec.MsgspecError):
             return None
 
@@ -34,11 +34,11 @@ class SessionMemory:
         settled = session.place is not None and not session.held and not session.seeking
         if session.what != self._what or not settled:
             return
-        now = LeftOff(session.moment, session.viewed)
+        now = SavedSession(session.moment, session.viewed)
         if now == self._kept:
             return
         self._kept = now
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(self._file) as stream:
+            with replace_file(self._file) as stream:
                 stream.write(msgspec.json.encode(now))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from nerfnav.core.files import replacing
+from nerfnav.core.files import replace_file
 
 _MOST_OF_A_KIND = 12
 
@@ -17,7 +17,7 @@ def cache_root() -> Path:
     return user_cache_path("nerfnav", appauthor=False)
 
 
-def kept(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:
+def load_or_make(kind: str, key: bytes, make: Callable[[], bytes]) -> bytes:
     """What `make` gives, from the cache if it was ever made for this `key`; the latest dozen of a kind are kept.
 
     `key` must hold everything that the result depends on, the code that makes it included. A cache that cannot be
@@ -59,7 +59,7 @@ def _path(kind: str, key: bytes) -> Path:
 def _write(path: Path, content: bytes) -> None:
     """Write a file, and forget the oldest of its kind."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as stream:
+    with replace_file(path) as stream:
         stream.write(content)
     for old in sorted(path.parent.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-_MOST_OF_A_KIND]:
         old.unlink()

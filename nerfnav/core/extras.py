@@ -6,7 +6,7 @@ from typing import Any
 from nerfnav.core.errors import MissingExtraError
 
 
-def from_extra(module: str, extra: str, user: str) -> Any:
+def import_extra(module: str, extra: str, user: str) -> Any:
     """The module of that name, which `pip install 'nerfnav[EXTRA]'` brings; `user` is what needs it, for people.
 
     Raises MissingExtraError, in one sentence, where it is not installed.

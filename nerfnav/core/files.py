@@ -10,7 +10,7 @@ import numpy as np
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[BinaryIO]:
+def replace_file(path: Path) -> Iterator[BinaryIO]:
     """A stream to write to, which takes the place of the file `path` once the block ends well; else nothing changes.
 
     Raises OSError where the file cannot be written or put into its place.
@@ -29,7 +29,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> int:
-    """Write named arrays to `path` as a compressed npz, in the way of `replacing`; returns its size in bytes."""
-    with replacing(path) as stream:
+    """Write named arrays to `path` as a compressed npz, in the way of `replace_file`; returns its size in bytes."""
+    with replace_file(path) as stream:
         np.savez_compressed(stream, **dict(arrays))  # type: ignore[arg-type] # none is called allow_pickle
     return path.stat().st_size

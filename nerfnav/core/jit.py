@@ -86,7 +86,7 @@ def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False)
 
 
 @contextmanager
-def telling_compilation(tell: Callable[[bool], None]) -> Iterator[None]:
+def report_compilation(tell: Callable[[bool], None]) -> Iterator[None]:
     """Call `tell` with True where this thread begins to compile a kernel inside the block, with False where it is done.
 
     It may take a minute. Machine code that is read from the cache is no compilation.

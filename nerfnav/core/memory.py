@@ -19,14 +19,14 @@ _NO_LIMIT = 1 << 60
 
 def require_memory(needed: float, what: str, advice: str) -> None:
     """Raise InvalidInputError where `what` takes more memory than there is [bytes]; `advice` says what would fit."""
-    free = free_memory()
+    free = available_memory()
     if free is not None and needed > SPARED * free:
         raise InvalidInputError(
             f"{what} may take {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB of memory are free: {advice}"
         )
 
 
-def free_memory() -> int | None:
+def available_memory() -> int | None:
     """Memory that this process can still have [bytes]; None where the system does not tell."""
     told = [left for left in (_of_machine(), *_of_groups(), _of_process()) if left is not None]
     return max(0, min(told)) if told else None

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 Result = TypeVar("Result")
 
 
-def returned(steps: Generator[Any, None, Result]) -> Result:
+def run_steps(steps: Generator[Any, None, Result]) -> Result:
     """What a generator returns after all of its steps, for who does not look at them."""
     while True:
         try:

@@ -12,7 +12,7 @@ and F is the likeliest (random effects; by expectation and maximisation, Dempste
 
 Where the truth is known, a floor of positions alone shows as well. A field puts its surfaces a little beside their
 places, by no share of the distance of its nodes that would be the same for all fields. With C_i what the filter says,
-errors of position are e_i ~ N(0, C_i + f^2 I), and f is the likeliest (`likeliest_floor`).
+errors of position are e_i ~ N(0, C_i + f^2 I), and f is the likeliest (`fit_position_bias`).
 """
 
 
@@ -25,12 +25,18 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fitted
-from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Iterate, Prior, joined, picture_information
+from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fit_pose
+from nerfnav.estimator.photometric.levenberg_marquardt import (
+    Guess,
+    Iterate,
+    Prior,
+    join_information,
+    picture_information,
+)
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, View
-from nerfnav.estimator.photometric.residuals import ColorNoise, patches
+from nerfnav.estimator.photometric.residuals import ColorNoise, count_patches
 from nerfnav.field import Field
-from nerfnav.geometry import Camera, Pose, PosedImages, reduced, so3
+from nerfnav.geometry import Camera, Pose, PosedImages, downsample_image, so3
 
 _VIEWS, _STARTS = 16, 4
 """Photographs that are fitted at most, and from how many poses each."""
@@ -53,7 +59,7 @@ _ITSELF = Pose(torch.eye(3), torch.zeros(3))
 
 
 @torch.no_grad()
-def pose_floor(
+def measure_map_error(
     field: Field, photographs: PosedImages, noise: ColorNoise, generator: torch.Generator
 ) -> tuple[float, ...]:
     """F, 36 numbers row by row; none where too few photographs can be fitted."""
@@ -64,12 +70,12 @@ def pose_floor(
     if len(ends) < _FEWEST:
         return ()
     errors, told = (torch.stack(part).double() for part in zip(*ends, strict=True))
-    covariance = left_over(errors, told)
+    covariance = fit_map_error(errors, told)
     covariance = (1 - _SHRUNK) * covariance + _SHRUNK * torch.diag(covariance.diagonal())
     return tuple(covariance.flatten().tolist())
 
 
-def left_over(errors: Float[Tensor, "n 6"], told: Float[Tensor, "n 6 6"]) -> Float[Tensor, "6 6"]:
+def fit_map_error(errors: Float[Tensor, "n 6"], told: Float[Tensor, "n 6 6"]) -> Float[Tensor, "6 6"]:
     """F, for errors whose covariances are `told` as C_i."""
     covariance = errors.T @ errors / len(errors)
     for _ in range(_ROUNDS):
@@ -85,20 +91,22 @@ def _ends(
 ) -> Iterator[tuple[Float[Tensor, "6"], Float[Tensor, "6 6"]]]:
     """Errors e_i of the fits of each photograph, from random poses around its own, and C_i."""
     spread, generator = start
-    camera = comparable(photographs.camera)
+    camera = reduce_camera(photographs.camera)
     view, depth = View((field,), camera, _ITSELF), _DEPTH * float(field.box.size.max())
     beside = camera.fx * float(spread[3:].norm() + spread[:3].norm() / depth)
     every = max(1, -(-len(photographs) // _VIEWS))
 
     for index in range(0, len(photographs), every):
         true = photographs.poses[index]
-        image = resized(photographs.images[index], camera)
-        judged = _Judged(noise, patches(image), PyramidConfig().misplaced * view.grain / noise.std, _ASTRAY * spread)
+        image = resize_picture(photographs.images[index], camera)
+        judged = _Judged(
+            noise, count_patches(image), PyramidConfig().misplaced * view.grain / noise.std, _ASTRAY * spread
+        )
         for draw in spread * torch.randn(_STARTS, 6, generator=generator):
             begun = Pose(so3.retract(true.rotation, draw[3:])[None], (true.position + true.rotation @ draw[:3])[None])
             last = None
             for _ in range(_FITS):
-                last, _ = fitted(image, view, (Guess.at(begun), beside), judged.known, (AlignConfig(), generator))
+                last, _ = fit_pose(image, view, (Guess.at(begun), beside), judged.known, (AlignConfig(), generator))
                 begun = last.guess.pose
             assert last is not None, "each is fitted at least once"
             found = begun[0]
@@ -120,7 +128,7 @@ class _Judged:
     def known(self, pixels: int) -> Prior:
         """Nothing but the exposure."""
         kappa = 1 / (self.noise.alike_of(pixels, self.patches) * self.noise.std**2)
-        return Prior(joined(None, _EXPOSURE), None, kappa, self.slack)
+        return Prior(join_information(None, _EXPOSURE), None, kappa, self.slack)
 
     def told(self, end: Iterate, rotation: Float[Tensor, "3 3"]) -> Float[Tensor, "6 6"]:
         """C of where a fit ends, in the camera's axes."""
@@ -131,19 +139,19 @@ class _Judged:
         return torch.linalg.inv(information + torch.diag(self.reach.double() ** -2))
 
 
-def comparable(camera: Camera, longest: int = _LONGEST) -> Camera:
+def reduce_camera(camera: Camera, longest: int = _LONGEST) -> Camera:
     """The camera with no more pixels along its longer edge than a field shows more of."""
     return camera.scaled(min(1.0, longest / max(camera.width, camera.height)))
 
 
-def resized(image: UInt8[Tensor, "height width 3"], camera: Camera) -> UInt8[Tensor, "h w 3"]:
+def resize_picture(image: UInt8[Tensor, "height width 3"], camera: Camera) -> UInt8[Tensor, "h w 3"]:
     """A picture with the pixels of another resolution of its camera."""
     if tuple(image.shape[:2]) == (camera.height, camera.width):
         return image
-    return (255 * reduced(image, camera)).round().to(torch.uint8).reshape(camera.height, camera.width, 3)
+    return (255 * downsample_image(image, camera)).round().to(torch.uint8).reshape(camera.height, camera.width, 3)
 
 
-def rescaled(floor: tuple[float, ...], scale: float) -> tuple[float, ...]:
+def rescale_map_error(floor: tuple[float, ...], scale: float) -> tuple[float, ...]:
     """F of a place whose metre of before is `scale` metres now."""
     if not floor:
         return floor
@@ -152,7 +160,7 @@ def rescaled(floor: tuple[float, ...], scale: float) -> tuple[float, ...]:
     return tuple((sizes[:, None] * matrix * sizes).flatten().tolist())
 
 
-def likeliest_floor(errors: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n 3 3"]) -> float:
+def fit_position_bias(errors: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n 3 3"]) -> float:
     """f [m], for errors [m] of which the filter says C_i [m^2]; 0 where that explains them all."""
     variances, axes = np.linalg.eigh(told)
     along = np.einsum("nij,ni->nj", axes, errors)  # in the axes of C_i, where C_i + f^2 I is diagonal

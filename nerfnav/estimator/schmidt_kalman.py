@@ -9,7 +9,7 @@ finds, y+ ~ N(m, C), moves x by its regression on y:
 What is told of x+ is P+ + F: in the next picture the field is wrong by about the same, so that it does not average
 out.
 
-`LastingError` holds F of one field and one camera, and turns it into the tangent of a state.
+`ConsiderCovariance` holds F of one field and one camera, and turns it into the tangent of a state.
 """
 
 
@@ -22,7 +22,7 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.covariance import POSE
-from nerfnav.estimator.core.prediction import noise_scale
+from nerfnav.estimator.core.prediction import estimate_noise_scale
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
 from nerfnav.robots import ProcessNoise
 
@@ -31,19 +31,19 @@ _TRUST = 1.5
 _Square = Float[Tensor, "12 12"]
 
 
-def apparent(belief: Belief, floor: _Square) -> Belief:
+def add_consider_covariance(belief: Belief, floor: _Square) -> Belief:
     """Where the field should show what is believed."""
     return Belief(belief.mean, belief.covariance + floor)
 
 
-def true_state(found: Belief, before: Belief, floor: _Square, noise: ProcessNoise) -> Belief:
+def correct_schmidt_kalman(found: Belief, before: Belief, floor: _Square, noise: ProcessNoise) -> Belief:
     """x+, for what was found from `apparent(before, floor)`; `before` holds this process noise once."""
     change = before.mean.local(found.mean).double()
     held, spread = before.covariance.double(), found.covariance.double()
     shown = held + floor.double()
     pose = shown[POSE][:, POSE].inverse()
     told = spread[POSE][:, POSE].inverse() - pose
-    size = max(1.0, noise_scale(change[POSE], pose, told, _TRUST))
+    size = max(1.0, estimate_noise_scale(change[POSE], pose, told, _TRUST))
     more = (size - 1) * noise.covariance().double()
     held, shown = held + more, shown + more
     gain = torch.linalg.solve(shown, held).T
@@ -54,7 +54,7 @@ def true_state(found: Belief, before: Belief, floor: _Square, noise: ProcessNois
 
 
 @dataclass(frozen=True)
-class LastingError:
+class ConsiderCovariance:
     """Of one field and one camera."""
 
     numbers: tuple[float, ...] = ()
@@ -77,7 +77,7 @@ class LastingError:
         e follows y, y ~ N(m, P), as quickly as it should. Of e no picture tells anything, so that x = y (-) e is as
         likely as not on either side of it: x ~ N(m, P + F).
         """
-        return apparent(belief, self.at(belief)) if self.numbers else belief
+        return add_consider_covariance(belief, self.at(belief)) if self.numbers else belief
 
     @cached_property
     def _on_body(self) -> Float[Tensor, "6 6"]:

@@ -18,9 +18,9 @@ import torch
 from torch import Tensor
 
 from nerfnav.estimator import Belief, FilterOutcome
-from nerfnav.experiments.disturbed_flights import Trial, disturbed_flight, fast_filter, over_flights
+from nerfnav.experiments.disturbed_flights import Trial, fast_filter, fly_disturbed, run_over_flights
 from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.held_out_views import renderer_of, take_picture
+from nerfnav.experiments.held_out_views import make_renderer, take_picture
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study
 from nerfnav.robots import ATTITUDE, POSITION, TANGENT, RigidState, StateNoise
 
@@ -107,15 +107,15 @@ def corrected(
 
 def run(study: Study) -> Iterator[ExperimentStep]:
     """Correct a belief of every size on every flight."""
-    rows = yield from over_flights(study, "correcting", correct)
+    rows = yield from run_over_flights(study, "correcting", correct)
     yield Results(summary_of(rows), tuple(rows), {"basin": partial(picture, rows)})
 
 
 def correct(arena: Arena, trial: Trial) -> list[Row]:
     """One place of a flight, its picture, and a correction of each size."""
     generator = torch.Generator().manual_seed(trial.seed)
-    _, states = disturbed_flight(arena, trial)
+    _, states = fly_disturbed(arena, trial)
     truth = states[int(torch.randint(1, len(states.position), (1,), generator=generator))]
-    image = take_picture(renderer_of(arena), truth.pose)
+    image = take_picture(make_renderer(arena), truth.pose)
     where = {"seed": trial.seed, "task": trial.task.name}
     return [where | corrected(arena, (truth, image), size, generator) for size in SIZES]

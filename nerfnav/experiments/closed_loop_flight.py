@@ -17,24 +17,32 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, OccupiedError, OutsideBoxError
-from nerfnav.estimator import Belief, ColorNoise, FilterOutcome, FilterStep, LastingError, Searcher, estimators
+from nerfnav.estimator import (
+    Belief,
+    ColorNoise,
+    ConsiderCovariance,
+    FilterOutcome,
+    FilterStep,
+    GlobalLocalizer,
+    estimators,
+)
 from nerfnav.experiments.estimation import errors_of
-from nerfnav.experiments.held_out_views import renderer_of
+from nerfnav.experiments.held_out_views import make_renderer
 from nerfnav.experiments.study import Arena, Row
-from nerfnav.field import Unknown, planning_field
+from nerfnav.field import UnknownSpace, planning_field
 from nerfnav.geometry import Camera, Pose
 from nerfnav.navigation import (
     WORLDS,
+    FlightRequest,
     LoopEvent,
-    Mission,
     NavigateConfig,
+    NavigationStack,
     NavigationStep,
-    Pilot,
     Simulator,
     WorldName,
-    guarded,
+    build_safe_planner,
+    compensate_latency,
     navigate,
-    with_late_pictures,
     world_generator,
 )
 from nerfnav.planner import (
@@ -42,10 +50,10 @@ from nerfnav.planner import (
     OccupancyConfig,
     OccupancyMap,
     PlanProblem,
+    estimate_timing,
     fits,
+    path_length,
     planners,
-    timing_of,
-    way_length,
 )
 from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav.robots import Quadrotor, RigidState, Robot, StateNoise
@@ -126,7 +134,7 @@ KNOWN = StateNoise.isotropic(1e-8)
 
 
 @dataclass(frozen=True)
-class KnownState:
+class TrueStateEstimator:
     """An estimator that looks at the simulator's state instead of at pictures."""
 
     simulator: Simulator
@@ -158,7 +166,7 @@ def random_task(arena: Arena, seed: int, robot: Robot | None = None) -> Task:
     robot = Quadrotor() if robot is None else robot
     generator = torch.Generator().manual_seed(seed)
     apart, body = APART * float(arena.field.box.size.max()), robot.body
-    field, touches = planning_field(arena.field, Unknown.OCCUPIED), contact_check(arena.scene, body.grown(SPARE))
+    field, touches = planning_field(arena.field, UnknownSpace.OCCUPIED), contact_check(arena.scene, body.grown(SPARE))
     ends: list[tuple[tuple[float, float, float], float]] = []
     for _ in range(_DRAWS):
         drawn = torch.rand(4, generator=generator)
@@ -211,7 +219,7 @@ def fly(arena: Arena, trial: FlightTrial) -> Row:
     return {"row": told | row_of(done, task.goal_state, steps), "steps": steps}
 
 
-def flown(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
+def fly_steps(arena: Arena, trial: FlightTrial) -> list[NavigationStep]:
     """The time steps of one; none where it cannot begin."""
     return _steps(arena, _problem(arena, _task(arena, trial), trial), trial)
 
@@ -233,14 +241,14 @@ def _task(arena: Arena, trial: FlightTrial) -> Task:
 def _problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     """What is to be planned, in the field with what no camera saw taken for solid."""
     robot = _planned(task.robot, trial.world)
-    field = planning_field(arena.field, Unknown.OCCUPIED)
+    field = planning_field(arena.field, UnknownSpace.OCCUPIED)
     problem = PlanProblem(field, robot, task.start_state, task.goal_state)
     seconds = problem.steps * problem.dt
     if trial.task is not None and not is_hurried(robot, math.dist(task.start, task.goal), seconds):
         return problem
     weights = planners.load("fast").in_flight(FastPlanConfig(), trial.risk).weights
-    length = way_length(problem, _map(arena, problem), FastPlanConfig(weights=weights).ways)
-    return replace(problem, steps=timing_of(robot, length, problem.dt, problem.dt).steps)
+    length = path_length(problem, _map(arena, problem), FastPlanConfig(weights=weights).ways)
+    return replace(problem, steps=estimate_timing(robot, length, problem.dt, problem.dt).steps)
 
 
 def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[LoopEvent]:
@@ -250,22 +258,25 @@ def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
     where, again = (problem.field, _map(arena, problem), problem.robot), entry.in_flight(settings, trial.risk)
-    planner, guard = guarded(entry, where, settings, again, config.noise)
+    planner, guard = build_safe_planner(entry, where, settings, again, config.noise)
     contact = contact_check(arena.scene, robot.body)
     look = partial(_black if trial.known else partial(_photo, _renderer(arena)), robot.camera)
     simulator = world.simulated(
         Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
     )
     if trial.known:
-        config, pilot = replace(config, initial=KNOWN), Pilot(planner, KnownState(simulator), guard=guard)
+        config, pilot = (
+            replace(config, initial=KNOWN),
+            NavigationStack(planner, TrueStateEstimator(simulator), guard=guard),
+        )
     else:
         make, camera = estimators.load("fast").make, robot.camera
-        lasting = LastingError(arena.field.info.pose_floor, robot.mount)
+        lasting = ConsiderCovariance(arena.field.info.pose_floor, robot.mount)
         estimator = make(arena.field, robot, camera, mount=robot.mount, config=config.filter)
         searcher = _searcher(arena, camera, config.filter.color_noise)
-        pilot = Pilot(planner, estimator, searcher, guard, arena.field, lasting)
-        pilot = with_late_pictures(pilot, simulator)
-    mission = Mission(problem.goal, problem.steps, problem.dt)
+        pilot = NavigationStack(planner, estimator, searcher, guard, arena.field, lasting)
+        pilot = compensate_latency(pilot, simulator)
+    mission = FlightRequest(problem.goal, problem.steps, problem.dt)
     return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))
 
 
@@ -280,13 +291,13 @@ def _black(camera: Camera, pose: Pose) -> Tensor:
 
 @lru_cache(maxsize=2)
 def _renderer(arena: Arena) -> MeshRenderer:
-    return renderer_of(arena)
+    return make_renderer(arena)
 
 
 @lru_cache(maxsize=1)
-def _searcher(arena: Arena, camera: Camera, noise: ColorNoise) -> Searcher:
+def _searcher(arena: Arena, camera: Camera, noise: ColorNoise) -> GlobalLocalizer:
     """Made once in each process."""
-    return Searcher(arena.field, camera, noise)
+    return GlobalLocalizer(arena.field, camera, noise)
 
 
 def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
@@ -296,7 +307,7 @@ def _map(arena: Arena, problem: PlanProblem) -> OccupancyMap:
 
 @lru_cache(maxsize=4)
 def _map_at(arena: Arena, robot: str, height: float | None) -> OccupancyMap:
-    field = planning_field(arena.field, Unknown.OCCUPIED)
+    field = planning_field(arena.field, UnknownSpace.OCCUPIED)
     return OccupancyMap.of(field, _robot(robot).body, OccupancyConfig(), height)
 
 

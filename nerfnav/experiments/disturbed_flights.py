@@ -34,7 +34,7 @@ class Trial:
     """Of everything random in it."""
 
 
-def over_flights(
+def run_over_flights(
     study: Study, label: str, trial: Callable[[Arena, Trial], list[Row]]
 ) -> Generator[TrialDone, None, list[Row]]:
     """Do a trial on as many flights as the study asks for, the tasks in turn; returns the rows of all."""
@@ -61,7 +61,7 @@ _GLANCE = CAMERA.scaled(0.2)
 """What looks whether anything is in sight."""
 
 
-def disturbed_flight(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
+def fly_disturbed(arena: Arena, trial: Trial) -> tuple[Tensor, RigidState]:
     """Actions (20, 4) of a plan, and the states (21) under noise: nothing is touched, and something always in sight."""
     robot, plan = Quadrotor(), _plan(arena, trial.task)
     touches, renderer = contact_check(arena.scene, robot.body), MeshRenderer(arena.scene)

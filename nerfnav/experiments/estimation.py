@@ -15,9 +15,9 @@ import torch
 
 from nerfnav.estimator import Belief, Estimator, FilterOutcome, inerf
 from nerfnav.estimator.core.covariance import POSE
-from nerfnav.experiments.disturbed_flights import DT, STEPS, Trial, disturbed_flight, fast_filter, over_flights
+from nerfnav.experiments.disturbed_flights import DT, STEPS, Trial, fast_filter, fly_disturbed, run_over_flights
 from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.held_out_views import renderer_of, take_picture
+from nerfnav.experiments.held_out_views import make_renderer, take_picture
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study
 from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState, StateNoise
 
@@ -111,14 +111,14 @@ _FIRST = StateNoise.isotropic(0.01**2)  # spread of the first belief: 1 cm, 0.01
 
 def run(study: Study) -> Iterator[ExperimentStep]:
     """Fly and estimate; the table has a line for each trial, method and time step."""
-    rows = yield from over_flights(study, "estimating", follow)
+    rows = yield from run_over_flights(study, "estimating", follow)
     yield Results(summary_of(rows), tuple(rows), {"estimation": partial(picture, rows)})
 
 
 def follow(arena: Arena, trial: Trial) -> list[Row]:
     """Fly once, and let every method estimate."""
-    actions, truths = disturbed_flight(arena, trial)
-    renderer = renderer_of(arena)
+    actions, truths = fly_disturbed(arena, trial)
+    renderer = make_renderer(arena)
     images = [take_picture(renderer, truths[index].pose) for index in range(1, STEPS + 1)]
     start = truths[0].retract(_FIRST.sample(torch.Generator().manual_seed(trial.seed)))
     rows = []

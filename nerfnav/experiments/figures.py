@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 
 if TYPE_CHECKING:
     import matplotlib.axes
@@ -17,7 +17,7 @@ def panels(
     titles: Sequence[str], height: float = 3.4
 ) -> tuple["matplotlib.figure.Figure", list["matplotlib.axes.Axes"]]:
     """A figure with one set of axes for each title, side by side. Raises MissingExtraError without matplotlib."""
-    drawing = from_extra("matplotlib.figure", "experiments", "drawing a figure")
+    drawing = import_extra("matplotlib.figure", "experiments", "drawing a figure")
     figure = drawing.Figure(figsize=(3.8 * len(titles), height), dpi=150, layout="constrained")
     row = figure.subplots(1, len(titles), squeeze=False)[0]
     for axes, title in zip(row, titles, strict=True):

@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from nerfnav.experiments.field_geometry import is_free, views
-from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, GridField, Unknown, planning_field
+from nerfnav.field import SOLID_DENSITY, Field, FieldInfo, GridField, UnknownSpace, planning_field
 from nerfnav.geometry import Camera, Pose, PosedImages
 from nerfnav.world import Scene
 
@@ -28,7 +28,7 @@ _TOLD = 400_000
 
 
 @dataclass(frozen=True)
-class FreedomConfig:
+class FreeSpaceConfig:
     """How many points are asked, and which."""
 
     surface_points: int = 6000
@@ -44,7 +44,7 @@ class FreedomConfig:
 
 
 @dataclass(frozen=True)
-class Freedom:
+class FreeSpaceAccuracy:
     """What planners take for free."""
 
     surface_taken_for_free: float | None
@@ -57,20 +57,20 @@ class Freedom:
     """Size of the voxels that lengths are counted in [m]."""
 
 
-def freedom_alone(field: Field, voxel: float) -> Freedom:
+def measure_unproven_share(field: Field, voxel: float) -> FreeSpaceAccuracy:
     """What a field of `voxel` [m] says of itself."""
     unproven = field.unproven_by_height if isinstance(field, GridField) else None
-    return Freedom(None, None, None if unproven is None else float(unproven.mean()), voxel)
+    return FreeSpaceAccuracy(None, None, None if unproven is None else float(unproven.mean()), voxel)
 
 
-def freedom_on_mesh(
-    field: Field, voxel: float, scene: Scene, seen_from: tuple[Camera, Pose], config: FreedomConfig | None = None
-) -> Freedom:
+def measure_free_space_on_mesh(
+    field: Field, voxel: float, scene: Scene, seen_from: tuple[Camera, Pose], config: FreeSpaceConfig | None = None
+) -> FreeSpaceAccuracy:
     """Compare with the mesh that was photographed by one camera at poses T_world_camera; draws are always the same.
 
     A figure is None where no point of its kind is found.
     """
-    config = config or FreedomConfig()
+    config = config or FreeSpaceConfig()
     drawn = trimesh.sample.sample_surface(scene.mesh, config.surface_points, seed=0)[0]
     surface = torch.from_numpy(np.asarray(drawn)).float()
     surface = surface[field.box.contains(surface)]
@@ -81,11 +81,11 @@ def freedom_on_mesh(
     return _freedom(field, voxel, surface, space)
 
 
-def freedom_on_depth(
-    field: Field, voxel: float, held_out: PosedImages, others: PosedImages, config: FreedomConfig | None = None
-) -> Freedom:
+def measure_free_space_on_depth(
+    field: Field, voxel: float, held_out: PosedImages, others: PosedImages, config: FreeSpaceConfig | None = None
+) -> FreeSpaceAccuracy:
     """Compare with what held-out depth maps saw; `others` tell where surfaces are besides, and who sees what."""
-    config = config or FreedomConfig()
+    config = config or FreeSpaceConfig()
     ways = [_ways(photographs, field) for photographs in (held_out, others)]
     ends = torch.cat([origins + distance[:, None] * directions for origins, directions, distance in ways])
     origins, directions, distance = ways[0]
@@ -102,10 +102,10 @@ def freedom_on_depth(
 @torch.no_grad()
 def taken_for_free(field: Field, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
     """Whether planners take points [m] of a field for free."""
-    return planning_field(field, Unknown.OCCUPIED).density(points) <= SOLID_DENSITY
+    return planning_field(field, UnknownSpace.OCCUPIED).density(points) <= SOLID_DENSITY
 
 
-def in_words(freedom: Freedom) -> str:
+def describe_free_space_accuracy(freedom: FreeSpaceAccuracy) -> str:
     """The figures as sentences for whoever opens the place."""
     told = []
     if freedom.surface_taken_for_free is not None:
@@ -120,7 +120,7 @@ def in_words(freedom: Freedom) -> str:
     return "; ".join(sentences)
 
 
-def freedom_noted(info: FieldInfo, freedom: Freedom) -> FieldInfo:
+def note_free_space(info: FieldInfo, freedom: FreeSpaceAccuracy) -> FieldInfo:
     """What is known of a field, with what planners take for free there."""
     return replace(
         info,
@@ -130,9 +130,11 @@ def freedom_noted(info: FieldInfo, freedom: Freedom) -> FieldInfo:
     )
 
 
-def _freedom(field: Field, voxel: float, surface: Float[Tensor, "n 3"], space: Float[Tensor, "m 3"]) -> Freedom:
+def _freedom(
+    field: Field, voxel: float, surface: Float[Tensor, "n 3"], space: Float[Tensor, "m 3"]
+) -> FreeSpaceAccuracy:
     shares = [_share(taken_for_free(field, points)) if len(points) else None for points in (surface, space)]
-    return Freedom(shares[0], shares[1], freedom_alone(field, voxel).unproven_share, voxel)
+    return FreeSpaceAccuracy(shares[0], shares[1], measure_unproven_share(field, voxel).unproven_share, voxel)
 
 
 def _ways(

@@ -36,7 +36,7 @@ from nerfnav.planner import (
     plan_fast,
     terms,
 )
-from nerfnav.robots import Motion, unwrapped
+from nerfnav.robots import Motion, unwrap_angles
 from nerfnav.world import Task, judge
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def drive(arena: Arena, item: Drive) -> tuple[Row, Way] | None:
         return None
     robot, motion = robots.load(item.task.robot), planned.motion
     report = judge(arena.scene, robot.body, motion.states)
-    yaw = unwrapped(so3.yaw_of(motion.states.rotation))
+    yaw = unwrap_angles(so3.yaw_of(motion.states.rotation))
     row: Row = {
         "task": item.task.name,
         "robot": item.task.robot,

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import ColorNoise, Searcher
+from nerfnav.estimator import ColorNoise, GlobalLocalizer
 from nerfnav.experiments.study import Arena
 from nerfnav.geometry import FORWARD_MOUNT, Pose
 from nerfnav.robots import CAMERA, RigidState
@@ -26,7 +26,7 @@ def held_out_poses(arena: Arena, count: int, seed: int = 0) -> RigidState:
     return RigidState(cameras.position, zero, cameras.rotation @ FORWARD_MOUNT.rotation.T, zero)
 
 
-def renderer_of(arena: Arena) -> MeshRenderer:
+def make_renderer(arena: Arena) -> MeshRenderer:
     """What takes pictures of the ground truth, as sharp as those photographs."""
     return MeshRenderer(arena.scene, supersample=SUPERSAMPLE)
 
@@ -37,6 +37,6 @@ def take_picture(renderer: MeshRenderer, pose: Pose) -> UInt8[Tensor, "height wi
 
 
 @lru_cache(maxsize=2)
-def searcher_of(arena: Arena) -> Searcher:
+def make_searcher(arena: Arena) -> GlobalLocalizer:
     """What finds a camera by one picture; made once in each process."""
-    return Searcher(arena.field, CAMERA, ColorNoise().measured(arena.field.info.noise_std))
+    return GlobalLocalizer(arena.field, CAMERA, ColorNoise().measured(arena.field.info.noise_std))

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator import FilterConfig, FilterOutcome, likeliest_floor
-from nerfnav.experiments.closed_loop_flight import FlightTrial, flown
+from nerfnav.estimator import FilterConfig, FilterOutcome, fit_position_bias
+from nerfnav.experiments.closed_loop_flight import FlightTrial, fly_steps
 from nerfnav.experiments.study import Arena
 from nerfnav.robots import POSITION
 
@@ -28,7 +28,7 @@ def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
     if len(found) < _FEWEST:
         raise InvalidInputError(f"{len(found)} pictures of {flights} flights tell positions: {_FEWEST} are needed")
     errors, told = (np.stack(part) for part in zip(*found, strict=True))
-    return likeliest_floor(errors, told)
+    return fit_position_bias(errors, told)
 
 
 def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
@@ -36,7 +36,7 @@ def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"],
     config = FilterConfig().for_field(arena.field.info)
     assumed = config.floor_at(float(arena.field.spacing.max())).position_m
     for seed in range(_FIRST_SEED, _FIRST_SEED + flights):
-        for step in flown(arena, FlightTrial(None, seed, robot="quadrotor")):
+        for step in fly_steps(arena, FlightTrial(None, seed, robot="quadrotor")):
             if step.update is None or step.update.outcome is not FilterOutcome.UPDATED:
                 continue  # of a picture that says little, little is believed, with any floor
             posterior = step.update.posterior

@@ -27,7 +27,7 @@ import numpy as np
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.experiments.figures import bars, panels
 from nerfnav.experiments.planners import ROBOT, contender_for
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
@@ -143,7 +143,7 @@ Control = Callable[[float, dict[str, Any], Wish], dict[str, Any]]
 def fly_quick(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
     """The robot with the rotors of a Hummingbird, which answer within 5 ms, under the SE(3) controller."""
     params = _scaled(_params("hummingbird"), robot.config) | {"kp_att": config.kp_att, "kd_att": config.kd_att}
-    controller = from_extra("rotorpy.controllers.quadrotor_control", "reflight", _USER).SE3Control(params)
+    controller = import_extra("rotorpy.controllers.quadrotor_control", "reflight", _USER).SE3Control(params)
 
     def control(time: float, state: dict[str, Any], wish: Wish) -> dict[str, Any]:
         return controller.update(time, state, _flat_output(wish))
@@ -165,8 +165,8 @@ def _scaled(params: dict[str, Any], robot: QuadrotorConfig) -> dict[str, Any]:
 def fly_crazyflie(track: Track, robot: Quadrotor, config: FlownConfig) -> Flown:
     """RotorPy's Crazyflie, whatever was planned for, under Mellinger's controller with the gains of the firmware."""
     os.environ.setdefault("SCIPY_ARRAY_API", "1")  # drone-controllers asks for it where scipy is imported already
-    library = from_extra("drone_controllers", "reflight", _USER)
-    mellinger = from_extra("drone_controllers.mellinger", "reflight", _USER)
+    library = import_extra("drone_controllers", "reflight", _USER)
+    mellinger = import_extra("drone_controllers.mellinger", "reflight", _USER)
     position = library.parametrize(mellinger.state2attitude, "cf2x_L250")
     attitude = library.parametrize(mellinger.attitude2force_torque, "cf2x_L250")
     errors: dict[str, Any] = {"position": None, "attitude": None, "rate": None}
@@ -192,7 +192,7 @@ def _kept(error: Any) -> tuple[Any] | None:
 
 
 def _params(vehicle: str) -> dict[str, Any]:
-    return dict(from_extra(f"rotorpy.vehicles.{vehicle}_params", "reflight", _USER).quad_params)
+    return dict(import_extra(f"rotorpy.vehicles.{vehicle}_params", "reflight", _USER).quad_params)
 
 
 def _flat_output(wish: Wish) -> dict[str, Any]:
@@ -212,7 +212,7 @@ def _fly(params: dict[str, Any], abstraction: str, control: Control, track: Trac
         "q": np.array([0, 0, np.sin(first.yaw / 2), np.cos(first.yaw / 2)]),
         "w": np.zeros(3), "wind": np.zeros(3), "rotor_speeds": np.full(params["num_rotors"], hover),
     }  # fmt: skip
-    multirotor = from_extra("rotorpy.vehicles.multirotor", "reflight", _USER).Multirotor
+    multirotor = import_extra("rotorpy.vehicles.multirotor", "reflight", _USER).Multirotor
     vehicle = multirotor(params, state, abstraction, integrator_kwargs={"method": "RK23", "max_step": dt})
     rows = []
     for index in range(round((track.duration + config.settling_s) * config.rate_hz) + 1):

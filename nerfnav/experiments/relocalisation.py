@@ -20,7 +20,7 @@ import torch
 
 from nerfnav.estimator import RelocaliseConfig, RelocaliseOutcome
 from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.held_out_views import renderer_of, searcher_of
+from nerfnav.experiments.held_out_views import make_renderer, make_searcher
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.geometry import Pose, so3
 from nerfnav.robots import CAMERA
@@ -116,8 +116,8 @@ def run(study: Study) -> Iterator[ExperimentStep]:
 
 def search(arena: Arena, lost: Lost) -> Row:
     """Take the picture, search, and judge the answer."""
-    picture = renderer_of(arena).render(CAMERA, lost.pose)
-    searcher = searcher_of(arena)
+    picture = make_renderer(arena).render(CAMERA, lost.pose)
+    searcher = make_searcher(arena)
     searcher.looks  # noqa: B018 - made once for all pictures, and not part of a search
     begun = time.perf_counter()
     *_, last = searcher.relocalise(picture.image)

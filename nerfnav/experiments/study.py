@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.experiments.flight_options import FlightOptions
 from nerfnav.field import VoxelField
 from nerfnav.world import Scene, Task
@@ -168,14 +168,14 @@ def _answers(study: Study, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
     elif study.jobs is None or study.jobs == 1:
         yield from (call() for call in calls)
     else:
-        joblib = from_extra("joblib", "experiments", "more than one trial at the same time")
+        joblib = import_extra("joblib", "experiments", "more than one trial at the same time")
         yield from joblib.Parallel(n_jobs=study.jobs, return_as="generator")(joblib.delayed(call)() for call in calls)
 
 
 def _on_cluster(address: str, jobs: int, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
     """The same on a Ray cluster, `jobs` at a time, -1 for as many as it has cores."""
-    ray, joblib = (from_extra(name, "ray", "--ray") for name in ("ray", "joblib"))
-    from_extra("ray.util.joblib", "ray", "--ray").register_ray()
+    ray, joblib = (import_extra(name, "ray", "--ray") for name in ("ray", "joblib"))
+    import_extra("ray.util.joblib", "ray", "--ray").register_ray()
     ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
     try:
         with joblib.parallel_config(backend="ray"):

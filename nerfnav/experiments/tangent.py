@@ -26,7 +26,7 @@ from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.experiments.held_out_views import held_out_poses
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.field import levels_of
+from nerfnav.field import build_levels
 from nerfnav.geometry import FORWARD_MOUNT
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, TANGENT, RigidState, StateNoise
 
@@ -100,7 +100,7 @@ def first_guess(arena: Arena, seed: int, error_rad: float) -> tuple[RigidState, 
     """Truth, a state whose attitude is off by an angle, and the cost of states around it."""
     generator = torch.Generator().manual_seed(seed)
     truth = held_out_poses(arena, 1, seed)[0]
-    view = View(levels_of(arena.field, 1 + _HALVINGS), CAMERA, FORWARD_MOUNT).at(_HALVINGS)
+    view = View(build_levels(arena.field, 1 + _HALVINGS), CAMERA, FORWARD_MOUNT).at(_HALVINGS)
     pixels = view[1].pixels()
     pixels = pixels[torch.randperm(len(pixels), generator=generator)[:_PIXELS]]
     seen = Observation(*view, pixels, torch.zeros(len(pixels), 3))

@@ -1,6 +1,6 @@
 from .formats import FORMATS as FORMATS
 from .formats import ExportFormat as ExportFormat
-from .formats import unsafe as unsafe
+from .formats import explain_unsafe as explain_unsafe
 from .occupancy_map import map_files as map_files
 from .overlay import OverlayVideo as OverlayVideo
 from .recording import Exported as Exported

@@ -8,7 +8,7 @@ velocity, acceleration and yaw are to be used, the yaw rate is not.
 import numpy as np
 
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.setpoints import RATE_HZ, csv_of, ned_rows, setpoints_of, told
+from nerfnav.export.setpoints import RATE_HZ, csv_of, describe_setpoints, ned_rows, setpoints_of
 
 TYPE_MASK, _LOCAL_NED = 2048, 1
 COLUMNS = (
@@ -32,4 +32,6 @@ def ardupilot(recording: Recording) -> Exported:
         f"of {curve.motion}; outcome: {recording.outcome or 'not known'}"
     )
     content = csv_of(comment, COLUMNS, np.concatenate(table, -1).tolist())
-    return Exported(content, {"type_mask": TYPE_MASK, "origin": "the world's", **told(recording, curve)}, curve.shape)
+    return Exported(
+        content, {"type_mask": TYPE_MASK, "origin": "the world's", **describe_setpoints(recording, curve)}, curve.shape
+    )

@@ -19,8 +19,8 @@ import numpy as np
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.curves import Curve, curve_of, quadrotor_of, slower
-from nerfnav.export.flatness import Room, asked, within
+from nerfnav.export.curves import Curve, curve_of, quadrotor_of, slow_down
+from nerfnav.export.flatness import QuadrotorLimits, peak_demands, slowdown_within
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.splines import ORDER, Samples, fit
 from nerfnav.planner import PiecewisePolynomial
@@ -54,7 +54,7 @@ def crazyflie(recording: Recording, config: FitConfig | None = None) -> Exported
     Raises InvalidInputError where no 31 pieces come within the bound, or the robot's limits are not kept even slowly.
     """
     config = config or FitConfig()
-    curve, room = curve_of(recording), Room.of(quadrotor_of(recording))
+    curve, room = curve_of(recording), QuadrotorLimits.of(quadrotor_of(recording))
     if config.thrust_per_weight is not None:
         room = room.with_thrust(config.thrust_per_weight)
     steps = len(recording.times) - 1
@@ -67,7 +67,7 @@ def crazyflie(recording: Recording, config: FitConfig | None = None) -> Exported
             f"polynomials follow this curve only to {100 * worst:.1f} cm, and {100 * config.bound_m:.0f} cm "
             f"is the bound: export less than these {curve.duration:.0f} s, for {MOST_PIECES} pieces are the most"
         )
-    flown = slower(curve, within(shape, room))
+    flown = slow_down(curve, slowdown_within(shape, room))
     duration = math.ceil(flown.duration / count / _TICK) * _TICK
     shape = PiecewisePolynomial(duration * torch.arange(count + 1, dtype=torch.float64), shape.coefficients)
     told = {"pieces": count, "max_fit_error_m": worst, "max_fit_error_rad": float(off[:, 3].max())}
@@ -75,9 +75,9 @@ def crazyflie(recording: Recording, config: FitConfig | None = None) -> Exported
     return Exported(_csv(shape), told | {"off_rows_m": flown.off_m} | demands_of(shape, room), shape)
 
 
-def demands_of(shape: PiecewisePolynomial, room: Room) -> dict[str, float]:
+def demands_of(shape: PiecewisePolynomial, room: QuadrotorLimits) -> dict[str, float]:
     """What a curve asks of a quadrotor, as exports tell it."""
-    most = asked(shape, room)
+    most = peak_demands(shape, room)
     return {
         "duration_s": float(shape.times[-1]),
         "max_thrust_n": most["thrust"],

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from nerfnav.field import Field
 from nerfnav.geometry import so3
-from nerfnav.planner import PiecewisePolynomial, PlanOutcome, PlanProblem, honest, safety_of
+from nerfnav.planner import PiecewisePolynomial, PlanOutcome, PlanProblem, assess_safety, downgrade_outcome
 from nerfnav.robots import Motion, Quadrotor, RigidState, thrust_and_attitude
 
 RATE_HZ = 50
@@ -16,7 +16,7 @@ RATE_HZ = 50
 
 
 @dataclass(frozen=True)
-class Judged:
+class CurveSafety:
     """What the field says of a curve."""
 
     outcome: PlanOutcome
@@ -27,12 +27,12 @@ class Judged:
     """Smallest distance of a body point from dense space [m]; None where none is within reach."""
 
 
-def judged(field: Field, shape: PiecewisePolynomial, robot: Quadrotor) -> Judged:
+def judge_curve(field: Field, shape: PiecewisePolynomial, robot: Quadrotor) -> CurveSafety:
     """Judge a curve of x, y, z [m] and yaw [rad] that this robot flies in this field, the one to plan in."""
     motion = motion_along(shape, robot)
     problem = PlanProblem(field, robot, motion.states[0], motion.states[-1], len(motion.actions), motion.dt)
-    safety = safety_of(field, motion, robot.body)
-    return Judged(honest(problem, motion, PlanOutcome.CONVERGED), safety.bound, safety.min_clearance_m)
+    safety = assess_safety(field, motion, robot.body)
+    return CurveSafety(downgrade_outcome(problem, motion, PlanOutcome.CONVERGED), safety.bound, safety.min_clearance_m)
 
 
 def motion_along(shape: PiecewisePolynomial, robot: Quadrotor) -> Motion:

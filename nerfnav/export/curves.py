@@ -22,7 +22,7 @@ import numpy as np
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.flatness import Room, within
+from nerfnav.export.flatness import QuadrotorLimits, slowdown_within
 from nerfnav.export.recording import Recording
 from nerfnav.export.splines import Samples, fit
 from nerfnav.geometry import so3
@@ -76,11 +76,11 @@ def curve_of(recording: Recording, config: SmoothConfig | None = None) -> Curve:
     Raises InvalidInputError where the robot does not fly by tilting, fewer than three rows are there, or no slowness
     keeps its limits.
     """
-    room = Room.of(quadrotor_of(recording))
+    room = QuadrotorLimits.of(quadrotor_of(recording))
     if len(recording.times) < 3:
         raise InvalidInputError(f"setpoints need at least three states, and there are {len(recording.times)}")
     curve = _smoothed(recording, config or SmoothConfig()) if recording.steps else _spline(recording)
-    return slower(curve, within(curve.shape, room))
+    return slow_down(curve, slowdown_within(curve.shape, room))
 
 
 def quadrotor_of(recording: Recording) -> Quadrotor:
@@ -138,7 +138,7 @@ def _smoothed(recording: Recording, config: SmoothConfig) -> Curve:
     )
 
 
-def slower(curve: Curve, factor: float) -> Curve:
+def slow_down(curve: Curve, factor: float) -> Curve:
     """The same way in so many times the time."""
     shape = PiecewisePolynomial(curve.shape.times * factor, curve.shape.coefficients)
     return replace(curve, shape=shape, stretched_by=curve.stretched_by * factor)

@@ -23,7 +23,7 @@ _TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
-class Room:
+class QuadrotorLimits:
     """What a quadrotor can do at most."""
 
     mass: float
@@ -34,26 +34,26 @@ class Room:
     """By name: thrust [N], tilt [rad], speed [m/s], body rate [rad/s]."""
 
     @classmethod
-    def of(cls, robot: Quadrotor) -> "Room":
+    def of(cls, robot: Quadrotor) -> "QuadrotorLimits":
         """The bounds of a robot."""
         most = {bound.name: bound.upper for bound in robot.bounds if bound.upper is not None}
         return cls(robot.config.mass, robot.config.gravity, most)
 
-    def with_thrust(self, per_weight: float) -> "Room":
+    def with_thrust(self, per_weight: float) -> "QuadrotorLimits":
         """The same with no more thrust than so many times the weight, and no more tilt than that holds up."""
         thrust, tilt = per_weight * self.mass * self.gravity, float(np.arccos(1 / per_weight))
         less = {"thrust": thrust, "tilt": tilt}
         return replace(self, most=self.most | {name: min(less[name], self.most.get(name, np.inf)) for name in less})
 
 
-def asked(shape: PiecewisePolynomial, room: Room) -> dict[str, float]:
+def peak_demands(shape: PiecewisePolynomial, room: QuadrotorLimits) -> dict[str, float]:
     """The most that a curve of x, y, z [m] and yaw [rad] asks: thrust [N], tilt [rad], speed [m/s], body rate [rad/s].
     """
     times = _times(shape)
     return _asked([shape(times, order).numpy() for order in range(1, 4)], room, 1.0)
 
 
-def within(shape: PiecewisePolynomial, room: Room) -> float:
+def slowdown_within(shape: PiecewisePolynomial, room: QuadrotorLimits) -> float:
     """How many times as long a curve must take to keep within bounds, at least 1.
 
     Raises InvalidInputError where no such factor up to 6 is found.
@@ -76,7 +76,7 @@ def _times(shape: PiecewisePolynomial) -> torch.Tensor:
     return torch.cat([times.reshape(-1), shape.times[-1:]])
 
 
-def _asked(derivatives: list[np.ndarray], room: Room, factor: float) -> dict[str, float]:
+def _asked(derivatives: list[np.ndarray], room: QuadrotorLimits, factor: float) -> dict[str, float]:
     velocity, acceleration, jerk = (values / factor**order for order, values in enumerate(derivatives, 1))
     pull = acceleration[:, :3] + np.array([0.0, 0.0, room.gravity])
     size = np.maximum(np.linalg.norm(pull, axis=-1), 1e-9)
@@ -91,7 +91,7 @@ def _asked(derivatives: list[np.ndarray], room: Room, factor: float) -> dict[str
     }
 
 
-def _over(used: dict[str, float], room: Room) -> str:
+def _over(used: dict[str, float], room: QuadrotorLimits) -> str:
     """What is above its bound, in words; empty where nothing is."""
     broken = [name for name, bound in room.most.items() if name in used and used[name] > (1 + _TOLERANCE) * bound]
     return ", ".join(f"{name} {used[name]:.3g} above {room.most[name]:.3g}" for name in broken)

@@ -7,7 +7,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.registry import Registry
 from nerfnav.export.ardupilot import ardupilot
 from nerfnav.export.crazyflie import crazyflie
-from nerfnav.export.curve_safety import judged
+from nerfnav.export.curve_safety import judge_curve
 from nerfnav.export.curves import quadrotor_of
 from nerfnav.export.gltf import gltf
 from nerfnav.export.px4 import px4, px4_odometry
@@ -18,7 +18,7 @@ from nerfnav.export.ros_bags import mcap, rosbag2
 from nerfnav.export.tables import csv_text, json_text
 from nerfnav.export.tum import tum, tum_estimate
 from nerfnav.navigation import EpisodeOutcome
-from nerfnav.planner import GOOD, PiecewisePolynomial, PlanOutcome
+from nerfnav.planner import FLYABLE, PiecewisePolynomial, PlanOutcome
 
 _HURT = (EpisodeOutcome.COLLIDED, EpisodeOutcome.DIVERGED)
 """Outcomes of flights that no vehicle should repeat."""
@@ -52,19 +52,19 @@ class ExportFormat:
         should not be flown, unless that is forced (`--force` on the command line), and where the format cannot take
         the recording.
         """
-        why = unsafe(_ending(recording), self)
+        why = explain_unsafe(_ending(recording), self)
         if why and not force:
             raise InvalidInputError(f"{why}; --force exports it all the same")
         exported = self.make(recording)
         return exported if exported.curve is None else _on_the_field(exported, exported.curve, recording, force)
 
 
-def unsafe(ended: PlanOutcome | EpisodeOutcome | None, form: ExportFormat) -> str:
+def explain_unsafe(ended: PlanOutcome | EpisodeOutcome | None, form: ExportFormat) -> str:
     """Why what ended so should not be flown, in words; empty where nothing is known against it.
 
     A plan must have ended well whatever the format is; a flight is a record, and only what moves a vehicle repeats it.
     """
-    if isinstance(ended, PlanOutcome) and ended not in GOOD:
+    if isinstance(ended, PlanOutcome) and ended not in FLYABLE:
         return f"this plan is not to be flown: {ended.value}"
     if form.moves_vehicle and ended in _HURT:
         return f"this flight is not to be flown again: {ended.value}"
@@ -75,8 +75,8 @@ def _on_the_field(exported: Exported, curve: PiecewisePolynomial, recording: Rec
     """The file, with what the field says of its curve; nothing is said where no field is known."""
     if recording.field is None:
         return replace(exported, info=exported.info | {"curve": None})
-    found = judged(recording.field, curve, quadrotor_of(recording))
-    if found.outcome not in GOOD and not force:
+    found = judge_curve(recording.field, curve, quadrotor_of(recording))
+    if found.outcome not in FLYABLE and not force:
         raise InvalidInputError(
             f"the curve that the vehicle would fly is not to be flown, for it cuts the corners of what was planned: "
             f"{found.outcome.value}; plan with more room or time, or export it by force (--force)"

@@ -21,16 +21,16 @@ from jaxtyping import Bool
 
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.core.glb import packed
-from nerfnav.field import StateGrid, VoxelState
+from nerfnav.field import Occupancy, OccupancyGrid
 
 if TYPE_CHECKING:
     import trimesh
 
 
-_COLORS = {VoxelState.SOLID: (170, 175, 185, 255), VoxelState.UNPROVEN: (235, 150, 60, 255)}
+_COLORS = {Occupancy.SOLID: (170, 175, 185, 255), Occupancy.UNPROVEN: (235, 150, 60, 255)}
 
 
-def mesh_files(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes]:
+def mesh_files(grid: OccupancyGrid, stem: str, height: float | None) -> dict[str, bytes]:
     import trimesh  # slow to import
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
@@ -49,7 +49,7 @@ def mesh_files(grid: StateGrid, stem: str, height: float | None) -> dict[str, by
     return {f"{stem}.glb": content}
 
 
-def _surface(grid: StateGrid, chosen: Bool[np.ndarray, "nx ny nz"]) -> "trimesh.Trimesh":
+def _surface(grid: OccupancyGrid, chosen: Bool[np.ndarray, "nx ny nz"]) -> "trimesh.Trimesh":
     """The closed surface halfway between the middles of chosen voxels and those of the others, which is their faces.
 
     Marching cubes (Lorensen and Cline, 1987): edges and corners are cut at half a voxel. Empty where none is chosen.
@@ -70,10 +70,10 @@ _EMPTY = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}
 
 _OCCUPIED_FROM, _FREE_BELOW = 0.65, 0.196
 """map_server's thresholds: unknown, (255 - 205) / 255 = 0.19608, lies between them, if barely."""
-_SHADES = {VoxelState.FREE: 254, VoxelState.SOLID: 0, VoxelState.UNPROVEN: 205}
+_SHADES = {Occupancy.FREE: 254, Occupancy.SOLID: 0, Occupancy.UNPROVEN: 205}
 
 
-def map_files(grid: StateGrid, ending: str, stem: str, height: float | None = None) -> dict[str, bytes]:
+def map_files(grid: OccupancyGrid, ending: str, stem: str, height: float | None = None) -> dict[str, bytes]:
     """The files, by their names, that a map called `stem` with an ending of `ENDINGS` consists of.
 
     `height` [m] says which layer a map of ROS shows (default: the middle one). Raises UnknownNameError, which lists the
@@ -91,16 +91,16 @@ def check_ending(ending: str, height: float | None = None) -> None:
         raise InvalidInputError(f"a {ending} map has all heights: a height is for {' and '.join(_FLAT)} alone")
 
 
-def _voxels(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes]:
+def _voxels(grid: OccupancyGrid, stem: str, height: float | None) -> dict[str, bytes]:
     stream = io.BytesIO()
     np.savez_compressed(stream, state=grid.state, lower=grid.lower, voxel=np.float64(grid.voxel))
     return {f"{stem}.npz": stream.getvalue()}
 
 
-def _ros(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes]:
+def _ros(grid: OccupancyGrid, stem: str, height: float | None) -> dict[str, bytes]:
     middle = float(grid.lower[2] + 0.5 * grid.voxel * grid.state.shape[2])
     layer = grid.layer(middle if height is None else height)
-    shades = np.zeros(len(VoxelState), np.uint8)
+    shades = np.zeros(len(Occupancy), np.uint8)
     for state, shade in _SHADES.items():
         shades[state] = shade
     rows = np.ascontiguousarray(shades[layer].T[::-1])  # x to the right, y upwards
@@ -118,7 +118,7 @@ def _ros(grid: StateGrid, stem: str, height: float | None) -> dict[str, bytes]:
     return {f"{stem}.pgm": picture, f"{stem}.yaml": "\n".join([*lines, ""]).encode()}
 
 
-ENDINGS: dict[str, Callable[[StateGrid, str, float | None], dict[str, bytes]]] = {
+ENDINGS: dict[str, Callable[[OccupancyGrid, str, float | None], dict[str, bytes]]] = {
     ".npz": _voxels,
     ".glb": mesh_files,
     ".pgm": _ros,

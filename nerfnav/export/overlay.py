@@ -10,7 +10,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.tracking import Tracked
+from nerfnav.tracking import TrackedFrame
 
 _GAIN = 3.0
 """The difference is shown so many times as large."""
@@ -37,7 +37,7 @@ class OverlayVideo:
 
     def add(
         self,
-        tracked: Tracked,
+        tracked: TrackedFrame,
         picture: UInt8[Tensor, "height width 3"],
         shown: UInt8[Tensor, "height width 3"] | None,
     ) -> None:
@@ -63,7 +63,7 @@ class OverlayVideo:
         return self._writer
 
 
-def _spread(tracked: Tracked) -> str:
+def _spread(tracked: TrackedFrame) -> str:
     covariance = tracked.covariance
     if covariance is None:
         return ""

@@ -14,7 +14,7 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.export.setpoints import RATE_HZ, csv_of, ned_of_enu, ned_rows, setpoints_of, told
+from nerfnav.export.setpoints import RATE_HZ, csv_of, describe_setpoints, ned_of_enu, ned_rows, setpoints_of
 from nerfnav.geometry import so3
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION, VELOCITY
@@ -49,7 +49,7 @@ def px4(recording: Recording) -> Exported:
         f"{RATE_HZ} Hz; of {curve.motion}; {_ending(recording)}"
     )
     content = csv_of(comment, SETPOINT_COLUMNS, np.concatenate(table, -1).tolist())
-    return Exported(content, {"message_version": MESSAGE_VERSION, **told(recording, curve)}, curve.shape)
+    return Exported(content, {"message_version": MESSAGE_VERSION, **describe_setpoints(recording, curve)}, curve.shape)
 
 
 def px4_odometry(recording: Recording) -> Exported:

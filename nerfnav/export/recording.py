@@ -13,7 +13,7 @@ from nerfnav.field import Field
 from nerfnav.geometry import so3
 from nerfnav.navigation import Episode, NavigationStep
 from nerfnav.planner import PiecewisePolynomial, PlanOutcome
-from nerfnav.robots import Motion, Robot, unwrapped
+from nerfnav.robots import Motion, Robot, unwrap_angles
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class Recording:
         table = episode_table(Episode.of(steps), robot.action_names, robot.name)
         return cls(table, tuple(steps), title, robot.body.extents, surface, robot)
 
-    def standing_in(self, surface: bytes | None) -> "Recording":
+    def with_surface(self, surface: bytes | None) -> "Recording":
         """The same in a place with this surface."""
         return replace(self, surface=surface)
 
-    def planned_in(self, field: Field | None) -> "Recording":
+    def with_field(self, field: Field | None) -> "Recording":
         """The same beside the field that it was planned in, as planners see it."""
         return replace(self, field=field)
 
@@ -99,7 +99,7 @@ class Recording:
 
     def yaw(self) -> Float[Tensor, " rows"]:
         """Heading of the body's x axis, counter-clockwise from east [rad]; unwrapped, so that it never jumps."""
-        return unwrapped(so3.yaw_of(so3.matrix_from_quaternion(self.quaternion)))
+        return unwrap_angles(so3.yaw_of(so3.matrix_from_quaternion(self.quaternion)))
 
 
 @dataclass(frozen=True)

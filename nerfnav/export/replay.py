@@ -26,7 +26,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.glb import parts
 from nerfnav.export.recording import Exported, Recording
-from nerfnav.geometry import ellipsoid_95, picture_file, to_linear, to_srgb, tone_mapped
+from nerfnav.geometry import ellipsoid_95, encode_image, to_linear, to_srgb, tone_map
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import POSITION, RigidState
 
@@ -67,7 +67,7 @@ class Surface:
         column, row = (uv / 65535.0 * picture.shape[1::-1]).astype(np.int64).T
         inside = np.minimum(row, picture.shape[0] - 1), np.minimum(column, picture.shape[1] - 1)
         light = brightest * to_linear(picture[inside] / 255.0)
-        return cls(points, tone_mapped(light), indices.reshape(-1, 3))
+        return cls(points, tone_map(light), indices.reshape(-1, 3))
 
     def thinned(self, most: int = _MOST_VERTICES) -> "Surface":
         """The same with at most `most` vertices, each the mean of those in its cell."""
@@ -175,7 +175,7 @@ def _finite(value: float) -> float | None:
 
 def _picture(image: Tensor) -> str:
     """sRGB bytes (h, w, 3) as a data URL."""
-    return "data:image/jpeg;base64," + base64.b64encode(picture_file(image.numpy(), _JPEG_QUALITY)).decode()
+    return "data:image/jpeg;base64," + base64.b64encode(encode_image(image.numpy(), _JPEG_QUALITY)).decode()
 
 
 _PLACE = "/*REPLAY*/null"

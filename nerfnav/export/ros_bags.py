@@ -10,7 +10,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.ros_messages import LATCHED, about, definition, messages, quality, topics, typestore
 
@@ -21,10 +21,10 @@ def mcap(recording: Recording) -> Exported:
     Raises MissingExtraError without mcap and rosbags.
     """
     stream, channels, count = io.BytesIO(), {}, 0
-    writer = from_extra("mcap.writer", "ros", "MCAP").Writer(stream)
+    writer = import_extra("mcap.writer", "ros", "MCAP").Writer(stream)
     writer.start(profile="ros2", library="nerfnav")
     writer.add_metadata("nerfnav", about(recording))
-    dump = from_extra("rosbags.rosbag2.metadata", "ros", "MCAP").dump_qos_v8
+    dump = import_extra("rosbags.rosbag2.metadata", "ros", "MCAP").dump_qos_v8
     for topic, kind in topics(recording).items():
         schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
         channels[topic] = writer.register_channel(
@@ -45,7 +45,7 @@ def rosbag2(recording: Recording) -> Exported:
 
     Raises MissingExtraError without rosbags.
     """
-    make_writer = from_extra("rosbags.rosbag2", "ros", "rosbag2").Writer
+    make_writer = import_extra("rosbags.rosbag2", "ros", "rosbag2").Writer
     with tempfile.TemporaryDirectory() as parent:
         folder, count = Path(parent) / _NAME, 0
         with make_writer(folder, version=8) as writer:

@@ -26,9 +26,9 @@ import torch
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.export.recording import Recording
-from nerfnav.geometry import picture_file, so3
+from nerfnav.geometry import encode_image, so3
 from nerfnav.navigation import NavigationStep
 from nerfnav.robots import ATTITUDE, POSITION
 
@@ -44,7 +44,7 @@ _FOREVER_S, _FOREVER_NS = 9223372036, 854775807
 @cache
 def typestore() -> "Typestore":
     """The message types of ROS 2 Humble, which later releases share."""
-    typesys = from_extra("rosbags.typesys", "ros", "exporting ROS messages")
+    typesys = import_extra("rosbags.typesys", "ros", "exporting ROS messages")
     return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
 
@@ -55,7 +55,7 @@ def definition(message_type: str) -> str:
 
 def quality(latched: bool) -> "Qos":
     """Quality of service that is offered: reliable, and `latched` or not: whether it is kept for who comes later."""
-    ros = from_extra("rosbags.interfaces", "ros", "exporting ROS messages")
+    ros = import_extra("rosbags.interfaces", "ros", "exporting ROS messages")
     durability = ros.QosDurability.TRANSIENT_LOCAL if latched else ros.QosDurability.VOLATILE
     for_ever, depth = ros.QosTime(_FOREVER_S, _FOREVER_NS), 1 if latched else 10
     return ros.Qos(
@@ -77,7 +77,7 @@ def header(nanoseconds: int, frame: str) -> Any:
 
 def compressed(picture: UInt8[Tensor, "height width 3"], header: Any) -> Any:
     """A picture as sensor_msgs/CompressedImage."""
-    data = np.frombuffer(picture_file(picture.numpy(), _JPEG_QUALITY), np.uint8)
+    data = np.frombuffer(encode_image(picture.numpy(), _JPEG_QUALITY), np.uint8)
     return new("sensor_msgs/msg/CompressedImage", header, "jpeg", data)
 
 

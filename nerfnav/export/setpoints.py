@@ -20,7 +20,7 @@ from torch import Tensor
 
 from nerfnav.export.crazyflie import demands_of
 from nerfnav.export.curves import Curve, curve_of, quadrotor_of
-from nerfnav.export.flatness import Room
+from nerfnav.export.flatness import QuadrotorLimits
 from nerfnav.export.recording import Recording
 
 RATE_HZ = 50
@@ -45,11 +45,11 @@ def ned_rows(curve: Curve, times_us: np.ndarray) -> dict[str, np.ndarray]:
     return rows | {"yaw": yaw_ned_of_enu(derivatives[0][:, 3]).numpy(), "yawspeed": -derivatives[1][:, 3].numpy()}
 
 
-def told(recording: Recording, curve: Curve) -> dict[str, object]:
+def describe_setpoints(recording: Recording, curve: Curve) -> dict[str, object]:
     """What an export says of its setpoints."""
     info: dict[str, object] = {"frame": "NED", "rate_hz": RATE_HZ, "motion": curve.motion}
     info |= {"stretched_by": curve.stretched_by, "off_rows_m": curve.off_m}
-    return info | demands_of(curve.shape, Room.of(quadrotor_of(recording)))
+    return info | demands_of(curve.shape, QuadrotorLimits.of(quadrotor_of(recording)))
 
 
 def csv_of(comment: str, header: Sequence[str], rows: Iterable[Sequence[float]]) -> bytes:

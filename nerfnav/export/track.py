@@ -26,10 +26,10 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.export.ros_messages import WORLD, compressed, definition, header, new, pose_of, typestore
 from nerfnav.geometry import Pose, Similarity, so3
-from nerfnav.tracking import Tracked
+from nerfnav.tracking import TrackedFrame
 
 OPENCV = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
 """R_opengl_opencv of a camera."""
@@ -37,7 +37,7 @@ _NAMES, _UNITS = ("x", "y", "z", "rx", "ry", "rz"), ("m", "m", "m", "rad", "rad"
 _PAIRS = [(row, column) for row in range(6) for column in range(row, 6)]
 
 
-def placed(tracked: Tracked, frame: Similarity) -> tuple[Pose, Float[Tensor, "6 6"]]:
+def placed(tracked: TrackedFrame, frame: Similarity) -> tuple[Pose, Float[Tensor, "6 6"]]:
     """T_frame_camera, in OpenCV's axes, and its covariance, where `frame` takes the field's coordinates there.
 
     Only for what has a pose.
@@ -50,7 +50,7 @@ def placed(tracked: Tracked, frame: Similarity) -> tuple[Pose, Float[Tensor, "6 
     return Pose(moved.rotation @ OPENCV.double(), moved.position), change @ covariance @ change.T
 
 
-def texts_of_track(track: Sequence[Tracked], placed: tuple[float, ...]) -> dict[str, str]:
+def texts_of_track(track: Sequence[TrackedFrame], placed: tuple[float, ...]) -> dict[str, str]:
     """Name and text of each file that tells a track, in the capture's own coordinates where the field knows them.
 
     `placed` is `FieldInfo.placed`.
@@ -59,7 +59,7 @@ def texts_of_track(track: Sequence[Tracked], placed: tuple[float, ...]) -> dict[
     return {name: text_of(track, frame) for name, text_of in TRACK_FILES.items()}
 
 
-def tum_of_track(track: Sequence[Tracked], frame: Similarity) -> str:
+def tum_of_track(track: Sequence[TrackedFrame], frame: Similarity) -> str:
     """`timestamp tx ty tz qx qy qz qw` of each frame whose picture told the pose."""
     lines = ["# timestamp tx ty tz qx qy qz qw"]
     for tracked in track:
@@ -68,7 +68,7 @@ def tum_of_track(track: Sequence[Tracked], frame: Similarity) -> str:
     return "\n".join(lines) + "\n"
 
 
-def csv_of_track(track: Sequence[Tracked], frame: Similarity) -> str:
+def csv_of_track(track: Sequence[TrackedFrame], frame: Similarity) -> str:
     """Every frame: status, pose and the upper triangle of its covariance, empty where there is no pose."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -95,7 +95,7 @@ def _heading(pair: tuple[int, int]) -> str:
     return f"cov_{_NAMES[row]}_{_NAMES[column]}_{_UNITS[row]}.{_UNITS[column]}"
 
 
-def _numbers(tracked: Tracked, frame: Similarity) -> tuple[list[float], Float[Tensor, "6 6"]]:
+def _numbers(tracked: TrackedFrame, frame: Similarity) -> tuple[list[float], Float[Tensor, "6 6"]]:
     """Position [m] and quaternion (x, y, z, w), and the covariance."""
     pose, covariance = placed(tracked, frame)
     w, x, y, z = so3.quaternion_from_matrix(pose.rotation).tolist()
@@ -116,7 +116,7 @@ class TrackRecorder:
 
     def __init__(self, path: Path, about: dict[str, Any]) -> None:
         """Begin the file. Raises MissingExtraError without mcap and rosbags."""
-        writer = from_extra("mcap.writer", "ros", "MCAP").Writer
+        writer = import_extra("mcap.writer", "ros", "MCAP").Writer
         typestore()  # before a file is begun
         self._stream = path.open("wb")
         self._writer, self._about = writer(self._stream), about
@@ -135,7 +135,7 @@ class TrackRecorder:
 
     def add(
         self,
-        tracked: Tracked,
+        tracked: TrackedFrame,
         picture: UInt8[Tensor, "height width 3"],
         shown: UInt8[Tensor, "height width 3"] | None,
     ) -> None:
@@ -159,7 +159,7 @@ class TrackRecorder:
         self._writer.add_message(self._channels[topic], max(0, nanoseconds), content, max(0, nanoseconds))
 
 
-def _pose(nanoseconds: int, tracked: Tracked) -> Any:
+def _pose(nanoseconds: int, tracked: TrackedFrame) -> Any:
     pose, covariance = placed(tracked, Similarity.identity())
     posed = pose_of(pose.position.tolist(), so3.quaternion_from_matrix(pose.rotation).tolist())
     with_covariance = new("geometry_msgs/msg/PoseWithCovariance", posed, covariance.numpy().reshape(-1))

@@ -39,11 +39,11 @@ def read_camera(path: Path) -> Camera:
         raise InvalidInputError(f"{path} cannot be read as a calibration: {error}") from error
     try:
         if any(mark in text for mark in _OPENCV):
-            return camera_of_matrices(_stored(text))
+            return parse_camera(_stored(text))
         told = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
         if not isinstance(told, dict):
             raise InvalidInputError("it holds no names with values")
-        return _of_transforms(told) if "fl_x" in told else camera_of_matrices(told)
+        return _of_transforms(told) if "fl_x" in told else parse_camera(told)
     except (InvalidInputError, ValueError, TypeError, yaml.YAMLError) as error:
         raise InvalidInputError(f"{path} is no calibration of a camera: {' '.join(str(error).split())}") from error
 
@@ -81,7 +81,7 @@ def _stored(text: str) -> dict[str, Any]:
     return told
 
 
-def camera_of_matrices(told: dict[str, Any]) -> Camera:
+def parse_camera(told: dict[str, Any]) -> Camera:
     """The camera that ROS's or OpenCV's words tell. Raises InvalidInputError where they tell none, or another lens."""
     matrix = _numbers(told, "camera_matrix")
     if matrix.size != 9:

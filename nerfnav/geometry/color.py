@@ -33,14 +33,14 @@ _PURE = 0.4
 Light = Float[np.ndarray, "*shape 3"]
 
 
-def tone_mapped(light: Light) -> Light:
+def tone_map(light: Light) -> Light:
     """What is displayed, linear in [0, 1], of linear light from 0 on."""
     value = _EXPOSURE * light @ _IN.T
     bottom = value * (_BOTTOM[0] * value + _BOTTOM[1]) + _BOTTOM[2]
     return np.clip((value * (value + _TOP[0]) - _TOP[1]) / bottom @ _OUT.T, 0, 1)
 
 
-def before_tone_mapping(displayed: Light) -> Light:
+def invert_tone_map(displayed: Light) -> Light:
     """The linear light that is displayed so, from 0 on: very bright for what is nearly white.
 
     Bright and pure colours cannot be displayed at all: they come out as dark as they must, and keep their hue.

@@ -9,7 +9,7 @@ from torch import Tensor
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
-def spiral(heights: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
+def fibonacci_directions(heights: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
     """Unit vectors with these z, each turned by the golden angle against the one before (Fibonacci's spiral).
 
     Spread evenly over the sphere where the heights are spread evenly from -1 to 1, or over a part of it.

@@ -68,6 +68,6 @@ def corner_offsets(ny: int, nz: int) -> Int[Tensor, "8"]:
     return torch.tensor([(i * ny + j) * nz + k for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
-def with_neighbours(chosen: Bool[Tensor, "nx ny nz"]) -> Bool[Tensor, "nx ny nz"]:
+def dilate_nodes(chosen: Bool[Tensor, "nx ny nz"]) -> Bool[Tensor, "nx ny nz"]:
     """What is chosen on a grid, and all that touches it along an axis or a diagonal."""
     return torch.nn.functional.max_pool3d(chosen[None, None].float(), 3, 1, 1)[0, 0] > 0

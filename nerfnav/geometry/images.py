@@ -93,7 +93,9 @@ class PosedImages:
         return replace(self, depth=None)
 
 
-def outlines(photographs: PosedImages, points: Float[Tensor, "m 3"]) -> tuple[Float[Tensor, " m"], Float[Tensor, " m"]]:
+def count_outside_silhouettes(
+    photographs: PosedImages, points: Float[Tensor, "m 3"]
+) -> tuple[Float[Tensor, " m"], Float[Tensor, " m"]]:
     """By how many photographs each point [m] is seen clear of all silhouettes, and by how many it is seen at all."""
     assert photographs.silhouettes is not None, "these photographs are not cut out"
     clear, seen = torch.zeros(len(points)), torch.zeros(len(points))
@@ -105,14 +107,14 @@ def outlines(photographs: PosedImages, points: Float[Tensor, "m 3"]) -> tuple[Fl
     return clear, seen
 
 
-def reduced(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:
+def downsample_image(image: UInt8[Tensor, "height width 3"], camera: Camera) -> Float[Tensor, "hw 3"]:
     """The colours in [0, 1] that a camera with fewer pixels sees, each the mean over its area, row by row."""
     size = camera.width, camera.height
     small = cv2.resize(image.cpu().numpy().astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return torch.from_numpy(small.reshape(-1, 3)).to(image.device) / 255
 
 
-def picture_file(image: UInt8[np.ndarray, "height width 3"], jpeg_quality: int | None = None) -> bytes:
+def encode_image(image: UInt8[np.ndarray, "height width 3"], jpeg_quality: int | None = None) -> bytes:
     """sRGB colours as a PNG file, or as a JPEG of a quality from 1 to 100: from 90 on without chroma subsampling."""
     kind, settings = (".png", []) if jpeg_quality is None else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
     if jpeg_quality is not None and jpeg_quality >= 90:

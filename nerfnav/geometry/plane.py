@@ -66,7 +66,7 @@ def plane_through(points: Float[Tensor, "3 3"]) -> Plane:
     return Plane(normal, float(normal @ points.mean(0)))
 
 
-def found_plane(
+def fit_plane(
     points: Float[Tensor, "n 3"],
     up: Float[Tensor, "3"],
     generator: torch.Generator,

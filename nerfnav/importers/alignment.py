@@ -14,8 +14,8 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Box, Similarity
-from nerfnav.geometry.plane import Plane, RansacConfig, found_plane, plane_through
-from nerfnav.importers.core.placement import Vector, length_in_words, rotation_to_z
+from nerfnav.geometry.plane import Plane, RansacConfig, fit_plane, plane_through
+from nerfnav.importers.core.placement import Vector, format_length, rotation_to_z
 
 _LEVEL = 1e-4
 """Angle below which a floor counts as level already [rad]."""
@@ -24,7 +24,7 @@ _TOLERANCE = 0.005
 
 
 @dataclass(frozen=True)
-class Correction:
+class AlignmentRequest:
     """What a person has measured and pointed at, in the coordinates of the place as it is; None: as it was."""
 
     measured: tuple[Vector, Vector, float] | None = None
@@ -69,7 +69,7 @@ class Correction:
     @property
     def is_empty(self) -> bool:
         """Whether nothing is to be changed."""
-        return self == Correction()
+        return self == AlignmentRequest()
 
     @property
     def factor(self) -> float | None:
@@ -81,7 +81,7 @@ class Correction:
 
 
 @dataclass(frozen=True)
-class Corrected:
+class Alignment:
     """What a correction comes to."""
 
     similarity: Similarity
@@ -92,9 +92,9 @@ class Corrected:
     """What changes, and what was guessed for it: sentences for the user."""
 
 
-def corrected(
-    correction: Correction, box: Box, surface: Float[Tensor, "n 3"], generator: torch.Generator
-) -> Corrected:
+def compute_alignment(
+    correction: AlignmentRequest, box: Box, surface: Float[Tensor, "n 3"], generator: torch.Generator
+) -> Alignment:
     """What a correction means for a place of `box`, of whose surface some points [m] are known.
 
     Raises InvalidInputError where no floor is found.
@@ -102,7 +102,7 @@ def corrected(
     told: list[str] = []
     factor = correction.factor
     if factor is not None:
-        longest = length_in_words(factor * float(box.size.max()))
+        longest = format_length(factor * float(box.size.max()))
         told.append(f"a metre of before is {factor:.4g} m now, and the place is {longest} long")
     rotation, height = torch.eye(3, dtype=torch.float64), 0.0
     floor = _floor(correction, box, surface, generator)
@@ -119,11 +119,11 @@ def corrected(
     kept = None if correction.box is None else Box.of(*correction.box)
     if correction.kept is not None:
         kept = similarity.box(Box.of(*correction.kept))
-    return Corrected(similarity, kept, tuple(told))
+    return Alignment(similarity, kept, tuple(told))
 
 
 def _floor(
-    correction: Correction, box: Box, surface: Float[Tensor, "n 3"], generator: torch.Generator
+    correction: AlignmentRequest, box: Box, surface: Float[Tensor, "n 3"], generator: torch.Generator
 ) -> Plane | None:
     """The floor, its normal upwards; None where nothing was said of it."""
     if correction.floor is not None:
@@ -136,7 +136,7 @@ def _floor(
         return None
     up = torch.tensor(correction.up or (0.0, 0.0, 1.0))
     tolerance = _TOLERANCE * float(box.size.max())
-    found = found_plane(surface, up, generator, RansacConfig(tolerance=tolerance))
+    found = fit_plane(surface, up, generator, RansacConfig(tolerance=tolerance))
     if found is None:
         raise InvalidInputError(
             "no floor was found: no level plane has much of the place on it and next to nothing below; point at three "

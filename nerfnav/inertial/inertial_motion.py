@@ -25,7 +25,7 @@ from nerfnav.estimator import Belief
 from nerfnav.geometry import so3
 from nerfnav.inertial.imu import ImuConfig
 from nerfnav.inertial.preintegrated import GYRO, PLACE, SPEED, TURN, Preintegrated
-from nerfnav.inertial.strapdown import moved_on
+from nerfnav.inertial.strapdown import propagate_state
 from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, TANGENT, VELOCITY
 
 CONSTANTS = 9
@@ -54,7 +54,7 @@ class InertialBelief:
         std = torch.tensor(sizes, dtype=torch.float64)
         return cls(belief, constants, torch.diag(std.square()), torch.zeros(CONSTANTS, TANGENT).double())
 
-    def begun_again(self, belief: Belief) -> "InertialBelief":
+    def restart_with(self, belief: Belief) -> "InertialBelief":
         """With a state that comes from elsewhere; what is known of the constants stays."""
         return replace(self, belief=belief, cross=torch.zeros_like(self.cross))
 
@@ -87,7 +87,7 @@ def predict(last: InertialBelief, measured: Preintegrated, config: ImuConfig) ->
     """The belief at the end of what was measured, and the part of its covariance that the measurements' noise adds."""
     mean, covariance = last.belief.mean.to(torch.float64), last.belief.covariance.double()
     time, turned = measured.duration, mean.rotation
-    after = moved_on(mean, measured.increments, last.gravity, time)
+    after = propagate_state(mean, measured.increments, last.gravity, time)
     by_state, by_measured = _slopes(turned, measured)
     by_constants = torch.zeros(TANGENT, CONSTANTS).double()
     by_constants[:, _BIASES] = by_measured @ measured.by_biases

@@ -33,7 +33,7 @@ class Increments(NamedTuple):
     """The last angular velocity [rad/s]."""
 
 
-def moved_on(state: RigidState, measured: Increments, gravity: Float[Tensor, "3"], time: float) -> RigidState:
+def propagate_state(state: RigidState, measured: Increments, gravity: Float[Tensor, "3"], time: float) -> RigidState:
     """The state after a time [s]; `gravity` is g, downwards [m/s^2]."""
 
     def turned(vector: Tensor) -> Tensor:
@@ -47,7 +47,7 @@ def moved_on(state: RigidState, measured: Increments, gravity: Float[Tensor, "3"
     )
 
 
-def advanced(
+def integrate_step(
     at: tuple[_Array, _Array, _Array], turns: tuple[_Array, _Array], force: _Array, gravity: _Array, dt: float
 ) -> tuple[_Array, _Array, _Array]:
     """R, v and p after a short time [s], in which the body turns by `turns`: in half of it, and in all (midpoint rule).

@@ -16,7 +16,16 @@ from websockets.sync.client import connect
 
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.live.answer import Answer, Goal
-from nerfnav.live.messages import Error, Picture, Size, Told, Welcome, check_version, encoded, said
+from nerfnav.live.messages import (
+    AnswerMessage,
+    Error,
+    Picture,
+    Size,
+    Welcome,
+    check_version,
+    decode_server_message,
+    encode_message,
+)
 
 _PATIENCE_S = 60.0
 
@@ -64,7 +73,7 @@ class LiveClient(AbstractContextManager["LiveClient"]):
     ) -> None:
         """Send a picture and do not wait. Raises LiveError where the server is gone."""
         try:
-            self._socket.send(encoded(_message(picture, time, goal, now)))
+            self._socket.send(encode_message(_message(picture, time, goal, now)))
         except ConnectionClosed as error:
             raise LiveError(_why(error)) from error
 
@@ -76,7 +85,7 @@ class LiveClient(AbstractContextManager["LiveClient"]):
             return None
         if isinstance(message, Error):
             raise InvalidInputError(message.sentence)
-        if not isinstance(message, Told):
+        if not isinstance(message, AnswerMessage):
             raise LiveError("the server said something else than an answer")
         return message.answer
 
@@ -90,9 +99,9 @@ class LiveClient(AbstractContextManager["LiveClient"]):
         """Close."""
         self.close()
 
-    def _received(self, timeout: float | None) -> Welcome | Told | Error:
+    def _received(self, timeout: float | None) -> Welcome | AnswerMessage | Error:
         try:
-            return said(self._socket.recv(timeout))
+            return decode_server_message(self._socket.recv(timeout))
         except ConnectionClosed as error:
             raise LiveError(_why(error)) from error
 

@@ -18,13 +18,13 @@ import torch
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.estimator import Belief
-from nerfnav.field import Field, Unknown, planning_field
+from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
-from nerfnav.live.setpoints import expected, half_a_step_back, on_curve, setpoints_of
-from nerfnav.navigation import NavigateConfig, guarded
-from nerfnav.navigation.fallback import Backup, Guard
+from nerfnav.live.setpoints import place_on_curve, predict_guided, setpoints_of, shift_half_step_back
+from nerfnav.navigation import NavigateConfig, build_safe_planner
+from nerfnav.navigation.fallback import FallbackTrajectory, SafetyFilter
 from nerfnav.planner import (
-    GOOD,
+    FLYABLE,
     FastPlanConfig,
     OccupancyMap,
     Planner,
@@ -33,14 +33,14 @@ from nerfnav.planner import (
     PlanStep,
     Route,
     collision_probability_bound,
+    downgrade_outcome,
+    estimate_timing,
     fits,
-    honest,
     last_step,
     nearest_free_pose,
+    path_length,
     planners,
     scales_of,
-    timing_of,
-    way_length,
     with_risk,
 )
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
@@ -99,11 +99,11 @@ class Guide:
 
     def __init__(self, field: Field, robot: Robot, config: GuideConfig | None = None) -> None:
         """Plan nothing yet. The map of the field is made for the first goal, or by `map_at`."""
-        self.field, self.robot = planning_field(field, Unknown.OCCUPIED), robot
+        self.field, self.robot = planning_field(field, UnknownSpace.OCCUPIED), robot
         self.config = GuideConfig() if config is None else config
         self._course: _Course | None = None
         self._maps: dict[float | None, OccupancyMap] = {}
-        self._pilots: dict[int, tuple[Planner, Guard | None]] = {}
+        self._pilots: dict[int, tuple[Planner, SafetyFilter | None]] = {}
 
     def map_at(self, height: float) -> OccupancyMap:
         """Where the body fits: at one height [m] for a robot that never leaves it; made once, which takes seconds."""
@@ -150,8 +150,8 @@ class Guide:
         if outcome is PlanOutcome.OVER_LIMITS:  # the vehicle was pushed off its plan: allow more time
             last, step = None, last_step(self._anew(planner, start, end, _PATIENCE))
             outcome = self._outcome(step)
-        if outcome in GOOD:
-            bound = collision_probability_bound(self.field, on_curve(step.motion), self.robot.body)
+        if outcome in FLYABLE:
+            bound = collision_probability_bound(self.field, place_on_curve(step.motion), self.robot.body)
             told = Guidance(Order.FOLLOW, outcome.value, setpoints_of(step.motion, time), bound)
             self._course = _Course(goal, step.motion, _arrival(last, step.motion, time), told)
             return told
@@ -163,8 +163,8 @@ class Guide:
         """A plan from scratch that may take so many times the usual time."""
         config = self.config
         problem = PlanProblem(self.field, self.robot, start, end)
-        length = way_length(problem, self.map_at(float(end.position[2])), with_risk(config.planning).ways)
-        timing = timing_of(self.robot, length, config.dt)
+        length = path_length(problem, self.map_at(float(end.position[2])), with_risk(config.planning).ways)
+        timing = estimate_timing(self.robot, length, config.dt)
         steps = math.ceil(patience * max(config.pace * timing.steps, config.minimum_horizon, self.robot.minimum_steps))
         return planner.plan(Route(self._begun(start, end, timing.dt), end, steps, timing.dt))
 
@@ -175,28 +175,28 @@ class Guide:
         dt, before = last.motion.dt, len(last.motion.actions)
         left = max(0, min(before, round((last.arrival - time) / dt)))
         steps = max(left, self.config.minimum_horizon, self.robot.minimum_steps)
-        leaning = None if self.robot.planar else expected(last.guidance, time + 0.5 * dt, flies=True)
+        leaning = None if self.robot.planar else predict_guided(last.guidance, time + 0.5 * dt, flies=True)
         route = Route(self._begun(start, end, dt, leaning), end, steps, dt)
         return planner.replan(last.motion, route, executed=before - left)
 
     def _begun(self, start: RigidState, end: RigidState, dt: float, leaning: RigidState | None = None) -> RigidState:
-        return self.robot.settled(half_a_step_back(start, dt, leaning), end)
+        return self.robot.settled(shift_half_step_back(start, dt, leaning), end)
 
     def _outcome(self, step: PlanStep) -> PlanOutcome:
         """How planning ended, or what is wrong with the curve through the setpoints."""
         assert step.outcome is not None, "the last step of a planner has the outcome"
-        if step.outcome not in GOOD:
+        if step.outcome not in FLYABLE:
             return step.outcome
         problem = PlanProblem(self.field, self.robot, step.motion.states[0], step.motion.states[-1], dt=step.motion.dt)
-        return honest(problem, on_curve(step.motion), step.outcome)
+        return downgrade_outcome(problem, place_on_curve(step.motion), step.outcome)
 
-    def _pilot(self, height: float) -> tuple[Planner, Guard | None]:
+    def _pilot(self, height: float) -> tuple[Planner, SafetyFilter | None]:
         """Planner and guard of flights, with the map at a height."""
         occupancy = self.map_at(height)
         if id(occupancy) not in self._pilots:
             where = (self.field, occupancy, self.robot)
             planning, noise = self.config.planning, self.config.noise
-            self._pilots[id(occupancy)] = guarded(planners.load("fast"), where, planning, None, noise)
+            self._pilots[id(occupancy)] = build_safe_planner(planners.load("fast"), where, planning, None, noise)
         return self._pilots[id(occupancy)]
 
     def _given_up(self, reason: str) -> Guidance:
@@ -216,7 +216,7 @@ class Guide:
         return scales_of(self.field, self.robot.body).width
 
 
-def _stopping(outcome: PlanOutcome, backup: Backup | None, time: float) -> Guidance:
+def _stopping(outcome: PlanOutcome, backup: FallbackTrajectory | None, time: float) -> Guidance:
     """Come to rest along a backup that is safe, else by whatever means the vehicle has."""
     reason = f"no safe plan is known: {outcome.value}"
     if backup is None or not backup.safe:

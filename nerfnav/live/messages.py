@@ -65,7 +65,7 @@ class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
     version: int = VERSION
 
 
-class Told(msgspec.Struct, frozen=True, tag="answer"):
+class AnswerMessage(msgspec.Struct, frozen=True, tag="answer"):
     """An answer."""
 
     answer: Answer
@@ -81,15 +81,15 @@ class MessageError(NerfnavError):
     """A message that is none of these."""
 
 
-FromServer = Welcome | Told | Error
+FromServer = Welcome | AnswerMessage | Error
 
 
-def encoded(message: Picture | FromServer, text: bool = False) -> bytes | str:
+def encode_message(message: Picture | FromServer, text: bool = False) -> bytes | str:
     """A message as it is sent: bytes, or text."""
     return msgspec.json.encode(message).decode() if text else msgspec.msgpack.encode(message)
 
 
-def picture_in(message: bytes | str) -> Picture:
+def decode_picture_message(message: bytes | str) -> Picture:
     """What a vehicle has sent. Raises MessageError, in one sentence, where that is no picture."""
     try:
         return _decoded(message, Picture)
@@ -97,7 +97,7 @@ def picture_in(message: bytes | str) -> Picture:
         raise MessageError(f"this is no picture message: {error}") from error
 
 
-def said(message: bytes | str) -> FromServer:
+def decode_server_message(message: bytes | str) -> FromServer:
     """What a server has sent. Raises MessageError where that is none of its messages."""
     try:
         return _decoded(message, FromServer)

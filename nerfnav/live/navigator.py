@@ -25,9 +25,9 @@ from nerfnav.field import Field, GridField, render_image
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.live.answer import Answer, Goal, Guidance, Order
 from nerfnav.live.guide import Guide, GuideConfig
-from nerfnav.live.setpoints import Guided, change
+from nerfnav.live.setpoints import GuidedVehicle, compute_guided_action
 from nerfnav.robots import RigidState, Robot, StateNoise
-from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
+from nerfnav.tracking import Frame, TrackedFrame, Tracker, TrackerConfig, TrackStatus
 
 OLD = "old"
 """Status of a picture that was refused, see Answer."""
@@ -63,7 +63,7 @@ class Navigator:
         self.config = LiveConfig() if config is None else config
         self.field, self.robot = field, robot
         self.camera, self.mount = robot.camera if camera is None else camera, robot.mount if mount is None else mount
-        self._tracker = Tracker(field, self.camera, Guided(robot.name), self.mount, self._settings)
+        self._tracker = Tracker(field, self.camera, GuidedVehicle(robot.name), self.mount, self._settings)
         self._guide = Guide(field, robot, self.config.guide)
         self._last: float | None = None
         self._followed: Guidance | None = None
@@ -108,7 +108,9 @@ class Navigator:
         if self._last is not None and not time > self._last:
             told = f"not used: it was taken at {time:.3f} s, and one of {self._last:.3f} s was seen before"
             return Answer(time, OLD, told)
-        action = change(self._followed, time if self._last is None else self._last, time, not self.robot.planar)
+        action = compute_guided_action(
+            self._followed, time if self._last is None else self._last, time, not self.robot.planar
+        )
         tracked = self._tracker.observe(Frame(time, picture, f"the picture of {time:.3f} s"), action)
         self._last, self._followed = time, None
         answer = _answer(tracked)
@@ -119,7 +121,7 @@ class Navigator:
         guidance = self._followed = self._guidance(tracked, goal, 0.0 if now is None else now - time)
         return replace(answer, guidance=guidance, plan_ms=1e3 * (clock.perf_counter() - begun))
 
-    def _guidance(self, tracked: Tracked, goal: Goal, age: float) -> Guidance:
+    def _guidance(self, tracked: TrackedFrame, goal: Goal, age: float) -> Guidance:
         """What to do about a goal."""
         oldest = self.config.oldest_s
         if tracked.belief is None or age > oldest or tracked.status in (TrackStatus.FOUND, TrackStatus.FOUND_AGAIN):
@@ -141,7 +143,7 @@ class Navigator:
             raise InvalidInputError(f"a picture is taken at a finite time before now, not at {time} s (now: {now})")
 
 
-def _answer(tracked: Tracked) -> Answer:
+def _answer(tracked: TrackedFrame) -> Answer:
     """The numbers of what was tracked."""
     answer = Answer(tracked.time, tracked.status.name.lower(), tracked.status.value, track_ms=tracked.ms)
     if tracked.belief is None:

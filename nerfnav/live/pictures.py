@@ -11,7 +11,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.live.messages import Picture
-from nerfnav.tracking.sources.pictures import decoded
+from nerfnav.tracking.sources.pictures import decode_picture
 
 _MOST_PIXELS = 1 << 24
 
@@ -23,7 +23,7 @@ def pixels_of(message: Picture, camera: Camera) -> UInt8[Tensor, "height width 3
         raise InvalidInputError(f"pictures have at most {_MOST_PIXELS} pixels, not {width} x {height}")
     if message.encoding in ("jpeg", "png"):
         try:
-            picture = decoded(message.data, aspect=camera.aspect)
+            picture = decode_picture(message.data, aspect=camera.aspect)
         except InvalidInputError as error:
             raise InvalidInputError(f"the picture of {message.time:.3f} s cannot be used: {error}") from error
         camera.for_picture(picture.shape[1], picture.shape[0])

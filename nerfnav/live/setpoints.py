@@ -1,7 +1,7 @@
 """Setpoints of a plan by a uniform cubic B-spline, and prediction of a vehicle that follows them.
 
 A motion's velocity v_k leads from p_k to p_k+1: it is that of the time between the two. So a vehicle at p with
-velocity v plans from `half_a_step_back`, p - v h / 2, and the motion's p_k belongs to the time t + (k - 1/2) h.
+velocity v plans from `shift_half_step_back`, p - v h / 2, and the motion's p_k belongs to the time t + (k - 1/2) h.
 With control points p_k, continued by a constant acceleration before the first and by rest after the last, the curve
 has the vehicle's own velocity at the time t, and its acceleration is linear between knots: every setpoint is the
 derivative of the one before it.
@@ -11,9 +11,9 @@ robots/state.py. Over a step dt, with the action u = (dp, dv, dtheta, dw):
 
     p' = p + v dt + dp,   v' = v + dv,   R' = R Exp(w dt) Exp(dtheta),   w' = w + dw
 
-`change` is the action of a vehicle that follows guidance: by how much that differs from constant velocities. A
-vehicle that flies stands as its acceleration wants it: its z axis along a - g (Mellinger and Kumar, 2011). What the
-vehicle does besides is process noise.
+`compute_guided_action` is the action of a vehicle that follows guidance: by how much that differs from constant
+velocities. A vehicle that flies stands as its acceleration wants it: its z axis along a - g (Mellinger and Kumar,
+2011). What the vehicle does besides is process noise.
 """
 
 
@@ -26,10 +26,10 @@ from torch import Tensor
 from nerfnav.geometry import so3
 from nerfnav.live.answer import Guidance, Order, Setpoint
 from nerfnav.planner import PiecewisePolynomial, uniform_cubic
-from nerfnav.robots import TANGENT, HandHeld, Motion, RigidState, thrust_and_attitude, unwrapped
+from nerfnav.robots import TANGENT, HandHeld, Motion, RigidState, thrust_and_attitude, unwrap_angles
 
 
-def half_a_step_back(state: RigidState, dt: float, leaning: RigidState | None = None) -> RigidState:
+def shift_half_step_back(state: RigidState, dt: float, leaning: RigidState | None = None) -> RigidState:
     """Where a motion in steps of `dt` [s] begins that is to pass through a state now.
 
     A motion's attitude R_k is that of its acceleration at knot k + 1, half a step from now: there the attitude and body
@@ -48,16 +48,16 @@ def knots(motion: Motion) -> Float[Tensor, "knots 3 3"]:
     return _table(shape, shape.times[:-1])
 
 
-def on_curve(motion: Motion) -> Motion:
+def place_on_curve(motion: Motion) -> Motion:
     """The motion as its setpoints have it, to be judged as the planner's own is."""
     return replace(motion, states=replace(motion.states, position=knots(motion)[:-1, 0].float()))
 
 
 def setpoints_of(motion: Motion, time: float) -> tuple[Setpoint, ...]:
-    """The motion of a plan that was made at a time [s] from `half_a_step_back`: then, and at each knot after it."""
+    """The motion of a plan that was made at a time [s] from `shift_half_step_back`: then, and at each knot after it."""
     shape, begun = _spline(motion), 0.5 * motion.dt
     times = torch.cat([shape.times.new_tensor([begun]), shape.times[1:-1]])
-    given = unwrapped(so3.yaw_of(motion.states.rotation)).double()
+    given = unwrap_angles(so3.yaw_of(motion.states.rotation)).double()
     given = torch.cat([given, given[-1:].expand(len(times) - len(given))])
     yaws = torch.cat([given[:1], (given[:-1] + given[1:]) / 2])  # given are those of the times between the knots
     rows = zip((time + (times - begun)).tolist(), _table(shape, times), yaws.tolist(), strict=True)
@@ -86,7 +86,7 @@ _INSTANT_S = 0.01
 """Over which body rates are taken."""
 
 
-class Guided(HandHeld):
+class GuidedVehicle(HandHeld):
     """What is guided."""
 
     action_names = tuple(f"{part}_{axis}" for part in ("dp", "dv", "dtheta", "dw") for axis in "xyz")
@@ -101,15 +101,17 @@ class Guided(HandHeld):
         return torch.zeros(TANGENT)
 
 
-def change(guidance: Guidance | None, start: float, end: float, flies: bool) -> Float[Tensor, "12"] | None:
+def compute_guided_action(
+    guidance: Guidance | None, start: float, end: float, flies: bool
+) -> Float[Tensor, "12"] | None:
     """The action of a vehicle that follows guidance from one time [s] to another; None where it follows none."""
-    before, after = (expected(guidance, time, flies) for time in (start, end))
+    before, after = (predict_guided(guidance, time, flies) for time in (start, end))
     if before is None or after is None:
         return None
     return HandHeld().step(before, torch.zeros(0), end - start).local(after)
 
 
-def expected(guidance: Guidance | None, time: float, flies: bool) -> RigidState | None:
+def predict_guided(guidance: Guidance | None, time: float, flies: bool) -> RigidState | None:
     """The state at a time [s] of a vehicle that follows guidance; None where there is none to follow."""
     if guidance is None or guidance.order not in (Order.FOLLOW, Order.BRAKE):
         return None

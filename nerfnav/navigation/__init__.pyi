@@ -1,14 +1,14 @@
 from .episode import Episode as Episode
-from .fallback import guarded as guarded
-from .flight import Mission as Mission
+from .fallback import build_safe_planner as build_safe_planner
+from .flight import FlightRequest as FlightRequest
 from .flight import NavigateConfig as NavigateConfig
-from .flight import Orders as Orders
-from .flight import Pilot as Pilot
+from .flight import NavigationStack as NavigationStack
+from .flight import OperatorRequests as OperatorRequests
 from .loop import navigate as navigate
 from .physical.config import PhysicalConfig as PhysicalConfig
 from .physical.worlds import WORLDS as WORLDS
 from .physical.worlds import WorldName as WorldName
-from .physical.worlds import with_late_pictures as with_late_pictures
+from .physical.worlds import compensate_latency as compensate_latency
 from .simulator import CameraFunction as CameraFunction
 from .simulator import ContactFunction as ContactFunction
 from .simulator import Simulator as Simulator
@@ -17,4 +17,4 @@ from .steps import EpisodeOutcome as EpisodeOutcome
 from .steps import Iteration as Iteration
 from .steps import LoopEvent as LoopEvent
 from .steps import NavigationStep as NavigationStep
-from .supervisor import Recovery as Recovery
+from .supervisor import SupervisorState as SupervisorState

@@ -19,10 +19,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.files import replacing, write_npz
+from nerfnav.core.files import replace_file, write_npz
 from nerfnav.estimator import Belief
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.navigation.supervisor import Recovery
+from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.robots import ATTITUDE, POSITION, VELOCITY, Motion, RigidState
 
 _STATE = tuple(field.name for field in fields(RigidState))
@@ -52,7 +52,7 @@ class Episode:
     """Length of a step [s]."""
     outcome: EpisodeOutcome
     """How it ended."""
-    recoveries: tuple[Recovery | None, ...] = ()
+    recoveries: tuple[SupervisorState | None, ...] = ()
     """What was done at each time where the picture disagreed with the belief; shorter where nothing ever was."""
     late: tuple[int, ...] = ()
     """Time steps that passed while filter and planner were still at an earlier one, in real time."""
@@ -113,7 +113,7 @@ class Episode:
             "final_position_error_m": (self.truth.position[-1] - self.goal.position).norm().item(),
             "mesh_collision_steps": int(self.touched.sum()),
             "late_steps": len(self.late),
-            "recoveries": {kind.name.lower(): self.recoveries.count(kind) for kind in Recovery},
+            "recoveries": {kind.name.lower(): self.recoveries.count(kind) for kind in SupervisorState},
             "estimation": self._estimation(),
             "timing_ms": self._timing_ms(),
         }
@@ -152,7 +152,7 @@ class Episode:
         about["late"] = list(self.late)
         numbers, words = folder / "episode.npz", folder / "episode.json"
         write_npz(numbers, {name: value.numpy() for name, value in arrays.items()})
-        with replacing(words) as stream:
+        with replace_file(words) as stream:
             stream.write((json.dumps(about, indent=2, allow_nan=False) + "\n").encode())
         return numbers, words
 
@@ -186,7 +186,7 @@ def _unpacked(stored: dict[str, Tensor], about: dict[str, Any]) -> Episode:
         stored["replan_ms"],
         dt,
         EpisodeOutcome[about["outcome"].upper()],
-        tuple(None if name is None else Recovery[name.upper()] for name in about.get("recovery_of_step", ())),
+        tuple(None if name is None else SupervisorState[name.upper()] for name in about.get("recovery_of_step", ())),
         tuple(about.get("late", ())),
     )
 

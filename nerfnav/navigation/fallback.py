@@ -6,7 +6,7 @@ space is solid; it counts as safe when no point of the body is as likely as not 
 the body fits. (As SUPER does on point clouds: Ren et al., "Safety-assured high-speed navigation for MAVs", Science
 Robotics, 2025.)
 
-`guarded` makes the planner of a disturbed robot, and the safety filter that keeps a fallback ready.
+`build_safe_planner` makes the planner of a disturbed robot, and the safety filter that keeps a fallback ready.
 """
 
 
@@ -22,20 +22,20 @@ from torch import Tensor
 from nerfnav.field import Field
 from nerfnav.planner import (
     NEAR_CERTAIN,
-    PAPERS_NOISE,
+    PAPER_NOISE,
+    CollisionMap,
     CostTerm,
     CostWeights,
-    DangerMap,
-    Disturbance,
     FieldPlanner,
+    NoiseModel,
     OccupancyMap,
-    Outlook,
     Planner,
     PlannerConfig,
     PlannerEntry,
     PlanOutcome,
     PlanProblem,
     PlanStep,
+    RiskContext,
     collision_probability_bound,
     fits,
 )
@@ -50,7 +50,7 @@ _NO_GOOD = (
 
 
 @dataclass(frozen=True)
-class BackupConfig:
+class FallbackConfig:
     """How a robot would come to rest."""
 
     steps: int = 10
@@ -64,7 +64,7 @@ class BackupConfig:
 
 
 @dataclass(frozen=True)
-class Backup:
+class FallbackTrajectory:
     """A way to come to rest."""
 
     motion: Motion
@@ -76,19 +76,19 @@ class Backup:
 
 
 @dataclass(frozen=True)
-class Guard:
+class SafetyFilter:
     """What keeps a backup ready."""
 
     field: Field
     """Where, as planners see it."""
     robot: Robot
     """Who."""
-    disturbance: Disturbance = PAPERS_NOISE
+    disturbance: NoiseModel = PAPER_NOISE
     """What pushes it."""
-    config: BackupConfig = dataclasses.field(default_factory=BackupConfig)
+    config: FallbackConfig = dataclasses.field(default_factory=FallbackConfig)
     """How."""
 
-    def beside(self, planned: PlanStep, dt: float) -> tuple[Backup, bool]:
+    def beside(self, planned: PlanStep, dt: float) -> tuple[FallbackTrajectory, bool]:
         """The backup from where a plan starts, and whether it is to be flown: it is safe, and the plan is not.
 
         Beside a good plan it is to brake straight on; evading is tried where the plan is no longer good.
@@ -128,7 +128,7 @@ class Guard:
     def _slope(self, start: RigidState, dt: float) -> Float[Tensor, "3"]:
         """Along which the chance of being pushed into something rises most."""
         height = start.position[2].item() if self.robot.planar else None
-        danger = DangerMap.of(self.field, self.robot, Outlook(dt, self.disturbance, height=height)).later
+        danger = CollisionMap.of(self.field, self.robot, RiskContext(dt, self.disturbance, height=height)).later
         here, turned = (np.repeat(part.double().numpy()[None], 2, 0) for part in (start.position, start.rotation))
         slope = np.zeros((2, 3))
         endangered(here, turned, np.array([0.5]), danger, 0.0, 1.0, slope, np.zeros((2, 3)))
@@ -140,20 +140,20 @@ class Guard:
         velocities[: self.config.evading] = wanted
         return self.robot.held(start, velocities, dt, self.config.resting)
 
-    def _judged(self, motion: Motion) -> Backup:
+    def _judged(self, motion: Motion) -> FallbackTrajectory:
         bound, last = self._bound(motion), motion.states[-1]
         rests = bool(last.velocity.norm() < self.config.resting) and fits(self.field, self.robot.body, last)
-        return Backup(motion, bound, rests and bound < NEAR_CERTAIN)
+        return FallbackTrajectory(motion, bound, rests and bound < NEAR_CERTAIN)
 
 
-def guarded(
+def build_safe_planner(
     entry: PlannerEntry,
     where: tuple[Field, OccupancyMap, Robot],
     settings: PlannerConfig,
     again: PlannerConfig | None,
     noise: StateNoise,
     terms: tuple[CostTerm, ...] | None = None,
-) -> tuple[Planner, Guard | None]:
+) -> tuple[Planner, SafetyFilter | None]:
     """The planner of `entry` for the field as planners see it, its map and a robot, and what keeps a backup ready.
 
     The first plan counts as much risk as those `again` do (None: as the entry has them); where they count none, there
@@ -162,9 +162,9 @@ def guarded(
     """
     field, occupancy, robot = where
     again = again or entry.again(settings)
-    risk, pushed = again.weights.risk, Disturbance(noise.deviations)
+    risk, pushed = again.weights.risk, NoiseModel(noise.deviations)
     first = replace(settings, weights=replace(settings.weights, risk=risk))
     planner = entry.planner(field, robot, first, again, occupancy)
     if isinstance(planner, FieldPlanner):
         planner = replace(planner, disturbance=pushed, terms=planner.terms if terms is None else terms)
-    return planner, Guard(field, robot, pushed) if risk else None
+    return planner, SafetyFilter(field, robot, pushed) if risk else None

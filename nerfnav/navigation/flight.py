@@ -13,21 +13,21 @@ from time import perf_counter
 
 import torch
 
-from nerfnav.estimator import Estimator, FilterConfig, LastingError
+from nerfnav.estimator import ConsiderCovariance, Estimator, FilterConfig
 from nerfnav.field import Field
 from nerfnav.geometry import Pose
-from nerfnav.navigation.fallback import Guard
+from nerfnav.navigation.fallback import SafetyFilter
 from nerfnav.navigation.realtime import Clock
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.supervisor import Lookout, RecoveryConfig, Relocaliser
+from nerfnav.navigation.supervisor import Relocaliser, Supervisor, SupervisorConfig
 from nerfnav.planner import Planner, PlanStep, fits
-from nerfnav.planner.active_yaw import Watch, turned_to_see, watching
-from nerfnav.planner.visibility import seeing
+from nerfnav.planner.active_yaw import YawObjective, choose_goal_heading, choose_headings
+from nerfnav.planner.visibility import find_best_turn
 from nerfnav.robots import Motion, RigidState, StateNoise
 
 
 @dataclass(frozen=True)
-class Orders:
+class OperatorRequests:
     """What is asked of the flight for its next time step."""
 
     goal: RigidState | None = None
@@ -41,7 +41,7 @@ class Orders:
 
 
 @dataclass(frozen=True)
-class Course:
+class ActiveGoal:
     """Where a flight is going."""
 
     goal: RigidState
@@ -53,7 +53,7 @@ class Course:
     keeps_headings: bool = False
     """Whether plans keep the headings of those before, which were chosen for what they show."""
 
-    def heeding(self, orders: Orders, index: int) -> "Course":
+    def heeding(self, orders: OperatorRequests, index: int) -> "ActiveGoal":
         """The course after orders that came at time step `index`."""
         goal = orders.goal
         if goal is None or _same(goal, self.goal):
@@ -65,7 +65,7 @@ class Course:
         """Where the next plan leads."""
         return self.end or self.goal
 
-    def after(self, planned: PlanStep) -> "Course":
+    def after(self, planned: PlanStep) -> "ActiveGoal":
         """The course after a plan, which has kept its headings unless it was made anew."""
         return replace(self, keeps_headings=self.keeps_headings and planned.restart is None)
 
@@ -96,7 +96,7 @@ class NavigateConfig:
     most_hits: float | None = None
     """TOO_RISKY, on the ground, where more collisions than this are to be expected of noise along the first plan, of a
     flight with a guard; None: any number will do."""
-    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
+    recovery: SupervisorConfig = field(default_factory=SupervisorConfig)
     """What is done when pictures disagree with the belief; DIVERGED when it does not help."""
     in_sight: float = 0.4
     """Share of a picture that has edges from which on it is as good as any: not the void, no blank wall. A robot that
@@ -117,7 +117,7 @@ class NavigateConfig:
 
 
 @dataclass(frozen=True)
-class Mission:
+class FlightRequest:
     """What is to be flown, from where the simulator stands."""
 
     goal: RigidState
@@ -128,7 +128,7 @@ class Mission:
     """Length of a time step [s] (paper: 0.1)."""
     plan: Motion | None = None
     """A first plan that is already made, from the start to the goal; None: plan now."""
-    orders: Callable[[], Orders] = Orders
+    orders: Callable[[], OperatorRequests] = OperatorRequests
     """Asked at the beginning of each time step for what has changed meanwhile."""
     realtime: bool = False
     """Whether the world goes on while filter and planner compute (see navigation/realtime.py)."""
@@ -137,7 +137,7 @@ class Mission:
 
 
 @dataclass(frozen=True)
-class Pilot:
+class NavigationStack:
     """Who flies."""
 
     planner: Planner
@@ -146,47 +146,49 @@ class Pilot:
     """Says where the robot is."""
     relocaliser: Relocaliser | None = None
     """Finds a robot that is lost; None: lost is lost."""
-    guard: Guard | None = None
+    guard: SafetyFilter | None = None
     """Keeps a way to come to rest ready beside each plan; None: plans are flown whatever becomes of them."""
     seen: Field | None = None
     """What its camera sees, as a field; None: it needs no pictures."""
-    lasting: LastingError = field(default_factory=LastingError)
+    lasting: ConsiderCovariance = field(default_factory=ConsiderCovariance)
     """By what this field shows its camera elsewhere, in picture after picture."""
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlightContext:
     """What does not change during a flight, but for the orders."""
 
-    mission: Mission
+    mission: FlightRequest
     simulator: Simulator
-    pilot: Pilot
+    pilot: NavigationStack
     config: NavigateConfig
     generator: torch.Generator
-    orders: Orders = field(default_factory=Orders)
+    orders: OperatorRequests = field(default_factory=OperatorRequests)
     """Of this time step alone."""
 
     @property
-    def lookout(self) -> Lookout:
+    def lookout(self) -> Supervisor:
         """What looks for the robot when it is lost."""
-        return Lookout(self.pilot.relocaliser, self.config.recovery, self.simulator.mount)
+        return Supervisor(self.pilot.relocaliser, self.config.recovery, self.simulator.mount)
 
     @property
-    def watch(self) -> Watch | None:
+    def watch(self) -> YawObjective | None:
         """How the camera looks at what is there; None where that does not matter, and on the ground, where it takes
         room to turn, or leads elsewhere."""
         seen, enough, guard = self.pilot.seen, self.config.in_sight, self.pilot.guard
         if seen is None or enough == 0 or self.config.open_loop or self.simulator.robot.planar:
             return None
         may_be = partial(fits, seen if guard is None else guard.field, self.simulator.robot.body)
-        return Watch(seen, enough, self.simulator.mount, may_be)
+        return YawObjective(seen, enough, self.simulator.mount, may_be)
 
     def sees(self, state: RigidState) -> tuple[float, float]:
         """How much of enough the camera should see there, and by how much to turn to see more [rad]; see sight.py."""
         watch = self.watch
-        return (1.0, 0.0) if watch is None else seeing(watch.matter, state, watch.enough, watch.mount)
+        return (1.0, 0.0) if watch is None else find_best_turn(watch.matter, state, watch.enough, watch.mount)
 
-    def seeing(self, course: Course, here: RigidState, rest: Motion, leads: bool = True) -> tuple[Course, Motion]:
+    def seeing(
+        self, course: ActiveGoal, here: RigidState, rest: Motion, leads: bool = True
+    ) -> tuple[ActiveGoal, Motion]:
         """The course with an end in which something is seen, and what is left of a plan with headings that show more.
 
         `rest` begins where the robot believes to be; whether it `leads` to the goal: else that is straight ahead. A
@@ -197,8 +199,8 @@ class Flight:
             return replace(course, end=course.goal), rest
         way = rest.states if leads else RigidState.stack([here, course.goal])
         sights, goal = watch.sights(way), course.leads_to
-        end = turned_to_see(watch, sights, (here, goal))
-        turned = watching(watch, sights, rest, (here, goal, end), self.simulator.robot) if leads else None
+        end = choose_goal_heading(watch, sights, (here, goal))
+        turned = choose_headings(watch, sights, rest, (here, goal, end), self.simulator.robot) if leads else None
         if turned is None:
             return replace(course, end=end, keeps_headings=False), rest
         return replace(course, end=turned.states[-1], keeps_headings=True), turned

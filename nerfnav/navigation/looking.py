@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.navigation.flight import Flight
-from nerfnav.navigation.steps import Doubt, NavigationStep
-from nerfnav.navigation.supervisor import Recovery, come_to_rest
+from nerfnav.navigation.flight import FlightContext
+from nerfnav.navigation.steps import NavigationStep, SupervisorMemory
+from nerfnav.navigation.supervisor import SupervisorState, come_to_rest
 from nerfnav.planner.active_yaw import turning_rate, wrapped
 from nerfnav.robots import Motion, RigidState
 
@@ -21,7 +21,7 @@ _NOTHING = 0.1
 
 
 @dataclass(frozen=True)
-class Turning:
+class YawRateCommand:
     """Turns to a heading, or all around."""
 
     aim: float | None
@@ -41,7 +41,7 @@ class Turning:
         return max(-self.most, min(self.most, _ARRIVING * wrapped(self.aim - soon) / self.dt))
 
 
-def turning(doubt: Doubt, flight: Flight, lost: bool) -> Turning:
+def choose_turn(doubt: SupervisorMemory, flight: FlightContext, lost: bool) -> YawRateCommand:
     """How a robot turns all the time that it holds: one that is not lost first to where it should see something, by
     where it was when that began; else to the middle of the place, for there is more to be seen than outside."""
     began, guard, dt = doubt.way.states[0], flight.pilot.guard, flight.mission.dt
@@ -52,23 +52,25 @@ def turning(doubt: Doubt, flight: Flight, lost: bool) -> Turning:
     around = math.copysign(config.turn, turn if turn else side)
     in_vain = doubt.unsure * dt > abs(turn) / most + _IN_VAIN_S
     aim = None if turn == 0 or in_vain else so3.yaw_of(began.rotation).item() + turn
-    return Turning(aim, most, around, dt)
+    return YawRateCommand(aim, most, around, dt)
 
 
-def at_rest(start: RigidState, last: NavigationStep, turn: Turning | None, flight: Flight) -> Motion:
+def hold_and_turn(
+    start: RigidState, last: NavigationStep, turn: YawRateCommand | None, flight: FlightContext
+) -> Motion:
     """What a robot intends that does not know where it is, and turns meanwhile."""
     robot = flight.simulator.robot
     start = robot.settled(start, last.plan.states[0])
     return come_to_rest(robot, start, flight.config.recovery.rest, flight.mission.dt, turn)
 
 
-def looking_first(step: NavigationStep, flight: Flight, doubt: Doubt) -> NavigationStep:
+def look_before_leaving(step: NavigationStep, flight: FlightContext, doubt: SupervisorMemory) -> NavigationStep:
     """The first step of a robot that should see nothing from where it stands: it turns before it leaves."""
     mean = step.belief.mean
     if step.outcome is not None or flight.sees(mean)[0] > _NOTHING:
         return step
-    plan = at_rest(mean, step, turning(doubt, flight, lost=False), flight)
-    return replace(step, plan=plan, recovery=Recovery.BLIND)
+    plan = hold_and_turn(mean, step, choose_turn(doubt, flight, lost=False), flight)
+    return replace(step, plan=plan, recovery=SupervisorState.BLIND)
 
 
 def side_of(state: RigidState, place: Tensor) -> float:

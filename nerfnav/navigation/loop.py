@@ -16,20 +16,20 @@ from torch import Tensor
 from nerfnav.estimator import Belief, Corrector, FilterOutcome, FilterStep
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.geometry import so3
-from nerfnav.navigation.flight import Course, Flight, Mission, NavigateConfig, Pilot
-from nerfnav.navigation.looking import at_rest, looking_first, turning
-from nerfnav.navigation.realtime import Overrun, timed
+from nerfnav.navigation.flight import ActiveGoal, FlightContext, FlightRequest, NavigateConfig, NavigationStack
+from nerfnav.navigation.looking import choose_turn, hold_and_turn, look_before_leaving
+from nerfnav.navigation.realtime import Overrun, measure_time
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import Doubt, EpisodeOutcome, LoopEvent, NavigationStep
-from nerfnav.navigation.supervisor import LITTLE, Recovery
+from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep, SupervisorMemory
+from nerfnav.navigation.supervisor import LITTLE, SupervisorState
 from nerfnav.planner import PlanOutcome, PlanStep, Route
 from nerfnav.robots import Motion, RigidState
 
 
 def navigate(
-    mission: Mission,
+    mission: FlightRequest,
     simulator: Simulator,
-    pilot: Pilot,
+    pilot: NavigationStack,
     config: NavigateConfig,
     generator: torch.Generator,
 ) -> Iterator[LoopEvent]:
@@ -40,10 +40,12 @@ def navigate(
     outcome is COLLIDED whatever else happens. Raises what the planner raises for ends that cannot be planned
     between.
     """
-    flight = Flight(mission, simulator, pilot, config, generator)
+    flight = FlightContext(mission, simulator, pilot, config, generator)
     step, course = yield from _begin(flight)
-    doubt = Doubt(step.plan, unsure=int(_told_by(step.update) is None))  # until a picture says where the robot is
-    step = looking_first(step, flight, doubt)
+    doubt = SupervisorMemory(
+        step.plan, unsure=int(_told_by(step.update) is None)
+    )  # until a picture says where the robot is
+    step = look_before_leaving(step, flight, doubt)
     yield step
     touched, held = False, 0
     while step.outcome is None:
@@ -67,7 +69,7 @@ def navigate(
                 break
 
 
-def _with_missed(last: NavigationStep, step: NavigationStep, flight: Flight) -> Iterator[NavigationStep]:
+def _with_missed(last: NavigationStep, step: NavigationStep, flight: FlightContext) -> Iterator[NavigationStep]:
     """A time step, and in real time those that passed while it was computed."""
     yield step
     if flight.mission.realtime:
@@ -77,14 +79,14 @@ def _with_missed(last: NavigationStep, step: NavigationStep, flight: Flight) -> 
         ).steps()
 
 
-def _begin(flight: Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, Course]]:
+def _begin(flight: FlightContext) -> Generator[LoopEvent, None, tuple[NavigationStep, ActiveGoal]]:
     """Plan from the true start, which the user has chosen, then from where the robot believes to be, having looked."""
     mission, start, config = flight.mission, flight.simulator.state, flight.config
-    goal, course = mission.goal, Course(mission.goal, end=mission.goal)
+    goal, course = mission.goal, ActiveGoal(mission.goal, end=mission.goal)
     belief = Belief(start.retract(config.initial.sample(flight.generator)), config.initial.covariance())
     motion, spent_ms, outcome = mission.plan, 0.0, None
     if motion is None:
-        planned, spent_ms = yield from timed(
+        planned, spent_ms = yield from measure_time(
             flight.pilot.planner.plan(Route(start, goal, mission.steps, mission.dt))
         )
         motion = planned.motion
@@ -96,9 +98,9 @@ def _begin(flight: Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, C
         image, update, filter_ms = yield from _look(apparent, flight)
         if (seen := _told_by(update)) is not None:
             apparent, belief = seen, flight.pilot.lasting.beside(seen)
-        course, motion = flight.seeing(Course(goal), start, motion)
+        course, motion = flight.seeing(ActiveGoal(goal), start, motion)
         route = Route(belief.mean, course.leads_to, motion.actions.shape[-2], motion.dt, course.keeps_headings)
-        planned, again_ms = yield from timed(flight.pilot.planner.replan(motion, route, executed=0))
+        planned, again_ms = yield from measure_time(flight.pilot.planner.replan(motion, route, executed=0))
         course, motion, spent_ms = course.after(planned), planned.motion, spent_ms + again_ms
     guard, expected = flight.pilot.guard, None
     if outcome is None and guard is not None:
@@ -113,7 +115,7 @@ def _begin(flight: Flight) -> Generator[LoopEvent, None, tuple[NavigationStep, C
 
 
 def _look(
-    told: Belief, flight: Flight
+    told: Belief, flight: FlightContext
 ) -> Generator[LoopEvent, None, tuple[Tensor | None, FilterStep | None, float]]:
     """A picture before anything is done, what it says, and how long that took [ms]; nothing where nobody looks, or the
     estimator makes nothing of what it was told."""
@@ -122,7 +124,7 @@ def _look(
         return None, None, 0.0
     image = flight.simulator.look()
     found = estimator.correct(told, image, flight.generator)
-    update, filter_ms = yield from timed(found, flight.mission.clock)
+    update, filter_ms = yield from measure_time(found, flight.mission.clock)
     return image, update, filter_ms
 
 
@@ -132,22 +134,22 @@ def _told_by(update: FilterStep | None) -> Belief | None:
 
 
 def _advance(
-    last: NavigationStep, flight: Flight, course: Course, doubt: Doubt
-) -> Generator[LoopEvent, None, tuple[NavigationStep, Course]]:
+    last: NavigationStep, flight: FlightContext, course: ActiveGoal, doubt: SupervisorMemory
+) -> Generator[LoopEvent, None, tuple[NavigationStep, ActiveGoal]]:
     """One turn of Algorithm 1."""
     mission, simulator, index = flight.mission, flight.simulator, last.index + 1
     action, touched = _act(last, flight)
     image = simulator.look()
     believable = None if flight.lookout.is_lost(doubt.lost) else image  # a false belief may agree with it by chance
-    update, filter_ms = yield from timed(
+    update, filter_ms = yield from measure_time(
         flight.pilot.estimator.update(last.followed, believable, action, mission.dt, flight.generator), mission.clock
     )
     backup, (belief, recovery) = None, (yield from _trusted(update, image, flight, doubt))
     if recovery is not None and recovery.holds:
-        turn = turning(doubt, flight, recovery is Recovery.SEARCHED) if recovery.turns else None
-        plan, replan_ms, restart = at_rest(_onward(last, belief, flight), last, turn, flight), 0.0, None
+        turn = choose_turn(doubt, flight, recovery is SupervisorState.SEARCHED) if recovery.turns else None
+        plan, replan_ms, restart = hold_and_turn(_onward(last, belief, flight), last, turn, flight), 0.0, None
     else:
-        here, elsewhere = _onward(last, belief, flight), recovery is Recovery.RELOCALISED
+        here, elsewhere = _onward(last, belief, flight), recovery is SupervisorState.RELOCALISED
         elsewhere |= course.since >= max(doubt.made, 1)
         sees_little = image is not None and update.outcome in LITTLE
         told = elsewhere, sees_little
@@ -157,7 +159,7 @@ def _advance(
             began = mission.clock()
             backup, taken = flight.pilot.guard.beside(planned, mission.dt)
             replan_ms += 1e3 * (mission.clock() - began)
-            plan, recovery = (backup.motion, Recovery.BACKUP) if taken else (plan, recovery)
+            plan, recovery = (backup.motion, SupervisorState.BACKUP) if taken else (plan, recovery)
     step = NavigationStep(
         index, index * mission.dt, action, simulator.state, flight.pilot.lasting.beside(belief), image, update, plan,
         touched, filter_ms, replan_ms, recovery=recovery, restart=restart, backup=backup, apparent=belief,
@@ -166,8 +168,8 @@ def _advance(
 
 
 def _replanned(
-    flight: Flight, course: Course, doubt: Doubt, here: RigidState, told: tuple[bool, bool]
-) -> Generator[LoopEvent, None, tuple[Course, PlanStep, float]]:
+    flight: FlightContext, course: ActiveGoal, doubt: SupervisorMemory, here: RigidState, told: tuple[bool, bool]
+) -> Generator[LoopEvent, None, tuple[ActiveGoal, PlanStep, float]]:
     """The next plan, which carries the last one on, in other headings where little is seen; and how long it took [ms].
 
     What is told: whether the robot is elsewhere than that plan, or goes elsewhere, and whether it sees little.
@@ -181,11 +183,11 @@ def _replanned(
         course, rest = flight.seeing(course, here, rest, leads=not elsewhere)
     turned_ms = 1e3 * (clock() - began)
     route = Route(here, course.leads_to, left, rest.dt, course.keeps_headings)
-    planned, planned_ms = yield from timed(flight.pilot.planner.replan(rest, route, executed=0), clock)
+    planned, planned_ms = yield from measure_time(flight.pilot.planner.replan(rest, route, executed=0), clock)
     return course.after(planned), planned, turned_ms + planned_ms
 
 
-def _onward(last: NavigationStep, belief: Belief, flight: Flight) -> RigidState:
+def _onward(last: NavigationStep, belief: Belief, flight: FlightContext) -> RigidState:
     """Where the next plan begins: where the last one has led by now, or where the robot believes to be.
 
     A robot that tracks plans is tilted by what it corrects. To plan from there would be to go on with the correction:
@@ -202,8 +204,8 @@ def _onward(last: NavigationStep, belief: Belief, flight: Flight) -> RigidState:
 
 
 def _trusted(
-    update: FilterStep, image: Tensor | None, flight: Flight, doubt: Doubt
-) -> Generator[LoopEvent, None, tuple[Belief, Recovery | None]]:
+    update: FilterStep, image: Tensor | None, flight: FlightContext, doubt: SupervisorMemory
+) -> Generator[LoopEvent, None, tuple[Belief, SupervisorState | None]]:
     """The belief to go on with after an update, and what was done where it is not the update's own."""
     assert update.posterior is not None, "the last step of an estimator has the posterior"
     lookout, belief, wanted = flight.lookout, update.posterior, flight.orders.search
@@ -211,14 +213,14 @@ def _trusted(
         return (yield from lookout.recover(belief, image, doubt.lost + 1, at_once=wanted))
     found = (yield from lookout.search(belief, image)) if wanted else None
     if found is not None:
-        return found, Recovery.RELOCALISED
+        return found, SupervisorState.RELOCALISED
     if not lookout.is_blind(belief, update.outcome, doubt.unsure > 0):
         return belief, None
     shown = None if update.outcome is FilterOutcome.PREDICTED_ONLY else image  # black and plain pictures are everywhere
     return (yield from lookout.look_around(belief, shown, doubt.adrift))
 
 
-def _act(last: NavigationStep, flight: Flight) -> tuple[Tensor, bool]:
+def _act(last: NavigationStep, flight: FlightContext) -> tuple[Tensor, bool]:
     """Let the world move on by the first action of the plan; returns it, and whether the body touched anything."""
     simulator, orders, action = flight.simulator, flight.orders, last.plan.actions[0]
     touched = simulator.follow(last.plan, orders.gust, last.belief.mean)
@@ -227,7 +229,7 @@ def _act(last: NavigationStep, flight: Flight) -> tuple[Tensor, bool]:
     return action, touched
 
 
-def _drift(last: NavigationStep, flight: Flight) -> Generator[LoopEvent, None, NavigationStep]:
+def _drift(last: NavigationStep, flight: FlightContext) -> Generator[LoopEvent, None, NavigationStep]:
     """One time step without looking: the next planned action, and a belief that only spreads."""
     yield from ()
     simulator, dt, index = flight.simulator, flight.mission.dt, last.index + 1
@@ -239,10 +241,10 @@ def _drift(last: NavigationStep, flight: Flight) -> Generator[LoopEvent, None, N
     )
 
 
-def _judge(step: NavigationStep, flight: Flight, course: Course, held: int) -> EpisodeOutcome | None:
+def _judge(step: NavigationStep, flight: FlightContext, course: ActiveGoal, held: int) -> EpisodeOutcome | None:
     """Whether the flight is over, collisions aside; a robot that does not know where it is has not arrived."""
     mission, config = flight.mission, flight.config
-    if step.recovery is Recovery.LOST:
+    if step.recovery is SupervisorState.LOST:
         return EpisodeOutcome.DIVERGED
     if not _is_finite(step.plan):
         return EpisodeOutcome.NO_PLAN

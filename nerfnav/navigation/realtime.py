@@ -4,7 +4,7 @@ A step whose filter and planner take longer than dt is late. Meanwhile the robot
 looking, and its belief is moved on without a picture; what it does is counted step by step. Then the late plan
 goes on from where it is by then.
 
-`timed` measures how long a generator's work takes, without what its consumer does between the steps.
+`measure_time` measures how long a generator's work takes, without what its consumer does between the steps.
 """
 
 
@@ -16,16 +16,16 @@ from typing import TypeVar
 
 import torch
 
-from nerfnav.estimator import Estimator, LastingError
+from nerfnav.estimator import ConsiderCovariance, Estimator
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
-from nerfnav.navigation.supervisor import RecoveryConfig, come_to_rest
+from nerfnav.navigation.supervisor import SupervisorConfig, come_to_rest
 from nerfnav.robots import Motion, RigidState, Robot
 
 Step = TypeVar("Step")
 
 
-def timed(
+def measure_time(
     steps: Iterator[Step], clock: Callable[[], float] = perf_counter
 ) -> Generator[Step, None, tuple[Step, float]]:
     """Pass all steps on; returns the last one and the time that the work took [ms] by a clock [s]."""
@@ -60,7 +60,7 @@ class Overrun:
     """Moves the belief on, without pictures."""
     generator: torch.Generator
     """Its draws."""
-    lasting: LastingError
+    lasting: ConsiderCovariance
     """What is told of its beliefs besides."""
 
     @property
@@ -72,7 +72,7 @@ class Overrun:
         """The time steps that were missed, in each of which the robot flies blind; the last one has the late plan."""
         belief, robot, dt = self.step.followed, self.simulator.robot, self.step.plan.dt
         for late in range(1, self.missed + 1):
-            flown = later(self.before, late - 1, belief.mean, robot)
+            flown = advance_plan(self.before, late - 1, belief.mean, robot)
             touched = self.simulator.follow(flown, believed=belief.mean)
             *_, blind = self.estimator.update(belief, None, flown.actions[0], dt, self.generator)
             assert blind.posterior is not None, "the last step of an estimator has the posterior"
@@ -81,7 +81,7 @@ class Overrun:
             index = self.step.index + late
             yield NavigationStep(
                 index, index * dt, flown.actions[0], self.simulator.state, self.lasting.beside(belief), None, None,
-                later(made, late, belief.mean, robot), touched, 0.0, 0.0, recovery=self.step.recovery, late=True,
+                advance_plan(made, late, belief.mean, robot), touched, 0.0, 0.0, recovery=self.step.recovery, late=True,
                 apparent=belief,
             )  # fmt: skip
 
@@ -91,8 +91,8 @@ def missed(spent_ms: float, dt: float) -> int:
     return max(0, math.ceil(spent_ms / (1e3 * dt) - 1e-9) - 1)
 
 
-def later(plan: Motion, steps: int, believed: RigidState, robot: Robot) -> Motion:
+def advance_plan(plan: Motion, steps: int, believed: RigidState, robot: Robot) -> Motion:
     """What is left of a plan some time steps later; where nothing is, the robot comes to rest."""
     if steps < len(plan.actions):
         return plan.left_after(steps)
-    return come_to_rest(robot, believed, RecoveryConfig.rest, plan.dt)
+    return come_to_rest(robot, believed, SupervisorConfig.rest, plan.dt)

@@ -3,7 +3,7 @@
 The simulator knows neither field nor mesh: its camera and its sense of touch are callables, so that a mesh, a field
 or real hardware may stand behind them.
 
-A kidnapped robot is put down at a random pose where its body fits (`carried_away`).
+A kidnapped robot is put down at a random pose where its body fits (`sample_kidnap_pose`).
 """
 
 
@@ -74,7 +74,7 @@ class Simulator:
 
 
 @dataclass(frozen=True)
-class CarryConfig:
+class KidnapConfig:
     """How far a robot is carried."""
 
     nearest: float = 0.5
@@ -89,18 +89,18 @@ class CarryConfig:
     """Places that are tried near, and as many anywhere."""
 
 
-def carried_away(
+def sample_kidnap_pose(
     state: RigidState,
     box: Box,
     fits: Callable[[RigidState], bool],
     generator: torch.Generator,
-    config: CarryConfig | None = None,
+    config: KidnapConfig | None = None,
 ) -> Pose | None:
     """T_world_body of a random place in `box` where the body fits, tilted as it is; None where no try finds one.
 
     `fits` is asked about places at any height: for a robot on the ground it has to settle them first.
     """
-    config = CarryConfig() if config is None else config
+    config = KidnapConfig() if config is None else config
     for place in _places(state, box, generator, config):
         turn = so3.from_yaw(config.turn * _between(-1, 1, generator)).to(state.rotation)
         there = state.moved_to(Pose(turn @ state.rotation, place))
@@ -110,7 +110,7 @@ def carried_away(
 
 
 def _places(
-    state: RigidState, box: Box, generator: torch.Generator, config: CarryConfig
+    state: RigidState, box: Box, generator: torch.Generator, config: KidnapConfig
 ) -> Iterator[torch.Tensor]:
     for _ in range(config.tries):
         angle = _between(0, 2 * torch.pi, generator)

@@ -8,9 +8,9 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from nerfnav.estimator import Belief, FilterStep, RelocaliseStep
-from nerfnav.navigation.fallback import Backup
-from nerfnav.navigation.supervisor import Recovery
-from nerfnav.planner import PlanStep, timing_of
+from nerfnav.navigation.fallback import FallbackTrajectory
+from nerfnav.navigation.supervisor import SupervisorState
+from nerfnav.planner import PlanStep, estimate_timing
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, Robot
 
@@ -58,7 +58,7 @@ class NavigationStep:
     """None while the flight goes on; set on the last step."""
     restart: Restart | None = None
     """Why the plan was made anew in this step; None where the last one was carried on."""
-    recovery: Recovery | None = None
+    recovery: SupervisorState | None = None
     """What was done where the picture disagreed with the belief, or the plan was no longer safe; else None."""
     late: bool = False
     """Whether filter and planner were still at an earlier step: the robot flew blind, by an older plan."""
@@ -67,7 +67,7 @@ class NavigationStep:
     more than there will be, for what is near counts anew in each step. No bound: plans made on the way may dare more,
     and a quick step counts by the mean over its way. Of 2,000 flights between the church's tasks with the state known,
     61 touched something where 148 had been expected. None where nobody guards the flight."""
-    backup: Backup | None = None
+    backup: FallbackTrajectory | None = None
     """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
     apparent: Belief | None = None
     """Where the field shows the robot, without errors that come with every picture (estimator/schmidt_kalman.py): what
@@ -85,7 +85,7 @@ class NavigationStep:
 
 
 @dataclass(frozen=True)
-class Doubt:
+class SupervisorMemory:
     """How long a robot has not known where it is, or no way on."""
 
     way: Motion
@@ -101,13 +101,13 @@ class Doubt:
     adrift: int = 0
     """Pictures since that told too little to find a robot that may be anywhere near."""
 
-    def after(self, step: NavigationStep) -> "Doubt":
+    def after(self, step: NavigationStep) -> "SupervisorMemory":
         """After one more time step."""
         if not step.holds:
-            return Doubt(step.plan, step.index)
-        doubts = step.recovery is not Recovery.BACKUP
-        adrift = step.recovery is Recovery.ADRIFT and not step.late
-        disagreed = step.recovery in (Recovery.WIDENED, Recovery.SEARCHED) and not step.late
+            return SupervisorMemory(step.plan, step.index)
+        doubts = step.recovery is not SupervisorState.BACKUP
+        adrift = step.recovery is SupervisorState.ADRIFT and not step.late
+        disagreed = step.recovery in (SupervisorState.WIDENED, SupervisorState.SEARCHED) and not step.late
         return replace(
             self, held=self.held + 1, unsure=self.unsure + doubts, lost=self.lost + disagreed,
             adrift=self.adrift + adrift,
@@ -120,7 +120,7 @@ class Doubt:
             return left
         corners = torch.cat([believed.position[None], self.way.states.position[1:]])
         length = corners.diff(dim=0).norm(dim=-1).sum().item()
-        return max(left, timing_of(robot, length, dt, dt).steps)
+        return max(left, estimate_timing(robot, length, dt, dt).steps)
 
 
 Iteration = PlanStep | FilterStep

@@ -34,7 +34,7 @@ class Relocaliser(Protocol):
         ...
 
 
-class Recovery(Enum):
+class SupervisorState(Enum):
     """What was done about a picture that disagreed; the value is what a user reads."""
 
     WIDENED = "the picture disagreed: the belief was widened, and the robot holds"
@@ -48,21 +48,26 @@ class Recovery(Enum):
     @property
     def holds(self) -> bool:
         """Whether the robot comes to rest and waits, for it does not know where it is, or no way on."""
-        return self.doubts or self is Recovery.BACKUP
+        return self.doubts or self is SupervisorState.BACKUP
 
     @property
     def doubts(self) -> bool:
         """Whether it does not know where it is."""
-        return self in (Recovery.WIDENED, Recovery.BLIND, Recovery.ADRIFT, Recovery.SEARCHED)
+        return self in (
+            SupervisorState.WIDENED,
+            SupervisorState.BLIND,
+            SupervisorState.ADRIFT,
+            SupervisorState.SEARCHED,
+        )
 
     @property
     def turns(self) -> bool:
         """Whether it looks somewhere else meanwhile, for what it sees does not help."""
-        return self in (Recovery.BLIND, Recovery.ADRIFT, Recovery.SEARCHED)
+        return self in (SupervisorState.BLIND, SupervisorState.ADRIFT, SupervisorState.SEARCHED)
 
 
 @dataclass(frozen=True)
-class RecoveryConfig:
+class SupervisorConfig:
     """When to doubt and when to search."""
 
     patience: int = 3
@@ -102,34 +107,34 @@ class RecoveryConfig:
 
 
 @dataclass(frozen=True)
-class Lookout:
+class Supervisor:
     """What looks for a robot that is lost."""
 
     relocaliser: Relocaliser | None
     """Searches; None: lost is lost."""
-    config: RecoveryConfig = field(default_factory=RecoveryConfig)
+    config: SupervisorConfig = field(default_factory=SupervisorConfig)
     """When."""
     mount: Pose = field(default_factory=lambda: FORWARD_MOUNT)
     """T_body_camera."""
 
     def recover(
         self, belief: Belief, image: Tensor | None, lost: int, at_once: bool = False
-    ) -> Generator[RelocaliseStep, None, tuple[Belief, Recovery]]:
+    ) -> Generator[RelocaliseStep, None, tuple[Belief, SupervisorState]]:
         """The belief to go on with after `lost` pictures in a row disagreed, and what was done.
 
         Yields the steps of a search, if it is time for one, or one is wanted at once.
         """
         config = self.config
         if not self.is_lost(lost) and not at_once:
-            return replace(belief, covariance=belief.covariance * config.widen**2), Recovery.WIDENED
+            return replace(belief, covariance=belief.covariance * config.widen**2), SupervisorState.WIDENED
         searched, since = divmod(lost - config.patience, config.between)
         if since and not at_once:
-            return belief, Recovery.SEARCHED
+            return belief, SupervisorState.SEARCHED
         found = yield from self.search(belief, image)
         if found is not None:
-            return found, Recovery.RELOCALISED
+            return found, SupervisorState.RELOCALISED
         last = self.relocaliser is None or searched + 1 >= config.searches
-        return belief, Recovery.LOST if last else Recovery.SEARCHED
+        return belief, SupervisorState.LOST if last else SupervisorState.SEARCHED
 
     def is_lost(self, disagreed: int) -> bool:
         """Whether so many pictures have disagreed that only a search can end the doubt."""
@@ -143,19 +148,19 @@ class Lookout:
 
     def look_around(
         self, belief: Belief, image: Tensor | None, adrift: int
-    ) -> Generator[RelocaliseStep, None, tuple[Belief, Recovery]]:
+    ) -> Generator[RelocaliseStep, None, tuple[Belief, SupervisorState]]:
         """What is done for a BLIND robot: the belief to go on with, and the name of it.
 
-        `adrift` pictures before have left it as wide as `RecoveryConfig.adrift`, those not counted that showed nothing
-        (None). It is searched for in every few of them, once around; pictures are believed meanwhile, for none of them
-        disagreed.
+        `adrift` pictures before have left it as wide as `SupervisorConfig.adrift`, those not counted that showed
+        nothing (None). It is searched for in every few of them, once around; pictures are believed meanwhile, for none
+        of them disagreed.
         """
         config = self.config
         if self.relocaliser is None or image is None or belief.spread <= config.adrift:
-            return belief, Recovery.BLIND
+            return belief, SupervisorState.BLIND
         searched, since = divmod(adrift, config.between)
         found = None if since or searched >= config.searches else (yield from self.search(belief, image))
-        return (belief, Recovery.ADRIFT) if found is None else (found, Recovery.RELOCALISED)
+        return (belief, SupervisorState.ADRIFT) if found is None else (found, SupervisorState.RELOCALISED)
 
     def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
         """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from nerfnav.field import Field
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
-from nerfnav.planner.visibility import HEADINGS, Sights
+from nerfnav.planner.visibility import VIEW_HEADINGS, VisibilityProfile
 from nerfnav.robots import Motion, RigidState, Robot
 
 _PLACES = 10
@@ -38,7 +38,7 @@ Angle = TypeVar("Angle", float, np.ndarray)
 
 
 @dataclass(frozen=True)
-class Watch:
+class YawObjective:
     """How a robot looks at what is on its way."""
 
     matter: Field
@@ -50,17 +50,19 @@ class Watch:
     may_be: Callable[[RigidState], bool] | None = None
     """Whether it fits somewhere; None: anywhere."""
 
-    def sights(self, way: RigidState) -> Sights:
+    def sights(self, way: RigidState) -> VisibilityProfile:
         """From places of a way, even in time, batch shape (n,), as a robot is tilted there that goes it."""
         position, up = (_evenly(part, _PLACES) for part in (way.position, way.rotation[..., 2]))
-        return Sights.along(self.matter, (position, up), self.enough, self.mount)
+        return VisibilityProfile.along(self.matter, (position, up), self.enough, self.mount)
 
     def fits(self, end: RigidState) -> bool:
         """Whether the robot may be there."""
         return self.may_be is None or self.may_be(end)
 
 
-def turned_to_see(watch: Watch, sights: Sights, ends: tuple[RigidState, RigidState]) -> RigidState:
+def choose_goal_heading(
+    watch: YawObjective, sights: VisibilityProfile, ends: tuple[RigidState, RigidState]
+) -> RigidState:
     """The goal with the heading by which a robot knows best where it is on the way to it: it turns evenly as it goes.
 
     `ends` are start and goal. Between pictures the variance grows by 1, and a picture of which a share shows
@@ -71,7 +73,7 @@ def turned_to_see(watch: Watch, sights: Sights, ends: tuple[RigidState, RigidSta
     """
     start, goal = (so3.yaw_of(end.rotation).item() for end in ends)
     share = np.linspace(0, 1, _PLACES)[:, None]
-    turns = wrapped(goal - start) + math.tau / HEADINGS * np.arange(-HEADINGS, HEADINGS + 1)
+    turns = wrapped(goal - start) + math.tau / VIEW_HEADINGS * np.arange(-VIEW_HEADINGS, VIEW_HEADINGS + 1)
     turns = turns[np.abs(turns) <= math.pi + 1e-6]
     at = start + share * turns
     shown = sights.at(np.broadcast_to(share, at.shape), at)
@@ -84,8 +86,12 @@ def turned_to_see(watch: Watch, sights: Sights, ends: tuple[RigidState, RigidSta
     return ends[1]
 
 
-def watching(
-    watch: Watch, sights: Sights, way: Motion, ends: tuple[RigidState, RigidState, RigidState], robot: Robot
+def choose_headings(
+    watch: YawObjective,
+    sights: VisibilityProfile,
+    way: Motion,
+    ends: tuple[RigidState, RigidState, RigidState],
+    robot: Robot,
 ) -> Motion | None:
     """A motion with other headings, where these show the robot more than its own do; else None.
 

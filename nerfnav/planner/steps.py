@@ -26,7 +26,7 @@ class PlanOutcome(Enum):
     DIVERGED = "the cost became infinite or NaN: lower the learning rate"
 
 
-GOOD = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
+FLYABLE = (PlanOutcome.CONVERGED, PlanOutcome.ITERATION_LIMIT)
 """Outcomes of plans that can be flown."""
 
 
@@ -52,7 +52,7 @@ class TermCost:
     its value alone, once, elsewhere."""
 
 
-OWN = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3}
+COST_FIELDS = {"collision": 0, "control": 1, "limits": 2, "outside": 2, "risk": 3}
 """Terms of this project, and which number of a PlanCost has them."""
 
 
@@ -76,8 +76,8 @@ class PlanCost:
         """The report of evaluated terms."""
         own, added = [0.0] * 4, []
         for term in terms:
-            if term.name in OWN:
-                own[OWN[term.name]] += term.value
+            if term.name in COST_FIELDS:
+                own[COST_FIELDS[term.name]] += term.value
             else:
                 added.append(term)
         return cls(*own, added=tuple(added))

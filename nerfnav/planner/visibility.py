@@ -26,11 +26,11 @@ _EDGE = 0.15
 """c: how much colours differ at what is half an edge [1 = full scale]."""
 _RAYS = 4096
 """Rays rendered at once by the reference."""
-HEADINGS = 16
+VIEW_HEADINGS = 16
 """Into how many directions a robot looks that looks for one."""
 
 
-def seen_from(
+def measure_visibility(
     matter: Field,
     points: Float[Tensor, "n 3"],
     yaws: Float[Tensor, " h"],
@@ -69,17 +69,21 @@ def _edges(color: Float[Tensor, "n h v u 3"]) -> Float[Tensor, "n h v u"]:
 
 
 @dataclass(frozen=True)
-class Sights:
+class VisibilityProfile:
     """What is seen by heading from places along a way."""
 
     seen: Float[np.ndarray, "n h"]
     """Shares of what is enough, 0 to 1; headings evenly from 0 to a whole turn."""
 
     @classmethod
-    def along(cls, matter: Field, way: tuple[Tensor, Tensor], enough: float, mount: Pose = FORWARD_MOUNT) -> "Sights":
+    def along(
+        cls, matter: Field, way: tuple[Tensor, Tensor], enough: float, mount: Pose = FORWARD_MOUNT
+    ) -> "VisibilityProfile":
         """From places of a way (n, 3) [m] with the body's z axis there (n, 3); `enough` is the share with edges from
         which on a picture is as good as any."""
-        seen = seen_from(matter, way[0], torch.arange(HEADINGS) * (math.tau / HEADINGS), mount, up=way[1])
+        seen = measure_visibility(
+            matter, way[0], torch.arange(VIEW_HEADINGS) * (math.tau / VIEW_HEADINGS), mount, up=way[1]
+        )
         return cls(seen.clip(max=enough) / enough)
 
     def at(self, places: Float[np.ndarray, " *n"], yaws: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -90,19 +94,19 @@ class Sights:
         return (1 - (row - first)) * self._turned(first, yaws) + (row - first) * self._turned(second, yaws)
 
     def _turned(self, row: np.ndarray, yaws: np.ndarray) -> np.ndarray:
-        at = yaws % math.tau * (HEADINGS / math.tau)
+        at = yaws % math.tau * (VIEW_HEADINGS / math.tau)
         low, rest = np.floor(at).astype(int), at % 1
-        return (1 - rest) * self.seen[row, low % HEADINGS] + rest * self.seen[row, (low + 1) % HEADINGS]
+        return (1 - rest) * self.seen[row, low % VIEW_HEADINGS] + rest * self.seen[row, (low + 1) % VIEW_HEADINGS]
 
 
-def seeing(
+def find_best_turn(
     matter: Field, state: RigidState, enough: float, mount: Pose = FORWARD_MOUNT
 ) -> tuple[float, float]:
     """How much of `enough` a camera sees that has edges, 0 to 1, and by how much its robot has to turn to see as much
     of it as it can: to the nearest of the headings from which that is [rad, to the left]."""
-    turns = torch.arange(-HEADINGS // 2, HEADINGS // 2) * (math.tau / HEADINGS)
-    seen = seen_from(matter, state.position[None], so3.yaw_of(state.rotation) + turns, mount)[0]
+    turns = torch.arange(-VIEW_HEADINGS // 2, VIEW_HEADINGS // 2) * (math.tau / VIEW_HEADINGS)
+    seen = measure_visibility(matter, state.position[None], so3.yaw_of(state.rotation) + turns, mount)[0]
     seen = seen.clip(max=enough) / enough
     near_first = np.argsort(turns.abs().numpy(), kind="stable")
     best = max(near_first, key=lambda heading: seen[heading].round(6))
-    return float(seen[HEADINGS // 2]), float(turns[best])
+    return float(seen[VIEW_HEADINGS // 2]), float(turns[best])

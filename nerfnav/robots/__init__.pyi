@@ -4,14 +4,14 @@ from .body_file import Cylinder as Cylinder
 from .couch import Couch as Couch
 from .couch import CouchConfig as CouchConfig
 from .description import WITH_MASS as WITH_MASS
-from .description import described as described
-from .description import of_kind as of_kind
+from .description import change_kind as change_kind
+from .description import describe_robot as describe_robot
 from .description import to_yaml as to_yaml
 from .diffdrive import DiffDrive as DiffDrive
 from .diffdrive import DiffDriveConfig as DiffDriveConfig
 from .flat_map import FlatMap as FlatMap
-from .ground import unwrapped as unwrapped
-from .ground import wrapped as wrapped
+from .ground import unwrap_angles as unwrap_angles
+from .ground import wrap_angle as wrap_angle
 from .handheld import HandHeld as HandHeld
 from .limits import limit_uses as limit_uses
 from .noise import MeasuredNoise as MeasuredNoise
@@ -26,7 +26,7 @@ from .robot import Robot as Robot
 from .robot_file import LIMITS as LIMITS
 from .robot_file import Kind as Kind
 from .robot_file import RobotFile as RobotFile
-from .robot_file import decoded as decoded
+from .robot_file import decode_robot_file as decode_robot_file
 from .robot_file import robot_of as robot_of
 from .robots import ROBOTS as ROBOTS
 from .robots import RobotEntry as RobotEntry

@@ -70,7 +70,7 @@ def _checked(mesh: "trimesh.Trimesh", spacing: float) -> "trimesh.Trimesh":
     return mesh
 
 
-def filling(mesh: "trimesh.Trimesh", spacing: float) -> np.ndarray:
+def fill_with_points(mesh: "trimesh.Trimesh", spacing: float) -> np.ndarray:
     """Points (b, 3) on the surface and inside of a mesh around the origin, in a fixed order."""
     import trimesh
 
@@ -116,7 +116,7 @@ class Body:
         """
         mesh = solid_of(source, spacing, hull)
         x, y, z = (float(edge) for edge in mesh.extents)
-        return cls((x, y, z), torch.from_numpy(filling(mesh, spacing)).float(), mesh)
+        return cls((x, y, z), torch.from_numpy(fill_with_points(mesh, spacing)).float(), mesh)
 
     def points_at(self, states: RigidState) -> Float[Tensor, "*batch b 3"]:
         """Where its points are in the world [m], at states of batch shape (*batch)."""

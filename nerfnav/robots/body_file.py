@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.robots.body import Body
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def _loaded(path: Path) -> "trimesh.Trimesh":
 
 def _collision_geometry(path: Path) -> "trimesh.Trimesh":
     """All collision meshes and primitives of a URDF, its joints at zero."""
-    yourdfpy = from_extra("yourdfpy", "urdf", "a body from a URDF")
+    yourdfpy = import_extra("yourdfpy", "urdf", "a body from a URDF")
     if not path.is_file():
         raise InvalidInputError(f"there is no URDF {path}")
     try:

@@ -27,7 +27,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.robots.body import Body
 from nerfnav.robots.flat_map import FlatMap
-from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrapped
+from nerfnav.robots.ground import about_z, check_ground_ends, heading, on_the_ground, row, spatial, wrap_angle
 from nerfnav.robots.kernels import couch as kernels
 from nerfnav.robots.limits import length, penalty, speed
 from nerfnav.robots.robot import Limit, Robot
@@ -180,7 +180,7 @@ class Couch(Robot):
         rate = start.body_rate[..., 2]
         fixed = [row(angle, batch) for angle in (heading(start), heading(start) + rate * dt, heading(goal))]
         yaw = torch.cat([*fixed[:2], free[..., 2 * inner :], fixed[2]], -1)
-        turning = wrapped(yaw[..., 2:] - yaw[..., 1:-1]) / dt
+        turning = wrap_angle(yaw[..., 2:] - yaw[..., 1:-1]) / dt
         yaw_rate = torch.cat([row(rate, batch), turning, row(goal.body_rate[..., 2], batch)], -1)
         force = self.config.mass * velocity.diff(dim=-2) / dt
         torque = self.config.inertia * yaw_rate.diff(dim=-1) / dt

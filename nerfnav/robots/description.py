@@ -6,14 +6,14 @@ import msgspec
 
 from nerfnav.robots.body_file import BodyFile
 from nerfnav.robots.robot import CAMERA, Robot
-from nerfnav.robots.robot_file import LIMITS, CameraFile, Kind, RobotFile, decoded, robot_of
+from nerfnav.robots.robot_file import LIMITS, CameraFile, Kind, RobotFile, decode_robot_file, robot_of
 from nerfnav.robots.robots import BUNDLED, is_file, load
 
 WITH_MASS = ("quadrotor", "couch")
 """Kinds of robots that have a mass."""
 
 
-def described(name: str) -> tuple[RobotFile, Path]:
+def describe_robot(name: str) -> tuple[RobotFile, Path]:
     """What describes a robot, a name or a file as `load` knows it, and the folder that its meshes lie in.
 
     Mass, inertia, limits and camera that its file leaves out are told as they come out. Raises as `load` does.
@@ -21,7 +21,7 @@ def described(name: str) -> tuple[RobotFile, Path]:
     robot = load(name)
     file = Path(name) if is_file(name) else BUNDLED / f"{name}.yaml"
     if file.is_file():
-        told = decoded(file)
+        told = decode_robot_file(file)
     else:
         config = robot.config  # type: ignore[attr-defined]
         box = BodyFile(box=config.extents, points=config.point_counts)
@@ -29,7 +29,7 @@ def described(name: str) -> tuple[RobotFile, Path]:
     return _completed(told, robot), file.parent
 
 
-def of_kind(told: RobotFile, kind: Kind, folder: Path) -> RobotFile:
+def change_kind(told: RobotFile, kind: Kind, folder: Path) -> RobotFile:
     """The same body, camera and, where both kinds have one, mass, moved in another way; meshes lie in `folder`.
 
     What else this kind needs is the bundled robot's, at this size and mass (see robots/robot_file.py). Raises

@@ -41,8 +41,8 @@ from nerfnav.robots.ground import (
     on_the_ground,
     row,
     spatial,
-    unwrapped,
-    wrapped,
+    unwrap_angles,
+    wrap_angle,
 )
 from nerfnav.robots.kernels import arcs
 from nerfnav.robots.kernels import diffdrive as kernels
@@ -232,7 +232,7 @@ class DiffDrive(Robot):
         batch, speeds = free.shape[:-1], (free.shape[-1] + 1) // 2
         first = row(forward_speed(start), batch)
         held = [row(heading(start) + start.body_rate[..., 2] * late, batch) for late in (0.0, dt)]
-        last = free[..., -1:] + wrapped(row(heading(goal), batch) - free[..., -1:])
+        last = free[..., -1:] + wrap_angle(row(heading(goal), batch) - free[..., -1:])
 
         def path(numbers: Tensor) -> tuple[Tensor, Tensor]:
             turns = numbers[..., speeds:]
@@ -254,7 +254,7 @@ class DiffDrive(Robot):
         moved = waypoints[1:, :2] - waypoints[:-1, :2]
         given = (moved * unit(waypoints[:-1, 3])).sum(-1)
         if given.abs().sum() >= _ALONG * moved.norm(dim=-1).sum():
-            yaw = unwrapped(torch.cat([heading(start)[None], waypoints[1:, 3]]))
+            yaw = unwrap_angles(torch.cat([heading(start)[None], waypoints[1:, 3]]))
             return torch.cat([given[1:] / dt, yaw[2:-1]])
         yaw, gear = headings_along(moved, heading(start), heading(goal))
         return torch.cat([gear * moved[1:].norm(dim=-1) / dt, yaw[2:-1]])

@@ -41,7 +41,7 @@ def on_the_ground(state: RigidState, before: RigidState) -> RigidState:
     )
 
 
-def wrapped(angle: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+def wrap_angle(angle: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
     """The same angle [rad] in -pi to pi."""
     return torch.atan2(torch.sin(angle), torch.cos(angle))
 
@@ -90,8 +90,8 @@ def headings_along(
     way = torch.atan2(moved[:, 1], moved[:, 0])[_nearest_moving(steps <= _STILL * steps.mean())]
     gear = 1.0 if _turning(way, first, last) <= _turning(way + math.pi, first, last) else -1.0
     way = way if gear > 0 else way + math.pi
-    at = torch.cat([way[:1], way[:-1] + 0.5 * wrapped(way.diff()), way[-1:]])
-    yaw = unwrapped(torch.cat([first[None], at, last[None]]))
+    at = torch.cat([way[:1], way[:-1] + 0.5 * wrap_angle(way.diff()), way[-1:]])
+    yaw = unwrap_angles(torch.cat([first[None], at, last[None]]))
     first, at, last = yaw[:1], yaw[1:-1], yaw[-1:]
     share = torch.linspace(0, 1, len(at)).to(at)
     early = (1 - share / _TURNING_SHARE).clamp_min(0)
@@ -100,14 +100,14 @@ def headings_along(
     return at + early * (first - at) + late * (last - at), gear
 
 
-def unwrapped(angles: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+def unwrap_angles(angles: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
     """The same angles [rad], each within half a turn of the one before it."""
-    return torch.cat([angles[:1], angles[:1] + wrapped(angles.diff()).cumsum(0)])
+    return torch.cat([angles[:1], angles[:1] + wrap_angle(angles.diff()).cumsum(0)])
 
 
 def _turning(way: Tensor, first: Tensor, last: Tensor) -> float:
     """How far a robot turns at both ends of a way [rad]."""
-    return (wrapped(way[0] - first).abs() + wrapped(last - way[-1]).abs()).item()
+    return (wrap_angle(way[0] - first).abs() + wrap_angle(last - way[-1]).abs()).item()
 
 
 def _nearest_moving(still: Tensor) -> Tensor:

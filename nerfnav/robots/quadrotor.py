@@ -251,7 +251,7 @@ class Quadrotor(Robot):
         known = (self.bounds, self.weight) == (self.config.bounds, self.config.weight)
         return QuadrotorMap(self.config, start, goal, steps, dt) if known else None
 
-    def compiled_way(
+    def compiled_roll_out(
         self, start: RigidState, actions: Float[Tensor, "n 4"], dt: float
     ) -> Float[Tensor, "times 3"] | None:
         """See Robot; None for a robot that steps otherwise."""

@@ -134,9 +134,11 @@ class Robot(ABC):
         """The twin of `motion` and `limits` in compiled kernels; None where there is none. Asked by `flat_map`."""
         return None
 
-    def way_under(self, start: RigidState, actions: Float[Tensor, "n a"], dt: float) -> Float[Tensor, "times 3"]:
+    def roll_out_positions(
+        self, start: RigidState, actions: Float[Tensor, "n a"], dt: float
+    ) -> Float[Tensor, "times 3"]:
         """Positions [m] of a robot that takes actions of `dt` [s] whatever happens, the start included."""
-        compiled = self.compiled_way(start, actions, dt) if keeps_compiled_map(type(self)) else None
+        compiled = self.compiled_roll_out(start, actions, dt) if keeps_compiled_map(type(self)) else None
         if compiled is not None:
             return compiled
         states = [start]
@@ -144,10 +146,11 @@ class Robot(ABC):
             states.append(self.step(states[-1], action, dt))
         return RigidState.stack(states).position
 
-    def compiled_way(
+    def compiled_roll_out(
         self, start: RigidState, actions: Float[Tensor, "n a"], dt: float
     ) -> Float[Tensor, "times 3"] | None:
-        """The same by the twin of `step` in compiled kernels; None where there is none. Asked by `way_under`."""
+        """The same by the twin of `step` in compiled kernels; None where there is none. Asked by
+        `roll_out_positions`."""
         return None
 
     def held(self, start: RigidState, wanted: Float[Tensor, "n 3"], dt: float, rest: float) -> Motion:

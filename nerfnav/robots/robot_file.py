@@ -106,14 +106,14 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True):
 
 def read_robot(path: Path) -> Robot:
     """The robot that a file describes. Raises InvalidInputError for one that cannot be read, or cannot be."""
-    told = decoded(path)
+    told = decode_robot_file(path)
     try:
         return robot_of(told, path.parent)
     except InvalidInputError as error:
         raise InvalidInputError(f"{path}: {error}") from error
 
 
-def decoded(path: Path) -> RobotFile:
+def decode_robot_file(path: Path) -> RobotFile:
     """What a file says, whether there can be such a robot or not. Raises InvalidInputError for one that is none."""
     try:
         return msgspec.yaml.decode(path.read_bytes(), type=RobotFile, strict=False)  # "1e-3" is a number, too

@@ -1,10 +1,10 @@
 from .frame import Frame as Frame
 from .frame import FrameSource as FrameSource
-from .frame import Inertial as Inertial
+from .frame import ImuMeasurements as ImuMeasurements
 from .motions import InertialMotion as InertialMotion
 from .sources.registry import SourceOptions as SourceOptions
 from .sources.registry import open_source as open_source
-from .tracked_frame import Tracked as Tracked
+from .tracked_frame import TrackedFrame as TrackedFrame
 from .tracked_frame import TrackStatus as TrackStatus
 from .tracker import Tracker as Tracker
 from .tracker_config import TrackerConfig as TrackerConfig

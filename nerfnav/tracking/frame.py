@@ -35,7 +35,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Inertial:
+class ImuMeasurements:
     """Measurements of an inertial measurement unit, oldest first."""
 
     times: Float[Tensor, " n"]
@@ -49,7 +49,7 @@ class Inertial:
     noise: ImuNoise = field(default_factory=ImuNoise)
     """Of the unit, as far as the source says."""
 
-    def finite(self, source: str) -> "Inertial":
+    def finite(self, source: str) -> "ImuMeasurements":
         """Itself. Raises InvalidInputError, which names the source, where a number is not finite."""
         if not all(part.isfinite().all() for part in (self.times, self.body_rates, self.specific_forces)):
             raise InvalidInputError(f"{source} has measurements that are no finite numbers")
@@ -72,7 +72,7 @@ class FrameSource(Protocol):
         ...
 
     @property
-    def inertial(self) -> Inertial | None:
+    def inertial(self) -> ImuMeasurements | None:
         """What an inertial measurement unit said meanwhile, where there was one."""
         ...
 

@@ -10,8 +10,8 @@ from nerfnav.estimator import Belief
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.inertial import ImuConfig, inertial_motion
 from nerfnav.robots import MeasuredNoise, ProcessNoise, RandomAcceleration, Robot
-from nerfnav.tracking.frame import Inertial
-from nerfnav.tracking.preintegration import preintegrated
+from nerfnav.tracking.frame import ImuMeasurements
+from nerfnav.tracking.preintegration import preintegrate
 from nerfnav.tracking.tracker_config import TrackerConfig
 
 
@@ -61,7 +61,7 @@ class ModelMotion:
 class InertialMotion:
     """An inertial measurement unit whose biases, and gravity, are learned on the way (inertial_motion.py)."""
 
-    def __init__(self, inertial: Inertial, config: ImuConfig | None = None) -> None:
+    def __init__(self, inertial: ImuMeasurements, config: ImuConfig | None = None) -> None:
         """Nothing is known of its biases; by default it is as noisy as its source says."""
         self.inertial, self.config = inertial, ImuConfig().told(inertial.noise) if config is None else config
         self.forget()
@@ -74,8 +74,8 @@ class InertialMotion:
         if last is None:
             last = inertial_motion.InertialBelief.begin(belief, self.config)
         elif last.belief is not belief:  # found anew by a search
-            last = last.begun_again(belief)
-        measured = preintegrated(self.inertial, *times, last.biases, self.config)
+            last = last.restart_with(belief)
+        measured = preintegrate(self.inertial, *times, last.biases, self.config)
         self.last, noise = inertial_motion.predict(last, measured, self.config)
         return self.last.belief, MeasuredNoise(noise.to(belief.covariance))
 

@@ -17,7 +17,7 @@ _LEVELS = 2 / 255
 
 
 @dataclass(frozen=True)
-class Likeness:
+class PhotometricConsistency:
     """How a picture's colours, where they were compared, agree with the field's."""
 
     difference: float
@@ -27,7 +27,7 @@ class Likeness:
     where another place would be as good."""
 
     @classmethod
-    def of(cls, step: FilterStep, picture: UInt8[Tensor, "height width 3"]) -> "Likeness | None":
+    def of(cls, step: FilterStep, picture: UInt8[Tensor, "height width 3"]) -> "PhotometricConsistency | None":
         """At the end of an update; None where nothing was compared."""
         if not len(step.residual):
             return None
@@ -37,7 +37,7 @@ class Likeness:
 
 
 @dataclass
-class Usual:
+class UsualDifference:
     """How far pictures differ from a field where the pose is right: no more than held-out photographs did."""
 
     told: float

@@ -16,13 +16,13 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
-from nerfnav.inertial import ImuConfig, Increments, advanced
+from nerfnav.inertial import ImuConfig, Increments, integrate_step
 from nerfnav.inertial.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
-from nerfnav.tracking.frame import Inertial
+from nerfnav.tracking.frame import ImuMeasurements
 
 
-def preintegrated(
-    inertial: Inertial, start: float, end: float, biases: Float[Tensor, "6"], config: ImuConfig
+def preintegrate(
+    inertial: ImuMeasurements, start: float, end: float, biases: Float[Tensor, "6"], config: ImuConfig
 ) -> Preintegrated:
     """Integrate from a time [s] to another; what is measured changes linearly in between.
 
@@ -38,7 +38,7 @@ def preintegrated(
         step, by = _slopes(at[0], parts, dt)
         by_biases = step @ by_biases + by
         covariance = step @ covariance @ step.T + (by * density) @ by.T / dt
-        at = advanced(at, (parts[1], parts[2]), parts[0], zero, dt)
+        at = integrate_step(at, (parts[1], parts[2]), parts[0], zero, dt)
     turn, speed, moved = (torch.from_numpy(part) for part in at)
     increments, held = Increments(turn, speed, moved, rates[-1] - biases[GYRO]), float(way[-1])
     return Preintegrated(
@@ -72,7 +72,7 @@ def _slopes(rotation: np.ndarray, parts: list[np.ndarray], dt: float) -> tuple[n
     return step, by
 
 
-def _between(inertial: Inertial, start: float, end: float, longest: float) -> tuple[Tensor, Tensor, Tensor]:
+def _between(inertial: ImuMeasurements, start: float, end: float, longest: float) -> tuple[Tensor, Tensor, Tensor]:
     """Times from `start` to `end`, and what was measured then."""
     if not end > start:
         raise InvalidInputError(f"motion is measured from one time to a later one, not from {start:g} s to {end:g} s")

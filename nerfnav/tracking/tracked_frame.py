@@ -35,7 +35,7 @@ class TrackStatus(Enum):
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedFrame:
     """Where the camera was when a frame was taken, and how sure that is."""
 
     time: float

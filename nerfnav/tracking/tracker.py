@@ -29,25 +29,25 @@ from torch import Tensor
 from nerfnav.estimator import (
     AlignedFilter,
     Belief,
+    ConsiderCovariance,
     FastFilter,
     FilterOutcome,
     FilterStep,
-    LastingError,
+    GlobalLocalizer,
     RelocaliseOutcome,
     RelocaliseStep,
-    Searcher,
-    comparable,
-    resized,
+    reduce_camera,
+    resize_picture,
 )
-from nerfnav.estimator.core.filter_step import contrast
-from nerfnav.estimator.schmidt_kalman import apparent, true_state
+from nerfnav.estimator.core.filter_step import measure_contrast
+from nerfnav.estimator.schmidt_kalman import add_consider_covariance, correct_schmidt_kalman
 from nerfnav.field import Field
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots import HandHeld, ProcessNoise, RandomAcceleration, RigidState, Robot
 from nerfnav.tracking.frame import Frame
 from nerfnav.tracking.motions import CarrierMotion, InertialMotion, ModelMotion
-from nerfnav.tracking.photometric_consistency import Likeness, Usual
-from nerfnav.tracking.tracked_frame import Tracked, TrackStatus
+from nerfnav.tracking.photometric_consistency import PhotometricConsistency, UsualDifference
+from nerfnav.tracking.tracked_frame import TrackedFrame, TrackStatus
 from nerfnav.tracking.tracker_config import TrackerConfig
 
 Correction = Callable[[Belief, Tensor, torch.Generator, ProcessNoise, int], FilterStep]
@@ -94,7 +94,7 @@ class Tracker:
         config = TrackerConfig() if config is None else config
         self.config = config.in_place(float(field.box.size.max()))
         self.motion: CarrierMotion = ModelMotion(self.robot, self.config) if inertial is None else inertial
-        self._lasting = LastingError(self.config.floor, mount)
+        self._lasting = ConsiderCovariance(self.config.floor, mount)
         self._corrections: dict[Camera, Correction] = {}
         self.forget()
 
@@ -105,12 +105,12 @@ class Tracker:
         self._useless = 0
         self._searched: float | None = None
         self._was_known = self._doubted = False
-        self._usual = Usual(self.config.filter.color_noise.std, self.config.remembered)
+        self._usual = UsualDifference(self.config.filter.color_noise.std, self.config.remembered)
         self._generator = torch.Generator().manual_seed(0)
         self.motion.forget()
 
     @torch.no_grad()
-    def observe(self, frame: Frame, action: Tensor | None = None) -> Tracked:
+    def observe(self, frame: Frame, action: Tensor | None = None) -> TrackedFrame:
         """What a frame tells; `action` is what the robot did since the one before (None: it did nothing of its own).
 
         Raises InvalidInputError for a picture of other proportions than the camera's, and for times that do not grow.
@@ -123,17 +123,17 @@ class Tracker:
         self._was_known = self._was_known or status.knows
         ms = 1e3 * (time.perf_counter() - begun)
         known = self._belief if status.knows else None
-        belief = None if known is None else apparent(known, self._lasting.at(known))
-        return Tracked(frame.time, frame.name, status, belief, self.mount, ms, difference)
+        belief = None if known is None else add_consider_covariance(known, self._lasting.at(known))
+        return TrackedFrame(frame.time, frame.name, status, belief, self.mount, ms, difference)
 
     @cached_property
-    def searcher(self) -> Searcher:
+    def searcher(self) -> GlobalLocalizer:
         """Finds the camera in the field from nothing; its first search takes seconds longer."""
-        return Searcher(self.field, self.compared, self.config.filter.color_noise, self.config.search)
+        return GlobalLocalizer(self.field, self.compared, self.config.filter.color_noise, self.config.search)
 
     def _comparable(self, picture: Tensor) -> Camera:
         """The camera at the resolution that a picture is compared at: smaller ones are compared as they are."""
-        return comparable(self.camera.for_picture(picture.shape[1], picture.shape[0]), self.config.longest)
+        return reduce_camera(self.camera.for_picture(picture.shape[1], picture.shape[0]), self.config.longest)
 
     def _correction(self, camera: Camera) -> Correction:
         if camera not in self._corrections:
@@ -143,11 +143,11 @@ class Tracker:
     @cached_property
     def compared(self) -> Camera:
         """The camera at the resolution that pictures are looked for and shown at."""
-        return comparable(self.camera, self.config.longest)
+        return reduce_camera(self.camera, self.config.longest)
 
     def fitted(self, picture: Tensor) -> Tensor:
         """A picture of any resolution with the pixels of `compared`."""
-        return resized(picture, self.compared)
+        return resize_picture(picture, self.compared)
 
     def _status(self, now: float, picture: Tensor, action: Tensor | None) -> tuple[TrackStatus, float | None]:
         """Search or follow; the status, and how far picture and field differ."""
@@ -172,18 +172,18 @@ class Tracker:
             return self._looked_for(now, picture, likeness, contradicts)
         return self._of_no_use(now, picture, None if likeness is None else likeness.difference)
 
-    def _fits(self, likeness: Likeness | None, step: FilterStep) -> TypeGuard[Likeness]:
+    def _fits(self, likeness: PhotometricConsistency | None, step: FilterStep) -> TypeGuard[PhotometricConsistency]:
         """Whether a picture looks as much like the field as those before it did."""
         usual = self.config.suspicious * self._usual.difference
         return step.outcome in _USED and likeness is not None and likeness.difference <= usual
 
-    def _contradicts(self, likeness: Likeness | None, step: FilterStep) -> bool:
+    def _contradicts(self, likeness: PhotometricConsistency | None, step: FilterStep) -> bool:
         """Whether a picture was not taken anywhere around."""
         if self.config.align is None or likeness is None or self._fits(likeness, step):
             return False
         return likeness.unexplained > self.config.unexplained
 
-    def _followed(self, likeness: Likeness) -> tuple[TrackStatus, float]:
+    def _followed(self, likeness: PhotometricConsistency) -> tuple[TrackStatus, float]:
         status = TrackStatus.FOUND_AGAIN if self._doubted else TrackStatus.FOLLOWED
         self._useless, self._doubted = 0, False
         return status, likeness.difference
@@ -195,7 +195,7 @@ class Tracker:
         return self._search(now, picture)
 
     def _looked_for(
-        self, now: float, picture: Tensor, likeness: Likeness, contradicts: bool
+        self, now: float, picture: Tensor, likeness: PhotometricConsistency, contradicts: bool
     ) -> tuple[TrackStatus, float | None]:
         """What a picture that fits badly comes to: the track goes on where no other place fits it better.
 
@@ -234,15 +234,17 @@ class Tracker:
 
     def _correct(
         self, prediction: Belief, picture: Tensor, noise: ProcessNoise, starts: int = 1
-    ) -> tuple[FilterStep, Likeness | None]:
+    ) -> tuple[FilterStep, PhotometricConsistency | None]:
         """What a picture makes of a prediction, and how much it looks like the field then."""
         floor, camera = self._lasting.at(prediction), self._comparable(picture)
-        small = resized(picture, camera)
-        step = self._correction(camera)(apparent(prediction, floor), small, self._generator, noise, starts)
+        small = resize_picture(picture, camera)
+        step = self._correction(camera)(
+            add_consider_covariance(prediction, floor), small, self._generator, noise, starts
+        )
         assert step.posterior is not None, "an update has its posterior"
         used = step.outcome in _USED
-        posterior = true_state(step.posterior, prediction, floor, noise) if used else prediction
-        return replace(step, posterior=posterior), Likeness.of(step, small)
+        posterior = correct_schmidt_kalman(step.posterior, prediction, floor, noise) if used else prediction
+        return replace(step, posterior=posterior), PhotometricConsistency.of(step, small)
 
     def _around(self, prediction: Belief) -> Belief:
         """The same, hardly sure of where the camera is."""
@@ -262,7 +264,7 @@ class Tracker:
     def _look_everywhere(self, now: float, picture: Tensor) -> RelocaliseStep | None:
         """What comes of it; None where the picture shows nothing, or the last search was just now."""
         soon = self._searched is not None and now - self._searched < self.config.between
-        if soon or contrast(picture) < self.config.filter.least_contrast:
+        if soon or measure_contrast(picture) < self.config.filter.least_contrast:
             return None
         self._searched = now
         return deque(self.searcher.relocalise(self.fitted(picture)), maxlen=1).pop()

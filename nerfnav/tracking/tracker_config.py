@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 
 from nerfnav.estimator import AlignConfig, FilterConfig, RelocaliseConfig
-from nerfnav.estimator.relocalize.panorama import LooksConfig
+from nerfnav.estimator.relocalize.panorama import PanoramaConfig
 from nerfnav.field import FieldInfo
 from nerfnav.robots import StateNoise
 
@@ -21,7 +21,7 @@ class TrackerConfig:
     more abrupt motion in rendered ones."""
     search: RelocaliseConfig = dataclass_field(
         default_factory=lambda: RelocaliseConfig(
-            looks=LooksConfig(spacing=0.03, most_places=2500),
+            looks=PanoramaConfig(spacing=0.03, most_places=2500),
             kept=(96, 20, 5, 2),
             iterations=(6, 6, 8, 10),
             pixels=448,

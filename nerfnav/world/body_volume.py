@@ -72,6 +72,6 @@ def _manifold(body: Body) -> Manifold:
 
 
 @lru_cache(maxsize=8)
-def volume_of(body: Body) -> BodyVolume:
+def build_body_volume(body: Body) -> BodyVolume:
     """The body's volume, made once."""
     return BodyVolume(body)

@@ -19,7 +19,7 @@ from nerfnav.robots import Body, RigidState
 from nerfnav.world.collision import ground
 from nerfnav.world.raycast import MeshRenderer, Picture, RayCaster
 from nerfnav.world.scene import Scene, Vantage
-from nerfnav.world.vantage import suitable
+from nerfnav.world.vantage import filter_vantage
 
 FINE_VOXEL = 0.017
 """Voxels up to this size [m] are those of places a few metres wide, the paper's scale."""
@@ -107,7 +107,7 @@ def capture_poses(scene: Scene, config: CaptureConfig, generator: torch.Generato
                 break
             proposed = propose(2 * missing)
             free = proposed[is_free(scene, proposed, config.clearance)]
-            free = free[suitable(caster, free.position, scene.vantage)]
+            free = free[filter_vantage(caster, free.position, scene.vantage)]
             kept.append(free[share_seen(glance, free, config) >= config.seen_share])
         return Pose.cat(kept)[:count]
 

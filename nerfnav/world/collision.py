@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from nerfnav.robots import Body, RigidState
-from nerfnav.world.body_volume import BodyVolume, volume_of
+from nerfnav.world.body_volume import BodyVolume, build_body_volume
 from nerfnav.world.scene import Scene
 from nerfnav.world.solid import Solid, overlap_volume
 from nerfnav.world.triangle_index import TriangleIndex, Triangles
@@ -29,7 +29,7 @@ class Ground:
     def touches(self, body: Body, states: RigidState) -> Bool[Tensor, " n"]:
         """Whether the body touches a surface or lies inside a solid at each state, batch shape (n,)."""
         rotations, centers = _numpy(states)
-        volume = volume_of(body)
+        volume = build_body_volume(body)
         touched = self._index.touched(rotations, centers, volume.half)
         for index in np.flatnonzero(((self._lower <= centers.max(0)) & (self._upper >= centers.min(0))).all(1)):
             free = np.flatnonzero(~touched)
@@ -44,7 +44,7 @@ class Ground:
 
         Sheets have no volume: of a body that they go through, they count the cells (an eighth of an edge) they cross.
         """
-        volume = volume_of(body)
+        volume = build_body_volume(body)
         volumes = [self._overlap(volume, rotation, center) for rotation, center in zip(*_numpy(states), strict=True)]
         return torch.tensor(volumes, dtype=torch.float64)
 

@@ -11,7 +11,7 @@ import trimesh
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from nerfnav.geometry import Box, spiral
+from nerfnav.geometry import Box, fibonacci_directions
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Vantage
 
@@ -34,7 +34,7 @@ _FLAT = 0.02
 """A place whose shortest edge is below this share of its longest is no room."""
 
 
-def suitable(mesh: RayCaster, points: Float[Tensor, "n 3"], vantage: Vantage) -> Bool[Tensor, " n"]:
+def filter_vantage(mesh: RayCaster, points: Float[Tensor, "n 3"], vantage: Vantage) -> Bool[Tensor, " n"]:
     """Which points a camera of that vantage may stand at."""
     if vantage is Vantage.ANYWHERE:
         return torch.ones(len(points), dtype=torch.bool)
@@ -69,4 +69,4 @@ def _level_ways() -> Float[np.ndarray, "k 3"]:
 
 
 def _upward_ways() -> Float[np.ndarray, "k 3"]:
-    return spiral(1 - (torch.arange(_UPWARDS) + 0.5) / _UPWARDS).numpy()
+    return fibonacci_directions(1 - (torch.arange(_UPWARDS) + 0.5) / _UPWARDS).numpy()

@@ -24,7 +24,7 @@ from nerfnav_app.places.place import Place
 from nerfnav_app.queries.end_fit import EndFit, EndFitQuery
 from nerfnav_app.queries.experiments import Experiments, ExperimentsQuery
 from nerfnav_app.queries.first_ends import FirstEnds, FirstEndsQuery
-from nerfnav_app.queries.following_plan import FollowingPlanQuery, WantedPlan
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
@@ -142,7 +142,7 @@ class ScriptedWork:
         if isinstance(query, EndFitQuery):
             return EndFit(None)
         if isinstance(query, FollowingPlanQuery):
-            return WantedPlan(refusal="nobody plans here")
+            return SessionPlan(refusal="nobody plans here")
         assert isinstance(query, RobotViewQuery), f"nobody has scripted an answer to {query}"
         return tuple(np.full((20, 20, 3), 90, np.uint8) for _ in query.states)
 

@@ -16,10 +16,10 @@ from viser import _icons
 from nerfnav.core.glb import parts
 from nerfnav_app.cli.commands.serve import shown_before
 from nerfnav_app.jobs.events import JobResult
-from nerfnav_app.jobs.export.surface import first_surface_of, surface_of
+from nerfnav_app.jobs.export.surface import build_first_surface, build_surface
 from nerfnav_app.page.page import icons_at_hand
 from nerfnav_app.places.place import open_place
-from nerfnav_app.places.surface_glb import box_of
+from nerfnav_app.places.surface_glb import read_box
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.system import give_back, importing
 from nerfnav_app.worker import worker
@@ -112,10 +112,10 @@ def test_a_surface_that_was_shaped_is_found_by_the_name_or_the_file_of_its_place
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert shown_before(str(field_file)) is None, "nobody has looked at it on this machine"
-    surface = surface_of(open_place(str(field_file)))
-    assert shown_before(str(field_file)) == surface and box_of(surface) is not None
+    surface = build_surface(open_place(str(field_file)))
+    assert shown_before(str(field_file)) == surface and read_box(surface) is not None
     assert shown_before("stonehenge") is None
-    surface = surface_of(open_place("stonehenge"))
+    surface = build_surface(open_place("stonehenge"))
     assert shown_before("stonehenge") == surface
     assert shown_before("nowhere") is None
 
@@ -126,9 +126,9 @@ def test_what_is_shown_before_there_is_a_texture_has_the_colours_of_all_its_vert
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     place = open_place("stonehenge")
-    first, rough = first_surface_of(place)
-    textured = surface_of(place)
-    assert rough and first_surface_of(place) == (textured, False)
+    first, rough = build_first_surface(place)
+    textured = build_surface(place)
+    assert rough and build_first_surface(place) == (textured, False)
     assert _faces(first) > 5 * _faces(textured), "colours of few vertices would be smeared over large faces"
     assert "COLOR_0" in parts(first)[0]["meshes"][0]["primitives"][0]["attributes"]
 

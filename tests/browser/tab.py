@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Page
 
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.session import Session
 from tests.browser.in_page import DRAWN, IS_SCENE, POSITION, PROPERTY, VISIBLE, to_screen
@@ -97,7 +97,7 @@ class Tab:
 
         def agree() -> bool:
             ends = self.app.session.ends
-            return all(np.allclose(self.position(which), ends.of(which).position, atol=1e-3) for which in Which)
+            return all(np.allclose(self.position(which), ends.of(which).position, atol=1e-3) for which in EndRole)
 
         self.until(agree, "the page has start or goal elsewhere than the session")
 
@@ -135,7 +135,7 @@ class Tab:
         drawn = self.line(name)
         return drawn.shape == points.shape and np.allclose(drawn, points, atol=1e-5)
 
-    def position(self, which: Which) -> np.ndarray:
+    def position(self, which: EndRole) -> np.ndarray:
         """Where the page has the start or the goal [m]."""
         return np.array(self.page.evaluate(POSITION, f"/{which.value}"))
 
@@ -213,7 +213,7 @@ class Tab:
         self.until(lambda: self.page.evaluate(IS_SCENE, place), "something lies over the scene there")
         self.page.mouse.click(*place)
 
-    def drag_along_x(self, which: Which, distance: float, gizmo: float) -> None:
+    def drag_along_x(self, which: EndRole, distance: float, gizmo: float) -> None:
         """Drag the red arrow of an end's gizmo of size `gizmo` [m] by `distance` [m] along x."""
         grip = self.position(which) + np.array([0.8 * gizmo, 0, 0])
         x0, y0 = self.on_screen(grip) if self.app is None else self.resting(grip)

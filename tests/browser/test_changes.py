@@ -8,8 +8,8 @@ import pytest
 
 from nerfnav_app.page.kit.theme import PLAN, linear
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.page.layers.plan import room_colors
-from nerfnav_app.places.ends import Which
+from nerfnav_app.page.layers.plan import color_by_clearance
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Choose
@@ -26,7 +26,7 @@ def test_a_drag_is_undone_by_key_and_button_and_done_again(serve: Serve, open_ta
     app = serve(ScriptedWork())
     tab = open_tab(app)
     before = app.session.ends.goal
-    tab.drag_along_x(Which.GOAL, -0.3, GIZMO)
+    tab.drag_along_x(EndRole.GOAL, -0.3, GIZMO)
     moved = app.session.ends.goal
     assert moved != before
     tab.key("Control+z")
@@ -72,7 +72,7 @@ def test_typed_numbers_outside_of_the_place_are_said_and_stay_until_they_are_rig
 
     def typed() -> tuple[float, float, float]:
         session = app.session
-        return session.outside.get(Which.GOAL, session.ends.goal).position
+        return session.outside.get(EndRole.GOAL, session.ends.goal).position
 
     for axis in range(3):
         fill(axis, 5)
@@ -106,7 +106,7 @@ def test_the_line_takes_the_colours_of_its_clearance_with_a_scale_and_gives_them
 
     known = rows()
     assert known is not None
-    wanted = np.repeat(linear(room_colors(known))[:, None], 2, axis=1).reshape(-1).tolist()
+    wanted = np.repeat(linear(color_by_clearance(known))[:, None], 2, axis=1).reshape(-1).tolist()
     tab.until(lambda: tab.property("/plan/room", "colors") == wanted, "the line has other colours")
     tab.until(lambda: tab.says("cm of room") and tab.says("20 and more"), "there is no scale")
     tab.page.get_by_label("Line by clearance", exact=True).click()

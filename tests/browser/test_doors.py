@@ -9,7 +9,7 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from tests.app.doubles import ScriptedWork
 from tests.app.security.hostile import CAMERA, NAN, POSE, connect_as_viser
@@ -24,7 +24,7 @@ def nonsense(app: App) -> list[bytes]:
     assert app._server is not None
     uuids = [*app._server.gui._gui_input_handle_from_uuid, *app._server.gui._command_handle_from_uuid]
     places = ([NAN] * 3, [1e30] * 3, [])
-    poses = [POSE | {"name": f"/{which.value}", "position": place} for which in Which for place in places]
+    poses = [POSE | {"name": f"/{which.value}", "position": place} for which in EndRole for place in places]
     values = [NAN, 1e30, "x" * 5000, [NAN, 0, 0], None, {"a": 1}]
     updates = [
         {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {name: value}}
@@ -67,11 +67,11 @@ def test_a_page_lives_on_beside_a_hostile_connection(serve: Callable[..., App], 
         before.ends, before.choice, before.flight_settings, before.view_settings
     )  # fmt: skip
     assert session.job is None and session.notices == before.notices
-    for which in Which:
+    for which in EndRole:
         np.testing.assert_allclose(tab.position(which), session.ends.of(which).position, atol=1e-5)
     tab.until_shown()
     assert tab.page.evaluate(_WIDGETS) == widgets > 10
-    tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    tab.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
     tab.until(lambda: app.session.ends != before.ends, "the page was harmed")
     tab.load()
     tab.until_ends_agree()

@@ -9,8 +9,8 @@ import pytest
 
 from nerfnav_app.page.kit.theme import HIT, PLAN
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.places.ends import Which
-from nerfnav_app.queries.following_plan import FollowingPlanQuery, WantedPlan, plan_request, planned
+from nerfnav_app.places.ends import EndRole
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, plan_request, planned
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
@@ -59,7 +59,7 @@ def drag(tab: Tab, distance: float) -> None:
 
     The page itself makes the moves: a mouse that is moved from here waits for a frame after each.
     """
-    grip = tab.position(Which.GOAL) + np.array([0.8 * GIZMO, 0, 0])
+    grip = tab.position(EndRole.GOAL) + np.array([0.8 * GIZMO, 0, 0])
     begin, end = (tab.resting(point) for point in (grip, grip + np.array([distance, 0, 0])))
     mouse = tab.page.mouse
     mouse.move(*begin)
@@ -74,7 +74,7 @@ def timed_drafts(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """How long each draft takes that is made from now on [s]."""
     answer, took = FollowingPlanQuery.answer, []
 
-    def timed(query: FollowingPlanQuery, resources: Resources) -> WantedPlan:
+    def timed(query: FollowingPlanQuery, resources: Resources) -> SessionPlan:
         began = time.monotonic()
         plan = answer(query, resources)
         if query.draft:
@@ -98,7 +98,7 @@ def lags(frames: Any) -> tuple[int, int, np.ndarray, np.ndarray]:
     return len(moving), changes, np.diff(now), now - now[at]
 
 
-def planned_in(serve: Serve, open_tab: OpenTab) -> tuple[App, Tab]:
+def with_field(serve: Serve, open_tab: OpenTab) -> tuple[App, Tab]:
     """An app and a tab of it with a plan."""
     app = serve(small_work())
     tab = open_tab(app)
@@ -110,7 +110,7 @@ def planned_in(serve: Serve, open_tab: OpenTab) -> tuple[App, Tab]:
 def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(
     serve: Serve, open_tab: OpenTab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app, tab = planned_in(serve, open_tab)
+    app, tab = with_field(serve, open_tab)
     tab.until(lambda: tab.is_visible("/plan/line"), "no plan is shown")
     tab.page.evaluate(_RECORD)
     before, drafts = app.session.ends.goal.position[0], timed_drafts(monkeypatch)
@@ -144,7 +144,7 @@ def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(
 def test_another_duration_is_planned_for_and_too_little_time_is_told_with_its_remedy(
     serve: Serve, open_tab: OpenTab
 ) -> None:
-    app, tab = planned_in(serve, open_tab)
+    app, tab = with_field(serve, open_tab)
     app.post(Adjust(Settings.PLAN, "duration_s", 0.8))
     tab.until(lambda: tab.says("Too fast for 0.8 s: allow"), "nobody says that it is too fast")
     tab.until(lambda: tab.property("/plan/line", "colors") == list(HIT), "it looks as if it could be flown")
@@ -161,7 +161,7 @@ def test_another_duration_is_planned_for_and_too_little_time_is_told_with_its_re
 def test_without_weight_on_collision_fly_asks_first_and_reset_restores_the_weights(
     serve: Serve, open_tab: OpenTab
 ) -> None:
-    app, tab = planned_in(serve, open_tab)
+    app, tab = with_field(serve, open_tab)
     app.post(Adjust(Settings.WEIGHTS, "collision", 0.0))
     tab.until(lambda: app.session.unsafe_plan is not None, "the plan does not know that it is not safe")
     tab.until(lambda: tab.says("The robot "), "nobody says what is wrong")

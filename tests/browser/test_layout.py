@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext
 
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from tests.browser.in_page import to_screen
 from tests.browser.tab import KNOWS_HELP, WITHOUT_COMPLAINT, Tab
@@ -66,7 +66,7 @@ def test_no_panel_covers_start_goal_or_plan(tab: Tab, size: tuple[int, int]) -> 
         return (right - left) * (bottom - top) / (width * height)
 
     tab.until(lambda: _LEAST_SHARE <= share() <= 1, "the panels take too much")
-    points = np.concatenate([[tab.position(which) for which in Which], tab.line("/plan/line")])
+    points = np.concatenate([[tab.position(which) for which in EndRole], tab.line("/plan/line")])
     assert len(points) > 10
     if width > 600:  # on a phone there is a menu of them
         last = tab.page.get_by_role("tab", name="Export", exact=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
 from tests.browser.tab import Tab
@@ -22,7 +22,7 @@ def test_a_robot_flies_to_the_dragged_goal_and_its_table_can_be_taken_away(
     app = serve(small_work())
     tab = open_tab(app)
     tab.until(lambda: tab.has_node("/field"), "the field has no surface")
-    tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    tab.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
     goal = np.array(app.session.ends.goal.position)
 
     tab.press("Plan the way")

@@ -14,7 +14,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobResult, Progress
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.job import JobKind
 from tests.app.doubles import ScriptedWork, flight_step, plan_step
@@ -45,7 +45,7 @@ def test_the_page_shows_handles_and_panel_under_its_own_name(serve: Serve, open_
     tab.until(lambda: tab.says("balls"), "the place has no name")
     for name in ("Plan the way", "Undo", "Redo", "Reset"):
         tab.until(tab.page.get_by_role("button", name=name, exact=True).is_enabled, f"{name} cannot be pressed")
-    for which in Which:
+    for which in EndRole:
         np.testing.assert_allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-5)
     assert tab.has_node("/sky") and tab.page.evaluate(_SURROUNDINGS) is None, "the light comes from lamps alone"
 
@@ -55,23 +55,23 @@ def test_dragging_an_arrow_moves_the_end_in_every_tab_and_stays_after_a_reload(s
     first, second = open_tab(app), open_tab(app)
     before = np.array(app.session.ends.goal.position)
     first.page.bring_to_front()
-    first.drag_along_x(Which.GOAL, -0.3, GIZMO)
+    first.drag_along_x(EndRole.GOAL, -0.3, GIZMO)
     moved = np.array(app.session.ends.goal.position)
     np.testing.assert_allclose(moved - before, [-0.3, 0, 0], atol=0.05)
     for tab in (first, second):
         tab.page.bring_to_front()
-        tab.until(lambda tab=tab: np.allclose(tab.position(Which.GOAL), moved, atol=1e-3), "a tab lags behind")
+        tab.until(lambda tab=tab: np.allclose(tab.position(EndRole.GOAL), moved, atol=1e-3), "a tab lags behind")
     first.load()
-    first.until(lambda: np.allclose(first.position(Which.GOAL), moved, atol=1e-3), "the reload has lost the goal")
+    first.until(lambda: np.allclose(first.position(EndRole.GOAL), moved, atol=1e-3), "the reload has lost the goal")
 
 
 def test_an_end_dragged_out_of_the_box_comes_back_to_its_border(serve: Serve, open_tab: OpenTab) -> None:
     tab = open_tab(serve(ScriptedWork()))
-    tab.drag_along_x(Which.START, -0.6, GIZMO)
+    tab.drag_along_x(EndRole.START, -0.6, GIZMO)
     place = tab.app.session.place
     assert place is not None
     border = -1 + place.robot.body.radius
-    tab.until(lambda: math.isclose(tab.position(Which.START)[0], border, abs_tol=1e-3), "the gizmo stayed outside")
+    tab.until(lambda: math.isclose(tab.position(EndRole.START)[0], border, abs_tol=1e-3), "the gizmo stayed outside")
     assert tab.app.session.ends.start.position[0] == pytest.approx(border, abs=1e-4)
 
 
@@ -86,10 +86,10 @@ def test_a_tab_that_sends_nonsense_harms_nobody(serve: Serve, open_tab: OpenTab,
         "window.__viserMutable.sendMessage({type: 'TransformControlsDragEndMessage', name: '/goal', owner: ''})"
     )
     tab.page.wait_for_timeout(300)  # to do harm in
-    tab.drag_along_x(Which.START, 0.2, GIZMO)
+    tab.drag_along_x(EndRole.START, 0.2, GIZMO)
     place = tab.app.session.place
     assert place is not None
-    for which in Which:
+    for which in EndRole:
         assert place.field.box.contains(tab.app.session.ends.of(which).state().position)
         tab.until(
             lambda which=which: np.allclose(tab.position(which), tab.app.session.ends.of(which).position, atol=1e-3),
@@ -102,7 +102,7 @@ def test_typed_numbers_move_the_gizmo(serve: Serve, open_tab: OpenTab) -> None:
     box = tab.page.locator("div:has(> div > p label:text-is('Goal [m]'))").last.locator("input").nth(2)
     box.fill("0.5")
     box.press("Enter")
-    tab.until(lambda: math.isclose(tab.position(Which.GOAL)[2], 0.5, abs_tol=1e-4), "the gizmo did not follow")
+    tab.until(lambda: math.isclose(tab.position(EndRole.GOAL)[2], 0.5, abs_tol=1e-4), "the gizmo did not follow")
 
 
 def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: OpenTab) -> None:
@@ -111,7 +111,7 @@ def test_the_plan_in_both_tabs_ends_at_the_dragged_goal(serve: Serve, open_tab: 
     app = serve(ScriptedWork({JobKind.PLAN: [*steps, *last]}))
     first, second = open_tab(app), open_tab(app)
     first.page.bring_to_front()
-    first.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    first.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
     first.press("Plan the way")
     first.until(lambda: app.session.plan is not None and app.session.job is None, "the plan did not end")
     for tab in (first, second):
@@ -131,7 +131,7 @@ def test_a_plan_turns_grey_when_an_end_moves(serve: Serve, open_tab: OpenTab) ->
     tab.press("Plan the way")
     tab.until(lambda: tab.is_visible("/plan/line"), "no plan is shown")
     fresh = tab.property("/plan/line", "colors")
-    tab.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    tab.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
     tab.until(lambda: tab.property("/plan/line", "colors") != fresh, "a stale plan looks fresh")
     tab.turn_to("Plan")
     tab.until(lambda: tab.says("this is the earlier plan"), "the page does not say that it is stale")

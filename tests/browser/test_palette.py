@@ -10,7 +10,7 @@ from playwright.sync_api import Locator
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobResult, Progress
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.job import JobKind
 from tests.app.doubles import ScriptedWork, flight_step, plan_step
@@ -102,7 +102,7 @@ def test_a_reload_keeps_everything_and_every_tab_shows_it(serve: Serve, open_tab
     app = serve(work())
     first, second = open_tab(app), open_tab(app)
     first.page.bring_to_front()
-    first.drag_along_x(Which.GOAL, -0.2, GIZMO)
+    first.drag_along_x(EndRole.GOAL, -0.2, GIZMO)
     command(first, "Plan")
     first.until(lambda: first.is_visible("/plan/line"), "no plan is shown")
     seen = first.line("/plan/line")
@@ -112,7 +112,7 @@ def test_a_reload_keeps_everything_and_every_tab_shows_it(serve: Serve, open_tab
         tab.load()
         tab.until(lambda tab=tab: tab.is_visible("/plan/line"), "a reload has lost the plan")
         tab.until(lambda tab=tab: np.array_equal(tab.line("/plan/line"), seen), "a reload has changed the plan")
-        tab.until(lambda tab=tab: np.allclose(tab.position(Which.GOAL), goal, atol=1e-4), "the goal is elsewhere")
+        tab.until(lambda tab=tab: np.allclose(tab.position(EndRole.GOAL), goal, atol=1e-4), "the goal is elsewhere")
 
 
 def test_one_persons_viewpoint_is_their_own(serve: Serve, open_tab: OpenTab) -> None:

@@ -8,10 +8,10 @@ import pytest
 
 from nerfnav.field.storage.checkpoint import save_field
 from nerfnav.planner.steps import PlanOutcome
-from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import MoveEnd
-from nerfnav_app.state.alignment import Placing
+from nerfnav_app.state.alignment import AlignmentDraft
 from tests.browser.tab import Tab
 from tests.browser.test_uploads import opening_work
 from tests.field.moves import room
@@ -32,7 +32,7 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
     tab.until(lambda: tab.has_node("/field"), "the place is not shown")
     tab.unfold("Scene", "Up, scale, box")
 
-    def placing() -> Placing:
+    def placing() -> AlignmentDraft:
         return app.session.placing
 
     def top() -> float | None:
@@ -69,12 +69,12 @@ def test_a_place_is_measured_set_on_its_floor_cropped_and_planned_in(
     tab.press("Apply")
     tab.until(lambda: app.session.what != what and app.session.job is None, "the place was not put right", 240)
     now = app.session.place
-    assert now is not None and placing() == Placing(undo=(what,), told=placing().told) and placing().told
+    assert now is not None and placing() == AlignmentDraft(undo=(what,), told=placing().told) and placing().told
     sizes = now.field.box.size / before.field.box.size
     assert 1.9 < float(sizes[0]) < 2.2 and 1.4 < float(sizes[2]) < 1.8
     assert abs(float(now.field.box.lower[2]) + 0.2) < 0.15
 
-    for which, position in ((Which.START, (-0.5, -0.9, 0.35)), (Which.GOAL, (0.3, 0.8, 0.35))):
+    for which, position in ((EndRole.START, (-0.5, -0.9, 0.35)), (EndRole.GOAL, (0.3, 0.8, 0.35))):
         app.post(MoveEnd(which, End(position)))
     tab.until_ends_agree()
     tab.press("Plan the way")

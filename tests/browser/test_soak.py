@@ -23,7 +23,7 @@ from playwright.sync_api import Browser, BrowserContext, Error, Locator, sync_pl
 
 import nerfnav_scenes as scenes
 from nerfnav_app.page.layers.ends import GIZMO
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from tests.browser.complaints import complaints_of
 from tests.browser.conftest import launch
 from tests.browser.process import Served, done, served
@@ -167,7 +167,7 @@ class Crowd:
         tab.page.keyboard.press(self._random.choice(_KEYS))
 
     def _drag(self, tab: Tab) -> None:
-        tab.drag_along_x(self._random.choice(list(Which)), self._random.uniform(-0.3, 0.3), GIZMO)
+        tab.drag_along_x(self._random.choice(list(EndRole)), self._random.uniform(-0.3, 0.3), GIZMO)
 
     def _click(self, tab: Tab) -> None:
         seen = [entry for entry in tab.page.get_by_role("button").all() if entry.is_visible()]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nerfnav.importers.splats.gaussians import splats_beside
+from nerfnav.importers.splats.gaussians import splats_path
 from nerfnav_app.server import App
 from nerfnav_app.state.view import Backdrop
 from tests.browser.tab import Tab
@@ -27,7 +27,7 @@ def test_uploaded_splats_are_shown_and_their_field_is_opened(
     place = app.session.place
     assert place is not None and place.splats is not None and len(place.splats) == 400
     assert app.session.view_settings.backdrop is Backdrop.SPLATS
-    assert splats_beside(Path(app.session.what).with_suffix(".npz")).is_file()
+    assert splats_path(Path(app.session.what).with_suffix(".npz")).is_file()
     tab.until(lambda: tab.has_node("/splats") and tab.is_visible("/splats"), "the page does not show the splats")
     tab.until(lambda: not tab.is_visible("/field"), "the surface hides the splats")
     assert np.abs(place.field.box.center.numpy()).max() < 0.2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nerfnav_app.jobs.events import JobResult
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.queries.density_slice import DensitySliceQuery
 from nerfnav_app.queries.field_view import FieldViewQuery
 from nerfnav_app.server import App
@@ -92,12 +92,12 @@ def test_a_click_into_the_scene_puts_an_end_there(serve: Serve, open_tab: OpenTa
     app = serve(small_work())
     tab = open_tab(app)
     tab.press("goal")
-    tab.until(lambda: app.session.aiming is Which.GOAL, "nothing aims")
+    tab.until(lambda: app.session.aiming is EndRole.GOAL, "nothing aims")
     tab.click_at((-0.4, -0.5, 0.38))
     tab.until(lambda: app.session.ends.goal.position[0] < 0, "the goal did not move")
     goal = np.array(app.session.ends.goal.position)
     assert np.linalg.norm(goal[:2] - [-0.4, -0.5]) < 0.15 and 0.3 < goal[2] < 0.6, "it is not on the ball"
-    tab.until(lambda: np.allclose(tab.position(Which.GOAL), goal, atol=1e-3), "the page has the goal elsewhere")
+    tab.until(lambda: np.allclose(tab.position(EndRole.GOAL), goal, atol=1e-3), "the page has the goal elsewhere")
     tab.click_at((0.5, 0.4, 0.3))
     tab.page.wait_for_timeout(400)
     assert np.allclose(app.session.ends.goal.position, goal), "one click is enough"
@@ -107,12 +107,12 @@ def test_an_occupied_end_is_offered_the_nearest_free_place(serve: Serve, open_ta
     app = serve(small_work())
     tab = open_tab(app)
     end = app.session.ends.start
-    app.post(MoveEnd(Which.START, type(end)((0.0, 0.05, 0.3), end.yaw)))
+    app.post(MoveEnd(EndRole.START, type(end)((0.0, 0.05, 0.3), end.yaw)))
     button = "Move the start to the nearest free point"
     tab.until(lambda: tab.page.get_by_role("button", name=button).is_visible(), "nothing is offered")
     tab.until(lambda: tab.property("/start/label", "text") == "start: no room", "the handle does not say so")
     tab.page.get_by_role("button", name=button).click()
-    tab.until(lambda: app.session.problems.get(Which.START, "?") is None, "the robot does not fit there either")
+    tab.until(lambda: app.session.problems.get(EndRole.START, "?") is None, "the robot does not fit there either")
     tab.until(lambda: not tab.page.get_by_role("button", name=button).is_visible(), "the offer stays")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.core.cache import cache_root, code_of, kept
+from nerfnav.core.cache import cache_root, code_of, load_or_make
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +27,7 @@ def counted(made: list[bytes], content: bytes) -> Callable[[], bytes]:
 
 def test_what_was_made_once_is_not_made_again_for_the_same_key() -> None:
     made: list[bytes] = []
-    assert [kept("things", key, counted(made, key * 2)) for key in (b"a", b"a", b"b", b"a")] == [
+    assert [load_or_make("things", key, counted(made, key * 2)) for key in (b"a", b"a", b"b", b"a")] == [
         b"aa",
         b"aa",
         b"bb",
@@ -38,21 +38,21 @@ def test_what_was_made_once_is_not_made_again_for_the_same_key() -> None:
 
 def test_a_torn_file_is_made_again(folder: Path) -> None:
     made: list[bytes] = []
-    kept("things", b"a", counted(made, b"x" * 1000))
+    load_or_make("things", b"a", counted(made, b"x" * 1000))
     (file,) = folder.iterdir()
     file.write_bytes(file.read_bytes()[:500])
-    assert kept("things", b"a", counted(made, b"x" * 1000)) == b"x" * 1000 and len(made) == 2
+    assert load_or_make("things", b"a", counted(made, b"x" * 1000)) == b"x" * 1000 and len(made) == 2
 
 
 def test_a_cache_that_cannot_be_written_only_costs_time(folder: Path) -> None:
     folder.parent.mkdir()
     folder.write_text("a file where the folder should be")
-    assert kept("things", b"a", lambda: b"made") == b"made"
+    assert load_or_make("things", b"a", lambda: b"made") == b"made"
 
 
 def test_only_the_latest_are_kept(folder: Path) -> None:
     for key in range(30):
-        kept("things", bytes([key]), lambda: b"")
+        load_or_make("things", bytes([key]), lambda: b"")
     assert len(list(folder.iterdir())) == 12
 
 

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import MissingExtraError
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.experiments import planners
 from nerfnav.experiments.figures import panels
 from nerfnav.experiments.reflight import FlownConfig, Track, Wish, fly_crazyflie, fly_quick
@@ -120,4 +120,4 @@ def test_planners_are_compared_without_the_one_that_is_missing(hide: Callable[[s
 
 
 def test_what_is_installed_is_given() -> None:
-    assert from_extra("json", "none", "this test").dumps([]) == "[]"
+    assert import_extra("json", "none", "this test").dumps([]) == "[]"

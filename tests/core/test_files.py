@@ -7,7 +7,7 @@ from typing import NoReturn
 import numpy as np
 import pytest
 
-from nerfnav.core.files import replacing, write_npz
+from nerfnav.core.files import replace_file, write_npz
 
 
 def fails(*_: object, **__: object) -> NoReturn:
@@ -16,7 +16,7 @@ def fails(*_: object, **__: object) -> NoReturn:
 
 def test_a_file_is_not_seen_before_it_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "file"
-    with replacing(path) as stream:
+    with replace_file(path) as stream:
         stream.write(b"half")
         stream.flush()
         assert not path.exists()
@@ -27,7 +27,7 @@ def test_a_file_is_not_seen_before_it_is_whole(tmp_path: Path) -> None:
 def test_an_older_file_is_replaced_by_a_shorter_one(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"older and longer")
-    with replacing(path) as stream:
+    with replace_file(path) as stream:
         stream.write(b"new")
     assert path.read_bytes() == b"new"
 
@@ -36,7 +36,7 @@ def test_an_older_file_is_replaced_by_a_shorter_one(tmp_path: Path) -> None:
 def test_whatever_ends_the_writing_the_older_file_stays_alone(tmp_path: Path, error: BaseException) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"old")
-    with pytest.raises(type(error)), replacing(path) as stream:
+    with pytest.raises(type(error)), replace_file(path) as stream:
         stream.write(b"new")
         raise error
     assert path.read_bytes() == b"old"
@@ -50,7 +50,7 @@ def test_a_disk_that_is_full_only_when_it_counts_leaves_the_older_file(
     path = tmp_path / "file"
     path.write_bytes(b"old")
     monkeypatch.setattr({"fsync": os, "replace": Path}[step], step, fails)
-    with pytest.raises(OSError, match="No space left"), replacing(path) as stream:
+    with pytest.raises(OSError, match="No space left"), replace_file(path) as stream:
         stream.write(b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
@@ -59,7 +59,7 @@ def test_a_disk_that_is_full_only_when_it_counts_leaves_the_older_file(
 @pytest.mark.parametrize("name", ["missing/file", "taken/file"])
 def test_a_place_that_takes_no_files_is_told_as_it_is(tmp_path: Path, name: str) -> None:
     (tmp_path / "taken").touch()
-    with pytest.raises((FileNotFoundError, NotADirectoryError)), replacing(tmp_path / name):
+    with pytest.raises((FileNotFoundError, NotADirectoryError)), replace_file(tmp_path / name):
         pytest.fail("nothing is written to nowhere")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.core.jit import Kernel, default_threads, kernel, prange, telling_compilation, threads
+from nerfnav.core.jit import Kernel, default_threads, kernel, prange, report_compilation, threads
 from nerfnav.core.kernel_cache import cache_folder
 from nerfnav.field.kernels import carving
 
@@ -118,7 +118,7 @@ def test_compilation_is_told_once_for_a_kernel_with_those_that_it_calls_and_only
     def outer(x: float) -> float:
         return inner(x) + 1
 
-    with telling_compilation(told.append):
+    with report_compilation(told.append):
         assert Kernel(outer, {})(1.0) == 3.0
         assert told == [True, False]
         with ThreadPoolExecutor(1) as pool:
@@ -130,6 +130,6 @@ def test_compilation_is_told_once_for_a_kernel_with_those_that_it_calls_and_only
 def test_reading_machine_code_from_the_cache_is_no_compilation() -> None:
     told: list[bool] = []
     squares(np.arange(3.0))
-    with telling_compilation(told.append):
+    with report_compilation(told.append):
         np.testing.assert_array_equal(Kernel(squares._function, squares._options)(np.arange(3.0)), [0.0, 1.0, 4.0])
     assert told == []

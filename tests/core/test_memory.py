@@ -9,12 +9,12 @@ from nerfnav.core.errors import InvalidInputError
 
 
 def test_free_memory_is_told_in_bytes_or_not_at_all():
-    free = memory.free_memory()
+    free = memory.available_memory()
     assert free is None or free > 10**7
 
 
 def test_what_is_too_large_is_refused_with_both_numbers_and_what_would_fit(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(memory, "free_memory", lambda: 2 * 10**9)
+    monkeypatch.setattr(memory, "available_memory", lambda: 2 * 10**9)
     memory.require_memory(10**9, "a map", "choose a larger voxel")
     with pytest.raises(InvalidInputError, match=r"^a map may take 5\.0 GB, and 2\.0 GB .* choose a larger voxel$"):
         memory.require_memory(5 * 10**9, "a map", "choose a larger voxel")
@@ -39,7 +39,7 @@ def test_limits_of_control_groups_count_up_to_the_root(
     read = memory._text
     monkeypatch.setattr(memory, "_GROUPS", tmp_path)
     monkeypatch.setattr(memory, "_text", lambda path: line if path == Path("/proc/self/cgroup") else read(path))
-    assert memory.free_memory() == 2000
+    assert memory.available_memory() == 2000
 
 
 def test_files_that_a_group_has_cached_are_free(tmp_path: Path):

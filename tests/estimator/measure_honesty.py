@@ -18,9 +18,9 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
 from nerfnav.estimator.paper.pose_filter import FilterConfig
-from nerfnav.experiments.disturbed_flights import DT, Trial, disturbed_flight
+from nerfnav.experiments.disturbed_flights import DT, Trial, fly_disturbed
 from nerfnav.experiments.estimation import errors_of
-from nerfnav.experiments.held_out_views import renderer_of, take_picture
+from nerfnav.experiments.held_out_views import make_renderer, take_picture
 from nerfnav.experiments.study import Arena, Row
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
@@ -86,13 +86,13 @@ CONDITIONS: dict[str, tuple[Change | None, float]] = {
 
 def flights(arena: Arena, count: int) -> Iterator[Flight]:
     """Disturbed flights of the tasks in turn; tasks that none of many blind flights survives are left out."""
-    tasks, renderer = [task for task in arena.scene.tasks if task.robot == "quadrotor"], renderer_of(arena)
+    tasks, renderer = [task for task in arena.scene.tasks if task.robot == "quadrotor"], make_renderer(arena)
     found = 0
     for seed in range(1000, 1000 + 3 * count):
         if found == count:
             return
         try:
-            actions, states = disturbed_flight(arena, Trial(tasks[seed % 1000 % len(tasks)], seed))
+            actions, states = fly_disturbed(arena, Trial(tasks[seed % 1000 % len(tasks)], seed))
         except InvalidInputError as error:
             sys.stderr.write(f"{error}\n")
             continue

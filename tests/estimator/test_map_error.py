@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.estimator import ColorNoise, pose_floor
-from nerfnav.estimator.map_error import left_over
+from nerfnav.estimator import ColorNoise, measure_map_error
+from nerfnav.estimator.map_error import fit_map_error
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry import PosedImages
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
@@ -28,7 +28,7 @@ def photographs(shift: float) -> PosedImages:
 
 @pytest.mark.parametrize("shift", [0.0, 0.02])
 def test_the_floor_is_how_far_fits_end_from_where_photographs_were_taken(shift: float) -> None:
-    floor = pose_floor(voxel_balls(), photographs(shift), ColorNoise(std=0.02), draws(0))
+    floor = measure_map_error(voxel_balls(), photographs(shift), ColorNoise(std=0.02), draws(0))
     std = torch.tensor(floor).reshape(6, 6).diagonal().sqrt()
     assert std[0] == pytest.approx(shift, abs=0.003)
     assert (std[1:3] < 0.004).all() and (std[3:] < 0.006).all()
@@ -38,7 +38,7 @@ def test_errors_that_their_own_covariances_explain_are_not_counted_twice() -> No
     generator, count = draws(1), 400
     told = torch.diag_embed(torch.rand(count, 6, generator=generator).double() * 2 + 0.5)
     noise = told.diagonal(dim1=1, dim2=2).sqrt() * torch.randn(count, 6, generator=generator).double()
-    assert (left_over(noise, told).diagonal() < 0.4).all()
+    assert (fit_map_error(noise, told).diagonal() < 0.4).all()
     lasting = torch.tensor([3.0, 1.0, 2.0, 3.0, 1.0, 2.0]).double()
     errors = noise + lasting * torch.randn(count, 6, generator=generator).double()
-    torch.testing.assert_close(left_over(errors, told).diagonal().sqrt(), lasting, rtol=0.2, atol=0.0)
+    torch.testing.assert_close(fit_map_error(errors, told).diagonal().sqrt(), lasting, rtol=0.2, atol=0.0)

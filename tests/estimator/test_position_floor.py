@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nerfnav.estimator import likeliest_floor
+from nerfnav.estimator import fit_position_bias
 
 
 def said(draws: np.random.Generator, count: int) -> np.ndarray:
@@ -23,11 +23,11 @@ def test_what_was_left_unsaid_is_found_at_any_size(floor: float, scale: float) -
     draws = np.random.default_rng(1)
     told = said(draws, 2000)
     errors = drawn(draws, told + floor**2 * np.eye(3))
-    assert likeliest_floor(scale * errors, scale**2 * told) == pytest.approx(scale * floor, rel=0.06)
+    assert fit_position_bias(scale * errors, scale**2 * told) == pytest.approx(scale * floor, rel=0.06)
 
 
 def test_errors_that_were_told_leave_nothing() -> None:
     draws = np.random.default_rng(2)
     told = said(draws, 2000)
-    assert likeliest_floor(0.9 * drawn(draws, told), told) == 0
-    assert likeliest_floor(np.zeros((30, 3)), told[:30]) == 0
+    assert fit_position_bias(0.9 * drawn(draws, told), told) == 0
+    assert fit_position_bias(np.zeros((30, 3)), told[:30]) == 0

@@ -3,7 +3,7 @@
 import torch
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.schmidt_kalman import apparent, true_state
+from nerfnav.estimator.schmidt_kalman import add_consider_covariance, correct_schmidt_kalman
 from nerfnav.robots import RandomAcceleration, RigidState
 
 STILL = RigidState.at_rest((0.1, 0.2, 0.3)).map(lambda tensor: tensor.double())
@@ -26,7 +26,7 @@ def test_a_picture_moves_the_state_as_one_with_the_noise_of_both_would() -> None
     shows = torch.eye(12).double()[[0, 1, 2, 6, 7, 8]]
     told = shows @ measured @ shows.T
     difference = torch.tensor([1e-3, -2e-3, 1e-3, 0.0, 1e-3, 2e-3]).double()
-    seen = apparent(before, floor)
+    seen = add_consider_covariance(before, floor)
 
     def corrected(covariance: torch.Tensor, error: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         gain = covariance @ shows.T @ torch.linalg.inv(shows @ covariance @ shows.T + error)
@@ -34,7 +34,7 @@ def test_a_picture_moves_the_state_as_one_with_the_noise_of_both_would() -> None
 
     change, covariance = corrected(seen.covariance, told)
     found = Belief(STILL.retract(change), covariance + noise)
-    mine = true_state(found, before, floor, NOISE)
+    mine = correct_schmidt_kalman(found, before, floor, NOISE)
     change, covariance = corrected(before.covariance, told + shows @ floor @ shows.T)
     torch.testing.assert_close(before.mean.local(mine.mean), change, rtol=0.02, atol=2e-5)
     torch.testing.assert_close(mine.covariance, covariance, rtol=0.01, atol=1e-7)
@@ -43,6 +43,6 @@ def test_a_picture_moves_the_state_as_one_with_the_noise_of_both_would() -> None
 def test_without_such_errors_the_state_is_where_the_field_shows_it() -> None:
     change = torch.full((12,), 1e-3).double()
     before, found = Belief(STILL, spread(0.02, 0)), Belief(STILL.retract(change), spread(0.005, 3))
-    mine = true_state(found, before, torch.zeros(12, 12), NOISE)
+    mine = correct_schmidt_kalman(found, before, torch.zeros(12, 12), NOISE)
     torch.testing.assert_close(mine.mean.position, found.mean.position, rtol=0, atol=1e-6)
     torch.testing.assert_close(mine.covariance, found.covariance, rtol=1e-4, atol=1e-8)

@@ -13,7 +13,7 @@ from nerfnav.experiments.closed_loop import picture, run, summary_of, trials_of,
 from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, fly, is_silent, random_task
 from nerfnav.experiments.flight_options import FlightOptions
 from nerfnav.experiments.study import Results, Study
-from nerfnav.navigation import LoopEvent, Mission, Pilot, Simulator
+from nerfnav.navigation import FlightRequest, LoopEvent, NavigationStack, Simulator
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
 from tests.experiments.places import TASKS, column
@@ -110,7 +110,9 @@ def test_equal_seeds_give_equal_flights_with_the_state_known() -> None:
 def test_flights_by_camera_tell_what_was_measured_of_the_field_at_training(monkeypatch: pytest.MonkeyPatch) -> None:
     floor, pilots = tuple((1e-4 * torch.eye(6)).flatten().tolist()), []
 
-    def listened(mission: Mission, simulator: Simulator, pilot: Pilot, *rest: object) -> Iterator[LoopEvent]:
+    def listened(
+        mission: FlightRequest, simulator: Simulator, pilot: NavigationStack, *rest: object
+    ) -> Iterator[LoopEvent]:
         pilots.append(pilot)
         return iter(())
 

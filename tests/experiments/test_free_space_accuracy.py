@@ -6,22 +6,22 @@ import pytest
 import torch
 
 from nerfnav.experiments.free_space_accuracy import (
-    Freedom,
-    FreedomConfig,
-    freedom_alone,
-    freedom_noted,
-    freedom_on_depth,
-    freedom_on_mesh,
-    in_words,
+    FreeSpaceAccuracy,
+    FreeSpaceConfig,
+    describe_free_space_accuracy,
+    measure_free_space_on_depth,
+    measure_free_space_on_mesh,
+    measure_unproven_share,
+    note_free_space,
 )
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import EMPTY_RAW, State, states_of
+from nerfnav.field.core.occupancy import EMPTY_RAW, State, classify_nodes
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.fusion import fused
+from nerfnav.field.proof.fusion import fuse_depth
 from nerfnav.geometry.images import PosedImages
 from tests.field import rooms
 
-CONFIG = FreedomConfig(surface_points=1500, free_points=3000)
+CONFIG = FreeSpaceConfig(surface_points=1500, free_points=3000)
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +32,14 @@ def taken() -> PosedImages:
 @pytest.fixture(scope="module")
 def proven(taken: PosedImages) -> VoxelField:
     """What depth tells of the room."""
-    told = fused(taken, rooms.BOX, rooms.SHAPE)
+    told = fuse_depth(taken, rooms.BOX, rooms.SHAPE)
     raw = torch.where(told.known, told.raw, EMPTY_RAW)
     values = torch.cat([raw[..., None], told.color], -1)
-    return VoxelField(rooms.BOX, values, torch.zeros(3), evidence=states_of(told.free, raw))
+    return VoxelField(rooms.BOX, values, torch.zeros(3), evidence=classify_nodes(told.free, raw))
 
 
 def test_a_field_that_knows_its_walls_takes_none_for_free_and_the_air_for_free(proven: VoxelField, taken: PosedImages):
-    found = freedom_on_mesh(proven, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
+    found = measure_free_space_on_mesh(proven, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
     assert found.surface_taken_for_free == pytest.approx(0, abs=0.01)
     assert found.free_taken_for_free == pytest.approx(1, abs=0.05)
     assert found.unproven_share is not None and 0.2 < found.unproven_share < 0.6  # what lies behind the walls
@@ -47,7 +47,7 @@ def test_a_field_that_knows_its_walls_takes_none_for_free_and_the_air_for_free(p
 
 def test_a_field_without_its_plain_wall_is_found_out(taken: PosedImages):
     blind = rooms.field_without_the_plain_wall()
-    found = freedom_on_mesh(blind, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
+    found = measure_free_space_on_mesh(blind, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
     assert found.surface_taken_for_free is not None
     assert found.surface_taken_for_free > 0.1  # a sixth of the walls, but for its border
     assert found.unproven_share is None
@@ -55,32 +55,34 @@ def test_a_field_without_its_plain_wall_is_found_out(taken: PosedImages):
 
 def test_space_that_nothing_proves_is_not_taken_for_free(proven: VoxelField, taken: PosedImages):
     shut = replace(proven, evidence=torch.full(rooms.SHAPE, int(State.UNPROVEN), dtype=torch.uint8))
-    found = freedom_on_mesh(shut, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
+    found = measure_free_space_on_mesh(shut, rooms.VOXEL, rooms.room(), rooms.cameras(taken), CONFIG)
     assert (found.surface_taken_for_free, found.free_taken_for_free, found.unproven_share) == (0, 0, 1)
 
 
 @pytest.mark.slow
 def test_held_out_depth_tells_the_same_as_the_mesh(proven: VoxelField, taken: PosedImages):
     others, held_out = taken.subset(slice(0, 80)), taken.subset(slice(80, 90))
-    found = freedom_on_depth(proven, rooms.VOXEL, held_out, others, CONFIG)
+    found = measure_free_space_on_depth(proven, rooms.VOXEL, held_out, others, CONFIG)
     assert found.surface_taken_for_free == pytest.approx(0, abs=0.01)
     assert found.free_taken_for_free == pytest.approx(1, abs=0.05)
-    blind = freedom_on_depth(rooms.field_without_the_plain_wall(), rooms.VOXEL, held_out, others, CONFIG)
+    blind = measure_free_space_on_depth(rooms.field_without_the_plain_wall(), rooms.VOXEL, held_out, others, CONFIG)
     assert blind.surface_taken_for_free is not None and blind.surface_taken_for_free > 0.05
 
 
 def test_a_field_alone_tells_only_how_much_is_unproven(proven: VoxelField):
-    found = freedom_alone(proven, rooms.VOXEL)
+    found = measure_unproven_share(proven, rooms.VOXEL)
     assert found.surface_taken_for_free is None and found.unproven_share is not None
-    assert freedom_alone(replace(proven, evidence=None), rooms.VOXEL) == Freedom(None, None, None, rooms.VOXEL)
+    assert measure_unproven_share(replace(proven, evidence=None), rooms.VOXEL) == FreeSpaceAccuracy(
+        None, None, None, rooms.VOXEL
+    )
 
 
 def test_figures_are_noted_and_told_in_words():
-    found = Freedom(0.012, 0.9, 0.33, 0.05)
-    noted = freedom_noted(FieldInfo(), found)
+    found = FreeSpaceAccuracy(0.012, 0.9, 0.33, 0.05)
+    noted = note_free_space(FieldInfo(), found)
     assert (noted.surface_taken_for_free, noted.free_taken_for_free, noted.unproven_share) == (0.012, 0.9, 0.33)
-    assert in_words(found) == (
+    assert describe_free_space_accuracy(found) == (
         "planners take 1.2% of the true surface for free and 90.0% of the space that is free; "
         "33% of the box is unproven and counts as solid"
     )
-    assert "nothing proves" in in_words(Freedom(None, None, None, 0.05))
+    assert "nothing proves" in describe_free_space_accuracy(FreeSpaceAccuracy(None, None, None, 0.05))

@@ -52,7 +52,7 @@ def _cross(rate: torch.Tensor) -> torch.Tensor:
 def test_a_curve_that_meets_something_solid_leaves_only_by_force(name: str) -> None:
     recording = replace(hover_to_hover(), datum=ZURICH)
     middle = recording.position[len(recording.times) // 2].tolist()
-    free, blocked = (recording.planned_in(field) for field in (NOWHERE, ball_at(middle, 0.1)))
+    free, blocked = (recording.with_field(field) for field in (NOWHERE, ball_at(middle, 0.1)))
     told = FORMATS[name].exported(free).info["curve"]
     assert told["outcome"] == "converged" and told["collision_probability_bound"] < 0.01
     with pytest.raises(InvalidInputError, match=r"curve that the vehicle would fly is not to be flown.*--force"):
@@ -65,4 +65,4 @@ def test_where_no_field_is_known_nothing_is_said_of_the_curve_and_it_is_told_so(
 
 
 def test_a_table_is_no_vehicles_curve() -> None:
-    assert "curve" not in FORMATS["csv"].exported(hover_to_hover().planned_in(NOWHERE)).info
+    assert "curve" not in FORMATS["csv"].exported(hover_to_hover().with_field(NOWHERE)).info

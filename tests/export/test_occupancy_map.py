@@ -10,22 +10,22 @@ import yaml
 
 from nerfnav.core.errors import InvalidInputError, UnknownNameError
 from nerfnav.export.occupancy_map import ENDINGS, map_files
-from nerfnav.field.proof.occupancy_grid import StateGrid, VoxelState
+from nerfnav.field.proof.occupancy_grid import Occupancy, OccupancyGrid
 
-FREE, SOLID, UNPROVEN = VoxelState
+FREE, SOLID, UNPROVEN = Occupancy
 
 
 @pytest.fixture(scope="module")
-def grid() -> StateGrid:
+def grid() -> OccupancyGrid:
     """Voxels of 10 cm: a block, an unproven one, and one solid voxel in the south-western corner."""
     state = np.zeros((20, 15, 8), np.uint8)
     state[4:8, 3:9, 2:6] = SOLID
     state[12:16, 3:9, 2:6] = UNPROVEN
     state[0, 0, 3] = SOLID
-    return StateGrid(state, np.array([-1.0, 2.0, 0.5]), 0.1)
+    return OccupancyGrid(state, np.array([-1.0, 2.0, 0.5]), 0.1)
 
 
-def test_numpy_reads_the_voxels(grid: StateGrid):
+def test_numpy_reads_the_voxels(grid: OccupancyGrid):
     (content,) = map_files(grid, ".npz", "place").values()
     with np.load(io.BytesIO(content), allow_pickle=False) as read:
         assert set(read) == {"state", "lower", "voxel"}
@@ -34,7 +34,7 @@ def test_numpy_reads_the_voxels(grid: StateGrid):
         assert read["voxel"].shape == () and float(read["voxel"]) == 0.1
 
 
-def test_trimesh_reads_closed_meshes_around_what_is_solid_and_what_is_unproven(grid: StateGrid):
+def test_trimesh_reads_closed_meshes_around_what_is_solid_and_what_is_unproven(grid: OccupancyGrid):
     (content,) = map_files(grid, ".glb", "place").values()
     scene = trimesh.load(io.BytesIO(content), file_type="glb")
     assert set(scene.geometry) == {"solid", "unproven"}
@@ -49,7 +49,7 @@ def test_trimesh_reads_closed_meshes_around_what_is_solid_and_what_is_unproven(g
     assert unproven.contains(points).tolist() == [False, True, False, False, False]
 
 
-def test_in_the_gltf_up_is_y_as_its_standard_wants(grid: StateGrid):
+def test_in_the_gltf_up_is_y_as_its_standard_wants(grid: OccupancyGrid):
     (content,) = map_files(grid, ".glb", "place").values()
     whole = trimesh.load(io.BytesIO(content), file_type="glb").to_mesh()
     low, high = whole.bounds
@@ -57,8 +57,8 @@ def test_in_the_gltf_up_is_y_as_its_standard_wants(grid: StateGrid):
     assert [low[2], high[2]] == pytest.approx([-2.9, -2.0], abs=0.06)  # our -y
 
 
-def test_a_place_where_all_is_free_is_an_empty_gltf(grid: StateGrid):
-    (content,) = map_files(StateGrid(np.zeros((3, 3, 3), np.uint8), grid.lower, 0.1), ".glb", "place").values()
+def test_a_place_where_all_is_free_is_an_empty_gltf(grid: OccupancyGrid):
+    (content,) = map_files(OccupancyGrid(np.zeros((3, 3, 3), np.uint8), grid.lower, 0.1), ".glb", "place").values()
     assert not trimesh.load(io.BytesIO(content), file_type="glb").geometry
 
 
@@ -74,7 +74,7 @@ def served(files: dict[str, bytes], name: str) -> tuple[np.ndarray, dict]:
     return cells[::-1], settings
 
 
-def test_ros_reads_a_layer_with_the_right_side_up(grid: StateGrid):
+def test_ros_reads_a_layer_with_the_right_side_up(grid: OccupancyGrid):
     for ending in (".pgm", ".yaml"):
         files = map_files(grid, ending, "place", height=0.85)
         assert set(files) == {"place.pgm", "place.yaml"}
@@ -90,12 +90,12 @@ def test_ros_reads_a_layer_with_the_right_side_up(grid: StateGrid):
         assert cells.shape == (15, 20)
 
 
-def test_a_name_may_be_anything_that_a_file_can_be_called(grid: StateGrid):
+def test_a_name_may_be_anything_that_a_file_can_be_called(grid: OccupancyGrid):
     cells, settings = served(map_files(grid, ".pgm", 'my: "flat" # é'), 'my: "flat" # é.yaml')
     assert settings["image"] == 'my: "flat" # é.pgm' and cells.shape == (15, 20)
 
 
-def test_pictures_have_the_shades_that_ros_uses_and_the_middle_layer_is_the_default(grid: StateGrid):
+def test_pictures_have_the_shades_that_ros_uses_and_the_middle_layer_is_the_default(grid: OccupancyGrid):
     files = map_files(grid, ".pgm", "place")
     picture = cv2.imdecode(np.frombuffer(files["place.pgm"], np.uint8), cv2.IMREAD_UNCHANGED)
     assert set(np.unique(picture)) == {0, 205, 254}
@@ -103,7 +103,7 @@ def test_pictures_have_the_shades_that_ros_uses_and_the_middle_layer_is_the_defa
     assert np.array_equal(picture == 0, (grid.state[..., 4] == SOLID).T[::-1])
 
 
-def test_unknown_endings_and_heights_that_make_no_sense_are_refused(grid: StateGrid):
+def test_unknown_endings_and_heights_that_make_no_sense_are_refused(grid: OccupancyGrid):
     with pytest.raises(UnknownNameError, match=r"'.ply'; known are: .glb, .npz, .pgm, .yaml"):
         map_files(grid, ".ply", "place")
     with pytest.raises(InvalidInputError, match="no slice at 9 m"):

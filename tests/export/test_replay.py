@@ -14,7 +14,7 @@ from nerfnav.export.recording import Recording
 from nerfnav.export.replay import Surface, replay
 from nerfnav.geometry import to_srgb
 from nerfnav.robots.quadrotor import Quadrotor
-from nerfnav_app.places.surface_glb import unlit_glb
+from nerfnav_app.places.surface_glb import encode_textured_glb
 from tests.export.flights import flight, flown, plan
 from tests.field.fields import painted
 
@@ -33,7 +33,7 @@ COLORS = (127 + 60 * BALL.vertices).astype(np.uint8)
 
 def surface_glb() -> bytes:
     """A coloured ball."""
-    return unlit_glb(painted(BALL, COLORS))
+    return encode_textured_glb(painted(BALL, COLORS))
 
 
 def test_the_page_shows_what_was_flown() -> None:
@@ -57,7 +57,7 @@ def test_a_page_needs_nothing_from_anywhere_and_names_cannot_break_out_of_its_sc
 
 def test_the_place_stands_in_the_page_as_it_is() -> None:
     glb = surface_glb()
-    packed = shown(flight().standing_in(glb))["surface"]
+    packed = shown(flight().with_surface(glb))["surface"]
     assert set(packed) == {"points", "colors", "triangles", "low", "size"}
     surface = Surface.of_glb(glb)
     np.testing.assert_allclose(surface.points, BALL.vertices, atol=1e-6)

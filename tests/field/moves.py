@@ -8,7 +8,7 @@ import torch
 from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State
 from nerfnav.field.core.protocol import Field
 from nerfnav.field.edit.conservative_occupancy import is_solid
-from nerfnav.field.edit.move import moved
+from nerfnav.field.edit.move import move_field
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.surroundings import SPAN, Surroundings
 from nerfnav.field.render.volume_rendering import render_image
@@ -57,7 +57,7 @@ def change(tilt: tuple[float, float, float] = (0.0, 0.0, 0.0), scale: float = 1.
 
 def after(field: VoxelField, similarity: Similarity) -> VoxelField:
     """The field once it is moved."""
-    *_, last = moved(field, similarity)
+    *_, last = move_field(field, similarity)
     assert isinstance(last.field, VoxelField)
     return last.field
 

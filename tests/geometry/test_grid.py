@@ -3,7 +3,7 @@
 import torch
 
 from nerfnav.geometry.box import Box
-from nerfnav.geometry.grid import node_positions, shape_for, spacing_of, trilinear, with_neighbours
+from nerfnav.geometry.grid import dilate_nodes, node_positions, shape_for, spacing_of, trilinear
 
 BOX = Box.of((-1, 0, 2), (1, 3, 2.5))
 
@@ -50,6 +50,6 @@ def test_interpolation_has_right_first_and_second_derivatives():
 def test_neighbours_along_axes_and_diagonals_are_chosen_too():
     chosen = torch.zeros(5, 6, 7, dtype=torch.bool)
     chosen[0, 3, 3] = True
-    found = with_neighbours(chosen)
+    found = dilate_nodes(chosen)
     assert found[:2, 2:5, 2:5].all()
     assert found.sum() == 2 * 3 * 3

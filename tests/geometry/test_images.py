@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from nerfnav.geometry.camera import Camera, Pose
-from nerfnav.geometry.images import PosedImages, picture_file, psnr_db, reduced
+from nerfnav.geometry.images import PosedImages, downsample_image, encode_image, psnr_db
 
 
 def test_a_subset_keeps_images_and_poses_together():
@@ -23,7 +23,7 @@ def test_a_subset_keeps_images_and_poses_together():
 
 def test_a_picture_in_a_file_is_the_same_as_png_and_nearly_so_as_jpeg():
     across = np.linspace(0, 255, 24 * 32 * 3).reshape(24, 32, 3).astype(np.uint8)
-    for content, most in ((picture_file(across), 0), (picture_file(across, jpeg_quality=95), 8)):
+    for content, most in ((encode_image(across), 0), (encode_image(across, jpeg_quality=95), 8)):
         again = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
         assert again is not None
         assert np.abs(again[..., ::-1].astype(int) - across).max() <= most
@@ -31,7 +31,7 @@ def test_a_picture_in_a_file_is_the_same_as_png_and_nearly_so_as_jpeg():
 
 def test_each_pixel_of_a_reduced_picture_is_the_mean_over_its_area():
     image = torch.arange(4 * 6 * 3, dtype=torch.uint8).reshape(4, 6, 3)
-    small = reduced(image, Camera.from_fov(3, 2, 60))
+    small = downsample_image(image, Camera.from_fov(3, 2, 60))
     expected = image.float().reshape(2, 2, 3, 2, 3).mean((1, 3)) / 255
     torch.testing.assert_close(small, expected.reshape(-1, 3))
 

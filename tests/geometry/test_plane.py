@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry.plane import found_plane, plane_through
+from nerfnav.geometry.plane import fit_plane, plane_through
 
 
 def _random(*shape: int) -> torch.Tensor:
@@ -34,7 +34,7 @@ def test_a_tilted_floor_is_found_under_a_table_and_beside_a_wall() -> None:
     table = torch.cat([_random(1200, 2), torch.full((1200, 1), 1.4).double()], 1)
     wall = torch.stack([torch.full((2500,), 2.0).double(), 4 * _random(2500, 2)[:, 0] - 2, 0.5 + 2 * _random(2500)], 1)
     points = torch.cat([floor, table, wall])
-    found = found_plane(points, torch.tensor([0.0, 0.0, 1.0]), torch.Generator().manual_seed(0))
+    found = fit_plane(points, torch.tensor([0.0, 0.0, 1.0]), torch.Generator().manual_seed(0))
     assert found is not None
     expected = torch.nn.functional.normalize(torch.tensor([-0.1, 0.0, 1.0], dtype=torch.float64), dim=0)
     assert torch.rad2deg(torch.acos((found.normal @ expected).clamp(-1, 1))) < 0.3
@@ -43,5 +43,5 @@ def test_a_tilted_floor_is_found_under_a_table_and_beside_a_wall() -> None:
 
 def test_no_floor_is_found_where_nothing_is_level() -> None:
     up, generator = torch.tensor([0.0, 0.0, 1.0]), torch.Generator().manual_seed(0)
-    assert found_plane(_random(3000, 3), up, generator) is None
-    assert found_plane(torch.zeros(2, 3), up, generator) is None
+    assert fit_plane(_random(3000, 3), up, generator) is None
+    assert fit_plane(torch.zeros(2, 3), up, generator) is None

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from nerfnav.geometry.color import before_tone_mapping, to_linear, to_srgb, tone_mapped
+from nerfnav.geometry.color import invert_tone_map, to_linear, to_srgb, tone_map
 
 
 def shown(srgb: np.ndarray) -> np.ndarray:
     """What a viewer displays for the light that should be displayed as sRGB bytes."""
-    return 255 * to_srgb(tone_mapped(before_tone_mapping(to_linear(srgb / 255))))
+    return 255 * to_srgb(tone_map(invert_tone_map(to_linear(srgb / 255))))
 
 
 def test_greys_are_displayed_as_three_js_displays_them():
     grey = to_linear(np.repeat([[40.0], [120], [200], [255]], 3, axis=1) / 255)
-    np.testing.assert_allclose(255 * to_srgb(tone_mapped(grey))[:, 0], [22, 130, 204, 226], atol=1)
+    np.testing.assert_allclose(255 * to_srgb(tone_map(grey))[:, 0], [22, 130, 204, 226], atol=1)
 
 
 def test_colours_of_photographs_are_displayed_as_they_are():

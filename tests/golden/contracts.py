@@ -33,7 +33,8 @@ EXAMPLES = {
 
 def enums() -> dict[str, dict[str, Any]]:
     """The names of every enum that is written, with their values, in their order."""
-    return {kind.__name__: {entry.name: entry.value for entry in kind} for kind in p.ENUMS}
+    values = {kind.__name__: {entry.name: entry.value for entry in kind} for kind in p.ENUMS}
+    return {p.ENUM_NAMES.get(name, name): found for name, found in values.items()}
 
 
 def registered() -> dict[str, list[str]]:

@@ -35,7 +35,7 @@ def recordings(data: Path, field: Any) -> dict[str, p.Recording]:
     """The recordings that are exported, read from the golden runs."""
     flight = replace(p.read_run(data / "runs" / "flight"), datum=DATUM)
     plan = replace(p.read_run(data / "plan"), datum=DATUM, title="a plan")
-    return {"flight": flight, "plan": plan.planned_in(field), "plan without a field": plan}
+    return {"flight": flight, "plan": plan.with_field(field), "plan without a field": plan}
 
 
 def wanted(recording: p.Recording) -> dict[str, Any]:

@@ -82,11 +82,11 @@ def flight_requests() -> dict[str, tuple[str, p.FlyRequest]]:
     again = p.PlanConfig(iterations=3)
     start = p.Pose(p.so3.from_yaw(torch.tensor(2.4)), torch.tensor([0.55, -0.45, 0.45]))
 
-    def carried_away(step: int) -> p.Orders:
-        return p.Orders(carried=start) if step == 3 else p.Orders()
+    def sample_kidnap_pose(step: int) -> p.OperatorRequests:
+        return p.OperatorRequests(carried=start) if step == 3 else p.OperatorRequests()
 
-    def disturbed(step: int) -> p.Orders:
-        return p.Orders(gust=p.StateNoise(0.05, 0.3, 0.05, 0.3)) if step == 4 else p.Orders()
+    def disturbed(step: int) -> p.OperatorRequests:
+        return p.OperatorRequests(gust=p.StateNoise(0.05, 0.3, 0.05, 0.3)) if step == 4 else p.OperatorRequests()
 
     def route(**changes: Any) -> p.PlanRequest:
         return p.PlanRequest(**{"ends": _SHORT, "steps": 10} | changes)
@@ -101,7 +101,7 @@ def flight_requests() -> dict[str, tuple[str, p.FlyRequest]]:
         )),
         "open loop": ("quadrotor", p.FlyRequest(route(), open_loop=True, seed=3)),
         "carried away and found again": ("quadrotor", p.FlyRequest(
-            route(), seed=4, orders=p.ordered(carried_away), config=p.NavigateConfig(timeout_factor=1.5),
+            route(), seed=4, orders=p.ordered(sample_kidnap_pose), config=p.NavigateConfig(timeout_factor=1.5),
         )),
         "wheels": ("diffdrive", p.FlyRequest(route(ends=_GROUND, steps=18), seed=5)),
     }  # fmt: skip

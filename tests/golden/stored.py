@@ -101,7 +101,7 @@ def _inside(path: Path, folder: Path) -> str:
 
 def robot_told(path: Path) -> dict[str, Any]:
     """What a robot's file describes, all its numbers told, and the robot that is made of it."""
-    told, _ = p.described(str(path))
+    told, _ = p.describe_robot(str(path))
     return {"yaml": p.to_yaml(told).decode(), "robot": p.numbers_of_robot(p.robots.load(str(path)))}
 
 

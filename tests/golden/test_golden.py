@@ -99,7 +99,7 @@ def test_each_step_of_a_stored_flight_is_written_again_letter_by_letter(name: st
     assert len(lines) == len(steps)
     for line, step in zip(lines, steps, strict=True):
         picture = None if step.image is None else f"pictures/{step.index:05}.jpg"
-        assert json.dumps(p.content_of(step) | {"picture": picture}) == line
+        assert json.dumps(p.encode_step(step) | {"picture": picture}) == line
 
 
 @pytest.mark.parametrize("name", ["flight", "outcomes"])
@@ -110,13 +110,16 @@ def test_what_is_known_of_a_flight_is_written_again_letter_by_letter(name: str, 
 
 def test_the_store_lists_the_golden_flights_with_their_outcomes_and_steps() -> None:
     entries = {entry.name: (entry.outcome, entry.steps) for entry in p.RunStore(stored.RUNS).entries()}
-    assert entries == {"flight": ("collided", len(p.Recovery) + 4), "outcomes": ("stopped", len(p.EpisodeOutcome) - 1)}
+    assert entries == {
+        "flight": ("collided", len(p.SupervisorState) + 4),
+        "outcomes": ("stopped", len(p.EpisodeOutcome) - 1),
+    }
 
 
 def test_the_golden_flights_hold_every_recovery_and_every_outcome() -> None:
     recoveries = [step.recovery for step in p.read_steps(stored.RUNS / "flight")]
     outcomes = [step.outcome for step in p.read_steps(stored.RUNS / "outcomes")]
-    assert set(recoveries) == {None, *p.Recovery}
+    assert set(recoveries) == {None, *p.SupervisorState}
     assert outcomes == list(p.EpisodeOutcome)
 
 

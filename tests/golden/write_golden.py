@@ -23,10 +23,10 @@ def write_fields() -> None:
     """Write a field of each codec, the room, fields of earlier versions, and a ground truth."""
     folder = _fresh(stored.FIELDS)
     voxel = folder / "voxel.npz"
-    with p.truth_beside(places.truth_scene(), voxel) as link:
+    with p.write_truth_beside(places.truth_scene(), voxel) as link:
         p.save_field(places.voxel_field(places.info_of("voxel", link.name, link.sha256)), voxel)
     bricks = places.voxel_field(places.info_of("bricks"), (14, 13, 11), seed=6)
-    p.save_field(p.in_bricks(bricks), folder / "bricks.npz")
+    p.save_field(p.convert_to_bricks(bricks), folder / "bricks.npz")
     p.save_field(places.neural_field(places.info_of("neural")), folder / "neural.npz")
     p.save_field(places.room(), folder / "room.npz")
     _write_earlier(voxel, folder)
@@ -71,7 +71,7 @@ def write_runs() -> None:
 
 def _write_flight(name: str, steps: tuple[p.NavigationStep, ...], known: p.RunMetadata) -> None:
     folder = _fresh(stored.RUNS / name)
-    with p.logged(folder, known, p.Episode.metrics) as log:
+    with p.open_step_log(folder, known, p.Episode.metrics) as log:
         assert log is not None, "a folder is given"
         for step in steps:
             log.append(step)
@@ -95,7 +95,7 @@ def write_places() -> None:
     shutil.copy(stored.FIELDS / "bricks.npz", field)
     place = p.KeptPlace(source.parent.name, "My room", source.name, places.DATE, field.name, source.parent)
     p.write_place(place)
-    p.keep_picture(place, p.picture_file(np.full((8, 12, 3), 100, np.uint8), 85))
+    p.keep_picture(place, p.encode_image(np.full((8, 12, 3), 100, np.uint8), 85))
     p.keep_robot(library, stored.ROBOTS / "settee.yaml")
     stored.write("places.json", stored.places_told(folder))
 

@@ -14,7 +14,7 @@ import trimesh
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import save_field
 from nerfnav.geometry.box import Box
-from nerfnav.importers.core.errors import WrongKindError, wrong_kind
+from nerfnav.importers.core.errors import WrongKindError, wrong_kind_error
 from nerfnav.importers.core.kinds import SourceKind, field_name
 from nerfnav.importers.detect import source_kind
 from nerfnav.importers.splats.formats import load_splats
@@ -134,15 +134,17 @@ def test_names_of_scenes_come_first_and_what_is_not_there_is_missing(
     ],
 )
 def test_the_right_command_is_named_for_a_wrong_kind(name: str, kind: SourceKind, told: str) -> None:
-    error = wrong_kind(name, kind, "a field")
+    error = wrong_kind_error(name, kind, "a field")
     assert isinstance(error, WrongKindError) and told in str(error) and "\n" not in str(error)
 
 
 def test_what_is_of_no_kind_is_told_by_its_first_bytes(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(b"\x89PNG\r\n\x1a\n")
-    assert "is not a field: it is a PNG picture" in str(wrong_kind(tmp_path / "a.bin", SourceKind.UNKNOWN, "a field"))
+    assert "is not a field: it is a PNG picture" in str(
+        wrong_kind_error(tmp_path / "a.bin", SourceKind.UNKNOWN, "a field")
+    )
     (tmp_path / "b.jpg").touch()
-    assert "a folder of pictures without poses" in str(wrong_kind(tmp_path, SourceKind.UNKNOWN, "a field"))
+    assert "a folder of pictures without poses" in str(wrong_kind_error(tmp_path, SourceKind.UNKNOWN, "a field"))
 
 
 def test_fields_are_called_as_their_sources(tmp_path: Path) -> None:

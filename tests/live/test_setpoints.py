@@ -5,7 +5,14 @@ import pytest
 import torch
 
 from nerfnav.live.answer import Guidance, Order
-from nerfnav.live.setpoints import Guided, change, expected, half_a_step_back, knots, setpoints_of
+from nerfnav.live.setpoints import (
+    GuidedVehicle,
+    compute_guided_action,
+    knots,
+    predict_guided,
+    setpoints_of,
+    shift_half_step_back,
+)
 from nerfnav.planner import PlanProblem, last_step, plan_fast
 from nerfnav.robots import Motion, Quadrotor, RigidState
 from tests.planner.halls import Building, field_of
@@ -20,7 +27,7 @@ def guidance() -> Guidance:
     begun = RigidState.at_rest((0.5, 1.0, 1.0))
     start = RigidState(begun.position, torch.tensor([0.8, 0.2, 0.0]), begun.rotation, begun.body_rate)
     goal = RigidState.at_rest((2.4, 1.3, 1.2), 0.7)
-    motion = last_step(plan_fast(PlanProblem(field, ROBOT, half_a_step_back(start, H), goal, 20, H))).motion
+    motion = last_step(plan_fast(PlanProblem(field, ROBOT, shift_half_step_back(start, H), goal, 20, H))).motion
     return Guidance(Order.FOLLOW, "", setpoints_of(motion, 5.0))
 
 
@@ -60,17 +67,22 @@ def test_the_knots_are_those_of_a_cubic_b_spline() -> None:
 
 def test_a_vehicle_that_follows_is_predicted_exactly(guidance: Guidance) -> None:
     for start, end in ((5.1, 5.2), (5.33, 5.37), (5.5, 6.0)):
-        before, after = expected(guidance, start, True), expected(guidance, end, True)
-        action = change(guidance, start, end, flies=True)
+        before, after = predict_guided(guidance, start, True), predict_guided(guidance, end, True)
+        action = compute_guided_action(guidance, start, end, flies=True)
         assert before is not None and after is not None and action is not None
-        np.testing.assert_allclose(Guided().step(before, action, end - start).local(after), torch.zeros(12), atol=2e-5)
+        np.testing.assert_allclose(
+            GuidedVehicle().step(before, action, end - start).local(after), torch.zeros(12), atol=2e-5
+        )
         thrust = torch.tensor([0.0, 0.0, 9.81]) + torch.tensor(guidance.at(start).acceleration)  # pyright: ignore
         np.testing.assert_allclose(before.rotation[:, 2], thrust / thrust.norm(), atol=1e-5)
 
 
 def test_one_that_holds_is_predicted_to_go_on() -> None:
-    assert change(Guidance(Order.HOLD, ""), 0.0, 1.0, True) is None and change(None, 0.0, 1.0, True) is None
+    assert (
+        compute_guided_action(Guidance(Order.HOLD, ""), 0.0, 1.0, True) is None
+        and compute_guided_action(None, 0.0, 1.0, True) is None
+    )
     state = RigidState(torch.zeros(3), torch.tensor([1.0, 0, 0]), torch.eye(3), torch.tensor([0, 0, 0.5]))
-    moved = Guided().step(state, Guided().hold(state, 0.1), 0.1)
+    moved = GuidedVehicle().step(state, GuidedVehicle().hold(state, 0.1), 0.1)
     np.testing.assert_allclose(moved.position, [0.1, 0, 0])
     np.testing.assert_allclose(moved.body_rate, [0, 0, 0.5])

@@ -9,9 +9,9 @@ from torch import Tensor
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
 from nerfnav.estimator.core.prediction import predict
-from nerfnav.navigation.flight import Mission
+from nerfnav.navigation.flight import FlightRequest
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import StateNoise
@@ -20,7 +20,7 @@ from nerfnav.robots.state import Motion, RigidState
 
 ROBOT = Quadrotor()
 START, GOAL = RigidState.at_rest((-0.4, 0.0, 0.3)), RigidState.at_rest((0.4, 0.1, 0.3))
-MISSION = Mission(GOAL, steps=12)
+MISSION = FlightRequest(GOAL, steps=12)
 CALM = StateNoise(0.002, 0.001, 0.002, 0.001)
 COST = PlanCost(0.0, 1.0, 0.0)
 
@@ -59,7 +59,7 @@ class StraightPlanner:
     def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
         self.starts.append(route.start)
         self.horizons.append(route.steps)
-        rest = hot_start(last, route.start, route.goal, ROBOT, executed=executed, steps=route.steps)
+        rest = shift_warm_start(last, route.start, route.goal, ROBOT, executed=executed, steps=route.steps)
         yield from self._steps(rest, PlanOutcome.CONVERGED)
 
     def _steps(self, trajectory: Trajectory, outcome: PlanOutcome) -> Iterator[PlanStep]:

@@ -6,14 +6,14 @@ import torch
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.camera import Pose
-from nerfnav.navigation.simulator import CarryConfig, carried_away
+from nerfnav.navigation.simulator import KidnapConfig, sample_kidnap_pose
 from nerfnav.robots.couch import Couch
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import draws, simulator
 
 BOX = Box.of((-2, -2, 0), (2, 2, 1))
 HERE = RigidState.at_rest((0.1, 0.2, 0.5), 0.3)
-CONFIG = CarryConfig()
+CONFIG = KidnapConfig()
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -21,7 +21,7 @@ def test_a_robot_is_put_down_near_where_it_fits(seed: int) -> None:
     def fits(state: RigidState) -> bool:
         return bool(state.position[0] > 0.3)
 
-    pose = carried_away(HERE, BOX, fits, draws(seed))
+    pose = sample_kidnap_pose(HERE, BOX, fits, draws(seed))
     assert pose is not None and pose.position[0] > 0.3 and BOX.contains(pose.position)
     assert CONFIG.nearest <= (pose.position - HERE.position).norm() <= CONFIG.farthest + CONFIG.rise
     turned = so3.local(HERE.rotation, pose.rotation)
@@ -32,12 +32,12 @@ def test_where_it_fits_nowhere_near_it_is_carried_farther() -> None:
     def fits(state: RigidState) -> bool:
         return bool((state.position - HERE.position).norm() > 1.5)
 
-    pose = carried_away(HERE, BOX, fits, draws(0))
+    pose = sample_kidnap_pose(HERE, BOX, fits, draws(0))
     assert pose is not None and fits(RigidState(pose.position, torch.zeros(3), pose.rotation, torch.zeros(3)))
 
 
 def test_where_it_fits_nowhere_it_is_not_carried() -> None:
-    assert carried_away(HERE, BOX, lambda _: False, draws(0), CarryConfig(tries=5)) is None
+    assert sample_kidnap_pose(HERE, BOX, lambda _: False, draws(0), KidnapConfig(tries=5)) is None
 
 
 def test_a_robot_that_is_carried_moves_on_in_its_own_axes() -> None:

@@ -9,10 +9,10 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.flight import NavigateConfig, Orders, Pilot
+from nerfnav.navigation.flight import NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.navigation.supervisor import Recovery
+from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.robots.state import RigidState
 from tests.navigation.doubles import CALM, MISSION, Oracle, StraightPlanner, draws, simulator
 
@@ -20,7 +20,9 @@ from tests.navigation.doubles import CALM, MISSION, Oracle, StraightPlanner, dra
 @pytest.fixture(scope="module")
 def flight() -> list[NavigationStep]:
     world = simulator(contact=lambda before, after: bool(before.position[0] < 0 <= after.position[0]))
-    events = navigate(MISSION, world, Pilot(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM), draws(1))
+    events = navigate(
+        MISSION, world, NavigationStack(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM), draws(1)
+    )
     return [event for event in events if isinstance(event, NavigationStep)]
 
 
@@ -47,8 +49,8 @@ def test_an_episode_stacks_a_flight_over_time(flight: list[NavigationStep]):
 
 def test_the_last_goal_of_a_flight_is_what_it_missed() -> None:
     world, there = simulator(), RigidState.at_rest((-0.3, 0.6, 0.4))
-    mission = replace(MISSION, orders=lambda: Orders(goal=there))
-    pilot, config = Pilot(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM, noise=CALM)
+    mission = replace(MISSION, orders=lambda: OperatorRequests(goal=there))
+    pilot, config = NavigationStack(StraightPlanner(), Oracle(world)), NavigateConfig(initial=CALM, noise=CALM)
     steps = [step for step in navigate(mission, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
     episode = Episode.of(steps)
     assert episode.outcome is EpisodeOutcome.REACHED
@@ -61,7 +63,7 @@ def test_a_robot_that_holds_in_the_end_was_to_arrive_where_it_was_going_before(f
     last = flight[-1]
     rest = replace(last.plan, states=last.plan.states.map(lambda part: part.flip(0)))
     nowhere = replace(last.plan, states=last.plan.states.map(lambda part: part * torch.nan))
-    for end in (replace(last, plan=rest, recovery=Recovery.WIDENED), replace(last, plan=nowhere)):
+    for end in (replace(last, plan=rest, recovery=SupervisorState.WIDENED), replace(last, plan=nowhere)):
         torch.testing.assert_close(Episode.of([*flight[:-1], end]).goal.position, MISSION.goal.position)
 
 

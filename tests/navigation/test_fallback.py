@@ -7,11 +7,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from nerfnav.navigation.fallback import Guard
-from nerfnav.navigation.flight import Mission, NavigateConfig, Pilot
+from nerfnav.navigation.fallback import SafetyFilter
+from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.steps import Doubt, EpisodeOutcome, NavigationStep
-from nerfnav.navigation.supervisor import Recovery
+from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep, SupervisorMemory
+from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
@@ -59,7 +59,7 @@ def planned(start: RigidState, outcome: PlanOutcome) -> PlanStep:
 
 def test_beside_a_good_plan_there_is_a_way_to_brake_and_the_plan_is_flown():
     start = moving(-0.7, 0.6, 1.0)
-    backup, taken = Guard(CLOSED, ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
+    backup, taken = SafetyFilter(CLOSED, ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
     assert backup.safe and not taken and backup.bound < 0.01
     states = backup.motion.states
     assert states.velocity[-1].norm() < 0.1 and torch.equal(states.position[0], start.position)
@@ -69,20 +69,20 @@ def test_beside_a_good_plan_there_is_a_way_to_brake_and_the_plan_is_flown():
 
 
 def test_in_place_of_a_plan_through_a_wall_the_robot_brakes():
-    backup, taken = Guard(CLOSED, ROBOT).beside(planned(moving(-0.7, 0.6, 1.0), PlanOutcome.IN_COLLISION), 0.1)
+    backup, taken = SafetyFilter(CLOSED, ROBOT).beside(planned(moving(-0.7, 0.6, 1.0), PlanOutcome.IN_COLLISION), 0.1)
     assert taken and backup.safe and backup.motion.states.position[:, 0].max() < -0.2
 
 
 def test_what_cannot_brake_before_a_wall_evades_upwards():
     start = moving(-0.5, 0.38, 1.2)
-    straight, _ = Guard(Sill(), ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
+    straight, _ = SafetyFilter(Sill(), ROBOT).beside(planned(start, PlanOutcome.CONVERGED), 0.1)
     assert not straight.safe
-    backup, taken = Guard(Sill(), ROBOT).beside(planned(start, PlanOutcome.LIKELY_COLLISION), 0.1)
+    backup, taken = SafetyFilter(Sill(), ROBOT).beside(planned(start, PlanOutcome.LIKELY_COLLISION), 0.1)
     assert taken and backup.safe and backup.motion.states.position[-1, 2] > 0.47
 
 
 def test_a_backup_that_is_not_safe_is_not_flown():
-    backup, taken = Guard(CLOSED, ROBOT).beside(planned(moving(-0.3, 0.6, 2.5), PlanOutcome.IN_COLLISION), 0.1)
+    backup, taken = SafetyFilter(CLOSED, ROBOT).beside(planned(moving(-0.3, 0.6, 2.5), PlanOutcome.IN_COLLISION), 0.1)
     assert not taken and not backup.safe and backup.bound > 0.5
 
 
@@ -91,10 +91,10 @@ def test_a_blocked_robot_holds_and_goes_on_when_there_is_a_way_again(guarded: bo
     world = simulator()
     world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
     wall, planner = Wall(door=0.0, thickness=0.02), Blocked(blocked=range(3, 6))
-    pilot = Pilot(planner, Oracle(world), guard=Guard(wall, ROBOT) if guarded else None)
-    events = navigate(Mission(GOAL, steps=16), world, pilot, CONFIG, draws(0))
+    pilot = NavigationStack(planner, Oracle(world), guard=SafetyFilter(wall, ROBOT) if guarded else None)
+    events = navigate(FlightRequest(GOAL, steps=16), world, pilot, CONFIG, draws(0))
     steps = [event for event in events if isinstance(event, NavigationStep)]
-    held = [step.index for step in steps if step.recovery is Recovery.BACKUP]
+    held = [step.index for step in steps if step.recovery is SupervisorState.BACKUP]
     assert held == ([3, 4, 5] if guarded else [])
     assert all((step.backup is not None) is guarded for step in steps[1:])
     assert steps[-1].outcome is EpisodeOutcome.REACHED
@@ -105,10 +105,10 @@ def test_a_blocked_robot_holds_and_goes_on_when_there_is_a_way_again(guarded: bo
 def test_a_robot_without_a_way_on_does_not_doubt_where_it_is():
     world = simulator()
     world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
-    pilot = Pilot(Blocked(blocked=range(1, 3)), Oracle(world), guard=Guard(CLOSED, ROBOT))
-    events = navigate(Mission(GOAL, steps=16), world, pilot, CONFIG, draws(0))
+    pilot = NavigationStack(Blocked(blocked=range(1, 3)), Oracle(world), guard=SafetyFilter(CLOSED, ROBOT))
+    events = navigate(FlightRequest(GOAL, steps=16), world, pilot, CONFIG, draws(0))
     steps = [event for event in events if isinstance(event, NavigationStep)][:3]
-    doubt = Doubt(steps[0].plan)
+    doubt = SupervisorMemory(steps[0].plan)
     for step in steps[1:]:
         doubt = doubt.after(step)
     assert doubt.held == 2 and doubt.unsure == doubt.lost == 0
@@ -118,9 +118,9 @@ def test_a_robot_does_not_take_off_where_no_way_is_safe_enough_and_says_what_the
     def flown(most: float) -> list[NavigationStep]:
         world = simulator()
         world.state = RigidState.at_rest((-0.6, 0.5, 0.6))
-        pilot = Pilot(StraightPlanner(), Oracle(world), guard=Guard(CLOSED, ROBOT))
+        pilot = NavigationStack(StraightPlanner(), Oracle(world), guard=SafetyFilter(CLOSED, ROBOT))
         config = replace(CONFIG, most_hits=most)
-        events = navigate(Mission(GOAL, steps=16), world, pilot, config, draws(0))
+        events = navigate(FlightRequest(GOAL, steps=16), world, pilot, config, draws(0))
         return [event for event in events if isinstance(event, NavigationStep)]
 
     (start,) = flown(0.5)

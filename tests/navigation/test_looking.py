@@ -8,12 +8,12 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import so3
-from nerfnav.navigation.flight import NavigateConfig, Pilot
-from nerfnav.navigation.looking import Turning, side_of
+from nerfnav.navigation.flight import NavigateConfig, NavigationStack
+from nerfnav.navigation.looking import YawRateCommand, side_of
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.navigation.supervisor import Recovery, RecoveryConfig, come_to_rest
-from nerfnav.planner.visibility import seeing
+from nerfnav.navigation.supervisor import SupervisorConfig, SupervisorState, come_to_rest
+from nerfnav.planner.visibility import find_best_turn
 from nerfnav.robots import RigidState
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
 from tests.planner.objective.test_default_ends import field_of
@@ -31,7 +31,7 @@ def test_a_robot_that_sees_nothing_turns_the_shorter_way_to_the_middle_of_the_pl
 @pytest.mark.parametrize("aim", [0.3, -1.5, 3.0])
 def test_a_robot_turns_to_a_heading_quickly_and_stays_there(aim: float) -> None:
     start = RigidState.at_rest((0.0, 0.0, 0.5))
-    motion = come_to_rest(ROBOT, start, 20, 0.1, Turning(aim, 6.0, 2.5, 0.1))
+    motion = come_to_rest(ROBOT, start, 20, 0.1, YawRateCommand(aim, 6.0, 2.5, 0.1))
     yaws = so3.yaw_of(motion.states.rotation)
     assert motion.states.body_rate[:, 2].abs().max() < 6.01
     off = ((yaws - aim + math.pi) % math.tau - math.pi).abs()
@@ -43,7 +43,7 @@ def test_a_robot_turns_to_a_heading_quickly_and_stays_there(aim: float) -> None:
 def flown(place: VoxelField, in_sight: float = 0.4) -> list[NavigationStep]:
     """A flight of a robot that begins by looking to the east."""
     world = simulator()
-    pilot = Pilot(StraightPlanner(), Oracle(world), seen=place)
+    pilot = NavigationStack(StraightPlanner(), Oracle(world), seen=place)
     config = NavigateConfig(initial=CALM, noise=CALM, in_sight=in_sight)
     return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
 
@@ -51,8 +51,12 @@ def flown(place: VoxelField, in_sight: float = 0.4) -> list[NavigationStep]:
 def test_a_robot_that_should_see_nothing_from_where_it_stands_turns_before_it_leaves() -> None:
     behind = field_of(_PLACE, ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0)), spacing=0.05)
     steps = flown(behind)
-    assert steps[0].recovery is Recovery.BLIND and steps[0].plan.states.velocity.norm(dim=-1).max() < 0.1
-    assert seeing(behind, steps[0].plan.states[-1], 0.4)[0] > 0.5 > seeing(behind, steps[0].plan.states[0], 0.4)[0]
+    assert steps[0].recovery is SupervisorState.BLIND and steps[0].plan.states.velocity.norm(dim=-1).max() < 0.1
+    assert (
+        find_best_turn(behind, steps[0].plan.states[-1], 0.4)[0]
+        > 0.5
+        > find_best_turn(behind, steps[0].plan.states[0], 0.4)[0]
+    )
     assert not steps[1].holds, "a picture has said where it is"
     assert steps[-1].outcome is EpisodeOutcome.REACHED
 
@@ -69,4 +73,4 @@ def test_a_robot_that_should_see_something_leaves_at_once_and_so_does_one_that_n
 ])  # fmt: skip
 def test_a_rate_to_turn_with_or_a_spread_that_is_none_is_refused_by_name(name: str, rate: float) -> None:
     with pytest.raises(InvalidInputError, match=name):
-        RecoveryConfig(**{name: rate})
+        SupervisorConfig(**{name: rate})

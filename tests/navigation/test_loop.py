@@ -11,13 +11,13 @@ from torch import Tensor
 from nerfnav.core.errors import OccupiedError
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
-from nerfnav.estimator.schmidt_kalman import LastingError
+from nerfnav.estimator.schmidt_kalman import ConsiderCovariance
 from nerfnav.geometry import so3
-from nerfnav.navigation.flight import Mission, NavigateConfig, Orders, Pilot
+from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
-from nerfnav.navigation.supervisor import Recovery
+from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner.space.ends import fits
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Route
@@ -33,11 +33,11 @@ def fly(
     planner: StraightPlanner | None = None,
     world: Simulator | None = None,
     config: NavigateConfig = CONFIG,
-    mission: Mission = MISSION,
+    mission: FlightRequest = MISSION,
     lost: FilterOutcome = FilterOutcome.UPDATED,
 ) -> list[LoopEvent]:
     world = simulator() if world is None else world
-    pilot = Pilot(StraightPlanner() if planner is None else planner, Oracle(world, lost))
+    pilot = NavigationStack(StraightPlanner() if planner is None else planner, Oracle(world, lost))
     return list(navigate(mission, world, pilot, config, draws(1)))
 
 
@@ -58,7 +58,7 @@ class _Told:
 
 def flown_by(says: Callable[[int], FilterOutcome]) -> list[LoopEvent]:
     world = simulator()
-    return list(navigate(MISSION, world, Pilot(StraightPlanner(), _Told(world, says)), CONFIG, draws(1)))
+    return list(navigate(MISSION, world, NavigationStack(StraightPlanner(), _Told(world, says)), CONFIG, draws(1)))
 
 
 def steps_of(events: list[LoopEvent]) -> list[NavigationStep]:
@@ -87,10 +87,10 @@ class _Listening:
 
 def test_what_the_field_is_wrong_by_is_told_and_neither_averages_out_nor_holds_the_robot_up():
     spread = torch.diag(torch.tensor([0.05, 0.06, 0.07, 0.01, 0.02, 0.03]))
-    wrong = LastingError(tuple(spread.square().flatten().tolist()))
+    wrong = ConsiderCovariance(tuple(spread.square().flatten().tolist()))
     world, plain = simulator(), steps_of(fly())
     listening = _Listening(world)
-    pilot = Pilot(StraightPlanner(), listening, lasting=wrong)
+    pilot = NavigationStack(StraightPlanner(), listening, lasting=wrong)
     steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
     assert CONFIG.recovery.widest < 0.05, "so that a robot would hold for ever that took it for what pictures tell"
     assert [step.recovery for step in steps] == [step.recovery for step in plain]
@@ -125,7 +125,7 @@ def test_the_first_belief_is_off_by_what_its_covariance_says():
     errors = []
     for seed in range(200):
         world = simulator()
-        pilot = Pilot(StraightPlanner(), Oracle(world))
+        pilot = NavigationStack(StraightPlanner(), Oracle(world))
         flight = navigate(MISSION, world, pilot, replace(CONFIG, open_loop=True), draws(seed))
         first = next(event for event in flight if isinstance(event, NavigationStep))
         errors.append(first.belief.mean.local(first.truth))
@@ -151,7 +151,7 @@ def test_the_horizon_shrinks_but_never_below_the_minimum():
 
 def test_a_given_first_plan_is_not_planned_again():
     *_, planned = StraightPlanner().plan(Route(START, GOAL, 12))
-    events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), mission=Mission(GOAL, 12, 0.1, planned.motion))
+    events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), mission=FlightRequest(GOAL, 12, 0.1, planned.motion))
     assert [type(event) for event in events[:3]] == [PlanStep, PlanStep, NavigationStep]
     assert steps_of(events)[-1].outcome is EpisodeOutcome.REACHED
 
@@ -186,7 +186,7 @@ def test_pictures_that_say_nothing_do_not_end_the_flight_once_one_has_said_somet
 
 def test_a_robot_looks_around_before_it_leaves_until_a_picture_says_something():
     steps = steps_of(flown_by(lambda index: FilterOutcome.PREDICTED_ONLY if index < 4 else FilterOutcome.UPDATED))
-    assert [step.recovery for step in steps[:7]] == [None, *[Recovery.BLIND] * 4, None, None]
+    assert [step.recovery for step in steps[:7]] == [None, *[SupervisorState.BLIND] * 4, None, None]
     turned = so3.local(START.rotation, steps[4].truth.rotation).norm()
     assert turned > 0.3 and (steps[4].truth.position - START.position).norm() < 0.12, "but for the first action"
     assert steps[-1].outcome is EpisodeOutcome.REACHED
@@ -238,7 +238,7 @@ def test_the_same_seeds_give_the_same_flight():
 def test_the_consumers_time_is_not_counted():
     clock, world = [0.0], simulator()
     mission = replace(MISSION, clock=lambda: clock[0])
-    for event in navigate(mission, world, Pilot(StraightPlanner(), Oracle(world)), CONFIG, draws(1)):
+    for event in navigate(mission, world, NavigationStack(StraightPlanner(), Oracle(world)), CONFIG, draws(1)):
         if isinstance(event, FilterStep):
             clock[0] += 0.5
         if isinstance(event, NavigationStep) and event.index == 1:
@@ -257,9 +257,9 @@ def test_a_goal_that_moves_in_flight_is_flown_to():
     moved = RigidState.at_rest((-0.4, 0.5, 0.3))
     asked = []
 
-    def orders() -> Orders:
+    def orders() -> OperatorRequests:
         asked.append(None)
-        return Orders(goal=moved) if len(asked) > 3 else Orders()
+        return OperatorRequests(goal=moved) if len(asked) > 3 else OperatorRequests()
 
     planner = StraightPlanner()
     steps = steps_of(fly(planner, mission=replace(MISSION, orders=orders)))
@@ -274,7 +274,9 @@ def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is
     in_sight: float, headings: tuple[float, float]
 ) -> None:
     world, wall = simulator(), ((-1.0, -1.0, -1.0), (-0.8, 1.0, 1.0))
-    pilot = Pilot(StraightPlanner(), Oracle(world), seen=field_of(((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), wall))
+    pilot = NavigationStack(
+        StraightPlanner(), Oracle(world), seen=field_of(((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), wall)
+    )
     steps = steps_of(list(navigate(MISSION, world, pilot, replace(CONFIG, in_sight=in_sight), draws(1))))
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     for step in steps:
@@ -288,7 +290,7 @@ def test_plans_end_with_a_heading_in_which_something_is_seen_unless_the_goals_is
 def test_a_goal_is_turned_to_headings_alone_with_which_the_robot_fits_there() -> None:
     box, ahead = ((-1.0, -0.5, -1.0), (0.46, 0.5, 1.0)), ((0.3, -0.5, -1.0), (0.46, -0.3, 1.0))
     world, field = simulator(), field_of(box, ahead)  # 6 cm to the border: enough for a side, too little for a corner
-    pilot = Pilot(StraightPlanner(), Oracle(world), seen=field)
+    pilot = NavigationStack(StraightPlanner(), Oracle(world), seen=field)
     steps = steps_of(list(navigate(MISSION, world, pilot, CONFIG, draws(1))))
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     for step in steps:
@@ -299,9 +301,9 @@ def test_a_gust_pushes_the_robot_once_and_the_filter_sees_it():
     gust = StateNoise(0.3, 0.0, 0.0, 0.0)
     asked = []
 
-    def orders() -> Orders:
+    def orders() -> OperatorRequests:
         asked.append(None)
-        return Orders(gust=gust if len(asked) == 3 else None)
+        return OperatorRequests(gust=gust if len(asked) == 3 else None)
 
     steps = steps_of(fly(mission=replace(MISSION, orders=orders)))
     off = [(step.truth.position - before.plan.states[1].position).norm() for before, step in pairwise(steps)]
@@ -315,7 +317,7 @@ def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leas
     config = NavigateConfig(noise=CALM, leash_m=leash)
     steps = [
         event
-        for event in navigate(MISSION, world, Pilot(planner, Oracle(world)), config, draws(1))
+        for event in navigate(MISSION, world, NavigationStack(planner, Oracle(world)), config, draws(1))
         if isinstance(event, NavigationStep)
     ]
     for before, step, start in zip(steps, steps[1:], planner.starts[1:], strict=False):
@@ -326,11 +328,11 @@ def test_plans_begin_where_the_last_one_led_as_long_as_the_belief_is_on_the_leas
 def test_a_plan_is_moved_to_a_robot_that_is_off_its_leash_with_the_tilt_and_the_rate_that_were_planned() -> None:
     gust, asked, world, planner = StateNoise(0.3, 0.0, 0.0, 0.0), [], simulator(), StraightPlanner()
 
-    def orders() -> Orders:
+    def orders() -> OperatorRequests:
         asked.append(None)
-        return Orders(gust=gust if len(asked) == 4 else None)
+        return OperatorRequests(gust=gust if len(asked) == 4 else None)
 
-    pilot, config = Pilot(planner, Oracle(world)), NavigateConfig(noise=CALM, leash_m=0.1)
+    pilot, config = NavigationStack(planner, Oracle(world)), NavigateConfig(noise=CALM, leash_m=0.1)
     steps = steps_of(list(navigate(replace(MISSION, orders=orders), world, pilot, config, draws(1))))
     before, pushed, start = steps[3], steps[4], planner.starts[4]
     led = before.plan.states[1]
@@ -370,7 +372,7 @@ def begun(config: NavigateConfig, **how: object) -> tuple[NavigationStep, _Corre
     world, planner = simulator(), StraightPlanner()
     looking = _Corrector(world, **how)  # type: ignore[arg-type]
     return next(
-        event for event in navigate(MISSION, world, Pilot(planner, looking), config, draws(1))
+        event for event in navigate(MISSION, world, NavigationStack(planner, looking), config, draws(1))
         if isinstance(event, NavigationStep)
     ), looking, planner  # fmt: skip
 

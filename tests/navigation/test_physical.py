@@ -15,23 +15,23 @@ from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Belief, FilterOutcome, FilterStep
 from nerfnav.geometry import Pose, so3
-from nerfnav.inertial import Increments, moved_on
-from nerfnav.navigation.flight import NavigateConfig, Pilot
+from nerfnav.inertial import Increments, propagate_state
+from nerfnav.navigation.flight import NavigateConfig, NavigationStack
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.geometric_controller import TrackingGains, corrected
-from nerfnav.navigation.physical.inertial import Felt, InertialUnit
-from nerfnav.navigation.physical.latency_compensation import LatePictures
+from nerfnav.navigation.physical.inertial import InertialInterval, InertialUnit
+from nerfnav.navigation.physical.latency_compensation import LatencyCompensation
 from nerfnav.navigation.physical.powertrain import Powertrain
-from nerfnav.navigation.physical.reference_trajectory import Flown
+from nerfnav.navigation.physical.reference_trajectory import TrackedWaypoints
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate
 from nerfnav.navigation.physical.simulator import PhysicalSimulator, _rounded, airframe
 from nerfnav.navigation.physical.wind import Wind
-from nerfnav.navigation.physical.worlds import expecting_physics, in_physical_world, with_late_pictures
+from nerfnav.navigation.physical.worlds import compensate_latency, configure_for_physics, make_physical_simulator
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.supervisor import RecoveryConfig, come_to_rest
+from nerfnav.navigation.supervisor import SupervisorConfig, come_to_rest
 from nerfnav.robots import Motion, ProcessNoise, RigidState
-from nerfnav.tracking import Inertial
-from nerfnav.tracking.preintegration import preintegrated
+from nerfnav.tracking import ImuMeasurements
+from nerfnav.tracking.preintegration import preintegrate
 from tests.navigation.doubles import ROBOT, START, Oracle, StraightPlanner, draws, grey, simulator
 
 CALM = PhysicalConfig(mass_error=0.0, drag_per_s=(0.0, 0.0, 0.0), wind_mps=0.0, gust_std_mps=(0.0, 0.0, 0.0))
@@ -56,7 +56,7 @@ def held(world: PhysicalSimulator, steps: int) -> None:
 
 
 def world_of(config: PhysicalConfig, seed: int = 0, **parts: object) -> PhysicalSimulator:
-    return in_physical_world(simulator(generator=draws(seed), **parts), config)
+    return make_physical_simulator(simulator(generator=draws(seed), **parts), config)
 
 
 def body_of(case: dict) -> Airframe:
@@ -141,7 +141,7 @@ def test_the_reference_is_exact_for_cubic_motions_and_goes_on_smoothly_from_plan
     path = torch.stack([times**3 - times**2, times**2, 0.2 * times], -1)
     still = RigidState.at_rest((0.0, 0.0, 0.0))
     states = RigidState.stack([replace(still, position=place) for place in path])
-    plan, flown = Motion(states, HOVER.expand(12, 4), 0.1), Flown()
+    plan, flown = Motion(states, HOVER.expand(12, 4), 0.1), TrackedWaypoints()
     for step in range(6):
         rest = Motion(plan.states[step:], plan.actions[step:], 0.1)
         wanted, flown = flown.along(rest, 50, 9.81)
@@ -221,11 +221,11 @@ def test_gyroscopes_tell_the_body_rate_of_now_while_rotors_change_it() -> None:
     assert (after.increments.rate - world.state.body_rate).norm() < 2e-3
 
 
-def moved(state: RigidState, felt: tuple[Felt, Felt]) -> RigidState:
+def moved(state: RigidState, felt: tuple[InertialInterval, InertialInterval]) -> RigidState:
     """A state moved on by what was felt, biases and all."""
     gravity = torch.tensor([0.0, 0.0, -ROBOT.config.gravity], dtype=torch.float64)
     for each in felt:
-        state = moved_on(state.to(torch.float64), each.increments, gravity, each.duration)
+        state = propagate_state(state.to(torch.float64), each.increments, gravity, each.duration)
     return state.to(torch.float32)
 
 
@@ -318,24 +318,24 @@ class Seeing:
         )
 
 
-def looking_at(world: PhysicalSimulator, trust_dynamics: bool = True) -> LatePictures:
+def looking_at(world: PhysicalSimulator, trust_dynamics: bool = True) -> LatencyCompensation:
     """Follows the robot of a world by pictures that arrive late, of which each coordinate is told to 2 mm or 2 mrad."""
     pictures = Seeing(lambda: _rounded(world._seen[0]), 0.002, trust_dynamics)
-    return LatePictures(pictures, lambda: world.felt, world.world.delay_s, world.unit)
+    return LatencyCompensation(pictures, lambda: world.felt, world.world.delay_s, world.unit)
 
 
-def of_rest(duration: float) -> Felt:
+def of_rest(duration: float) -> InertialInterval:
     """What a unit without errors feels of a robot that stays level and goes on at its speed."""
     lift = torch.tensor([0.0, 0.0, 9.81], dtype=torch.float64)
     zero, eye = torch.zeros(3).double(), torch.eye(3).double()
-    return Felt(Increments(eye, lift * duration, 0.5 * lift * duration**2, zero), duration, 0.002)
+    return InertialInterval(Increments(eye, lift * duration, 0.5 * lift * duration**2, zero), duration, 0.002)
 
 
 def test_a_late_picture_corrects_the_belief_of_then() -> None:
     moving = replace(START, velocity=torch.tensor([1.0, 0.0, 0.0]))
     then = replace(moving, position=moving.position + torch.tensor([0.2, 0.0, 0.0]))
     felt, unit = (of_rest(0.1 - 1 / 30), of_rest(1 / 30)), InertialUnit(PhysicalConfig(), draws(0)).told(9.81)
-    late = LatePictures(Seeing(lambda: then, 1e-6), lambda: felt, 1 / 30, unit)
+    late = LatencyCompensation(Seeing(lambda: then, 1e-6), lambda: felt, 1 / 30, unit)
     begun = Belief(replace(moving, position=moving.position + 0.1), torch.diag(torch.tensor([1.0] * 3 + [1e-8] * 9)))
     *_, last = late.update(begun, grey(None), HOVER[0], 0.1, draws(0))
     assert last.posterior is not None
@@ -350,10 +350,10 @@ def test_what_was_felt_is_freed_of_biases_as_single_measurements_are() -> None:
     rate, force = torch.tensor([1.0, -2.0, 2.0]).double(), torch.tensor([0.5, -1.0, 9.0]).double()
     biases = torch.tensor([0.02, -0.01, 0.03, 0.2, 0.1, -0.3]).double()
     times = torch.arange(0, 0.1001, 0.002, dtype=torch.float64)
-    series = Inertial(times, rate.expand(len(times), 3), force.expand(len(times), 3))
+    series = ImuMeasurements(times, rate.expand(len(times), 3), force.expand(len(times), 3))
     unit = replace(InertialUnit(PhysicalConfig(), draws(0)).told(9.81), gyro=0.02, accel=0.3)
-    raw, exact = (preintegrated(series, 0.0, 0.1, known, unit) for known in (torch.zeros(6).double(), biases))
-    found = Felt(raw.increments, 0.1, 0.002).without(biases, unit)
+    raw, exact = (preintegrate(series, 0.0, 0.1, known, unit) for known in (torch.zeros(6).double(), biases))
+    found = InertialInterval(raw.increments, 0.1, 0.002).without(biases, unit)
     for ours, theirs in zip(found.increments, exact.increments, strict=True):
         torch.testing.assert_close(ours, theirs, atol=2e-4, rtol=0)
     for block, theirs in zip(_blocks(found.by_biases), _blocks(exact.by_biases), strict=True):
@@ -394,7 +394,7 @@ def test_biases_of_the_unit_are_learned_and_beliefs_are_honest() -> None:
 
 def test_a_belief_that_comes_from_elsewhere_keeps_what_is_known_of_the_biases() -> None:
     felt, unit = (of_rest(0.1 - 1 / 30), of_rest(1 / 30)), InertialUnit(PhysicalConfig(), draws(0)).told(9.81)
-    late = LatePictures(Seeing(lambda: START, 0.002), lambda: felt, 1 / 30, unit)
+    late = LatencyCompensation(Seeing(lambda: START, 0.002), lambda: felt, 1 / 30, unit)
     belief = Belief(START, 1e-4 * torch.eye(12))
     for _ in range(10):
         *_, step = late.update(belief, grey(None), HOVER[0], 0.1, draws(0))
@@ -430,16 +430,16 @@ def test_a_unit_without_errors_leaves_no_belief_without_a_spread() -> None:
 def test_estimators_that_only_move_beliefs_themselves_are_refused_in_one_sentence() -> None:
     world = world_of(PhysicalConfig())
     with pytest.raises(InvalidInputError, match=r"Oracle has no `correct`.*fly it in the paper's world"):
-        with_late_pictures(Pilot(StraightPlanner(), Oracle(world)), world)
-    assert with_late_pictures(pilot := Pilot(StraightPlanner(), Oracle(world)), simulator()) is pilot
+        compensate_latency(NavigationStack(StraightPlanner(), Oracle(world)), world)
+    assert compensate_latency(pilot := NavigationStack(StraightPlanner(), Oracle(world)), simulator()) is pilot
 
 
 def test_a_robot_that_sees_nothing_holds_before_it_may_be_five_centimetres_off() -> None:
-    config = expecting_physics(NavigateConfig())
+    config = configure_for_physics(NavigateConfig())
     assert config.recovery.widest * 7.815**0.5 == pytest.approx(0.05, abs=0.001), "95 % of chi-squared of 3 numbers"
     assert config.recovery.sure == config.recovery.widest < NavigateConfig().recovery.widest
-    careful = RecoveryConfig(widest=0.01, sure=0.005)
-    assert expecting_physics(NavigateConfig(recovery=careful)).recovery == careful
+    careful = SupervisorConfig(widest=0.01, sure=0.005)
+    assert configure_for_physics(NavigateConfig(recovery=careful)).recovery == careful
 
 
 @pytest.mark.parametrize("name", ["quadrotor", "quadrotor25", "crazyflie", "x500"])
@@ -459,7 +459,7 @@ def test_each_quadrotor_can_do_in_the_physical_world_what_plans_ask_of_it(name: 
 @pytest.mark.parametrize("name", ["quadrotor25", "crazyflie", "x500"])
 def test_quadrotors_of_other_sizes_hold_their_place_in_the_wind(name: str) -> None:
     robot = robots.load(name)
-    world = in_physical_world(Simulator(robot, START, grey, draws(0), noise=None))
+    world = make_physical_simulator(Simulator(robot, START, grey, draws(0), noise=None))
     start = world.state
     for _ in range(15):
         plan = come_to_rest(robot, start, 6, 0.1)
@@ -471,7 +471,7 @@ def test_quadrotors_of_other_sizes_hold_their_place_in_the_wind(name: str) -> No
 def test_other_robots_than_quadrotors_are_refused_in_one_sentence() -> None:
     couch = Simulator(robots.load("couch"), START, grey, draws(0))
     with pytest.raises(InvalidInputError, match="made for quadrotors, and a couch is none"):
-        in_physical_world(couch)
+        make_physical_simulator(couch)
 
 
 @pytest.mark.parametrize(("name", "value"), [("motor_lag_s", 0.0), ("dropped_share", 1.5), ("mass_error", -1.0)])

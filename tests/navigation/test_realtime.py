@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.estimator import LastingError
+from nerfnav.estimator import ConsiderCovariance
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.flight import NavigateConfig, Pilot
+from nerfnav.navigation.flight import NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
-from nerfnav.navigation.realtime import later, missed
+from nerfnav.navigation.realtime import advance_plan, missed
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, simulator
 
@@ -26,9 +26,9 @@ class SlowClock:
         return self.now
 
 
-def flown(slow: set[int], realtime: bool = True, lasting: LastingError | None = None) -> list[NavigationStep]:
+def flown(slow: set[int], realtime: bool = True, lasting: ConsiderCovariance | None = None) -> list[NavigationStep]:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), Oracle(world), lasting=lasting or LastingError())
+    pilot = NavigationStack(StraightPlanner(), Oracle(world), lasting=lasting or ConsiderCovariance())
     mission = replace(MISSION, realtime=realtime, clock=SlowClock(slow))
     events = navigate(mission, world, pilot, NavigateConfig(noise=CALM), draws(1))
     return [event for event in events if isinstance(event, NavigationStep)]
@@ -45,7 +45,7 @@ def test_a_world_that_waits_and_one_that_does_not_are_the_same_while_nothing_is_
 
 
 def test_late_steps_tell_what_the_field_is_wrong_by_as_well() -> None:
-    lasting = LastingError(tuple((0.05**2 * torch.eye(6)).flatten().tolist()))
+    lasting = ConsiderCovariance(tuple((0.05**2 * torch.eye(6)).flatten().tolist()))
     plain, told = flown({8}), flown({8}, lasting=lasting)
     assert any(step.late for step in told)
     for before, step in zip(plain[1:], told[1:], strict=True):
@@ -78,6 +78,6 @@ def test_late_steps_are_counted_and_the_flight_arrives_all_the_same() -> None:
 
 def test_a_robot_whose_plan_has_run_out_comes_to_rest() -> None:
     plan = flown(set())[3].plan
-    rest = later(plan, len(plan.actions), plan.states[2], ROBOT)
+    rest = advance_plan(plan, len(plan.actions), plan.states[2], ROBOT)
     assert rest.states.velocity[-1].norm() < plan.states.velocity[2].norm()
-    assert len(later(plan, 2, plan.states[2], ROBOT).actions) == len(plan.actions) - 2
+    assert len(advance_plan(plan, 2, plan.states[2], ROBOT).actions) == len(plan.actions) - 2

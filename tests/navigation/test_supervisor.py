@@ -15,12 +15,12 @@ from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, 
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.flight import NavigateConfig, Orders, Pilot
+from nerfnav.navigation.flight import NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
-from nerfnav.navigation.supervisor import Lookout, Recovery, RecoveryConfig, come_to_rest
-from nerfnav.planner.risk.tracking_error import PAPERS_NOISE, position_spreads
+from nerfnav.navigation.supervisor import Supervisor, SupervisorConfig, SupervisorState, come_to_rest
+from nerfnav.planner.risk.tracking_error import PAPER_NOISE, tracking_deviations
 from nerfnav.robots import StateNoise
 from nerfnav.robots.state import POSITION
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, grey, simulator
@@ -29,7 +29,7 @@ CONFIG = NavigateConfig(initial=CALM, noise=CALM)
 
 
 @dataclass
-class Searcher:
+class GlobalLocalizer:
     """A relocaliser that knows the truth, unless told otherwise."""
 
     simulator: Simulator
@@ -64,14 +64,14 @@ class LostFor:
 
 def flight(pictures: range, found: RelocaliseOutcome | None = RelocaliseOutcome.FOUND) -> list[NavigationStep]:
     world = simulator()
-    searcher = None if found is None else Searcher(world, found)
-    pilot = Pilot(StraightPlanner(), LostFor(Oracle(world), pictures), searcher)
+    searcher = None if found is None else GlobalLocalizer(world, found)
+    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), pictures), searcher)
     return [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
 
 
 def test_a_picture_that_disagrees_widens_the_belief_and_one_that_agrees_ends_the_doubt() -> None:
     steps = flight(range(2, 3))
-    assert [step.recovery for step in steps[1:5]] == [None, None, Recovery.WIDENED, None]
+    assert [step.recovery for step in steps[1:5]] == [None, None, SupervisorState.WIDENED, None]
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     before, after = (step.belief.covariance[POSITION, POSITION].trace() for step in steps[2:4])
     assert after > 2 * before
@@ -80,7 +80,7 @@ def test_a_picture_that_disagrees_widens_the_belief_and_one_that_agrees_ends_the
 def test_a_robot_that_is_lost_is_searched_for_and_flies_on_from_where_it_is_found() -> None:
     steps = flight(range(2, 5))
     kinds = [step.recovery for step in steps[3:6]]
-    assert kinds == [Recovery.WIDENED, Recovery.WIDENED, Recovery.RELOCALISED]
+    assert kinds == [SupervisorState.WIDENED, SupervisorState.WIDENED, SupervisorState.RELOCALISED]
     assert steps[-1].outcome is EpisodeOutcome.REACHED
     torch.testing.assert_close(steps[5].belief.mean.position, steps[5].truth.position)
     assert len(steps[5].plan.actions) == MISSION.steps, "a robot that was found has the whole time again"
@@ -89,21 +89,25 @@ def test_a_robot_that_is_lost_is_searched_for_and_flies_on_from_where_it_is_foun
 @pytest.mark.parametrize("found", [RelocaliseOutcome.AMBIGUOUS, RelocaliseOutcome.LOST])
 def test_a_robot_that_is_not_found_holds_and_is_looked_for_in_some_more_pictures(found: RelocaliseOutcome) -> None:
     steps = flight(range(2, 40), found)
-    recovery = RecoveryConfig()
-    looking = [Recovery.SEARCHED] * ((recovery.searches - 1) * recovery.between)
-    assert [step.recovery for step in steps[3:]] == [Recovery.WIDENED] * 2 + [*looking, Recovery.LOST]
+    recovery = SupervisorConfig()
+    looking = [SupervisorState.SEARCHED] * ((recovery.searches - 1) * recovery.between)
+    assert [step.recovery for step in steps[3:]] == [SupervisorState.WIDENED] * 2 + [*looking, SupervisorState.LOST]
     assert steps[-1].outcome is EpisodeOutcome.DIVERGED
 
 
 def test_where_nothing_searches_a_lost_robot_ends_the_flight_at_once() -> None:
     steps = flight(range(2, 20), None)
-    assert [step.recovery for step in steps[3:]] == [Recovery.WIDENED, Recovery.WIDENED, Recovery.LOST]
+    assert [step.recovery for step in steps[3:]] == [
+        SupervisorState.WIDENED,
+        SupervisorState.WIDENED,
+        SupervisorState.LOST,
+    ]
     assert steps[-1].outcome is EpisodeOutcome.DIVERGED
 
 
 def test_a_robot_that_does_not_know_where_it_is_comes_to_rest_and_then_goes_on() -> None:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), LostFor(Oracle(world), range(5, 8)), Searcher(world, fails=1))
+    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(5, 8)), GlobalLocalizer(world, fails=1))
     steps = [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     held = [step.index for step in steps if step.holds]
     assert held == [6, 7, 8, 9, 10], "pictures that agree do not end it: only the second search does"
@@ -119,7 +123,7 @@ def test_a_robot_that_does_not_know_where_it_is_comes_to_rest_and_then_goes_on()
 
 def test_the_way_is_taken_up_where_it_was_left_with_the_time_that_it_takes_from_rest() -> None:
     world, planner = simulator(), StraightPlanner()
-    pilot = Pilot(planner, LostFor(Oracle(world), range(2, 4)), Searcher(world))
+    pilot = NavigationStack(planner, LostFor(Oracle(world), range(2, 4)), GlobalLocalizer(world))
     steps = [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     assert [step.index for step in steps if step.holds] == [3, 4]
     # the first plan, once from the belief, after steps 1 and 2; none while it holds; then more than the 9 left
@@ -128,7 +132,9 @@ def test_the_way_is_taken_up_where_it_was_left_with_the_time_that_it_takes_from_
 
 def test_nobody_arrives_in_doubt() -> None:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), LostFor(Oracle(world), range(100)), Searcher(world, RelocaliseOutcome.LOST))
+    pilot = NavigationStack(
+        StraightPlanner(), LostFor(Oracle(world), range(100)), GlobalLocalizer(world, RelocaliseOutcome.LOST)
+    )
     here = replace(MISSION, goal=world.state)
     *_, last = navigate(here, world, pilot, CONFIG, draws(1))
     assert isinstance(last, NavigationStep) and last.outcome is EpisodeOutcome.DIVERGED
@@ -137,15 +143,15 @@ def test_nobody_arrives_in_doubt() -> None:
 def test_a_search_that_was_asked_for_is_done_though_nothing_seems_wrong_and_what_it_finds_is_believed() -> None:
     world, orders = simulator(), []
 
-    def asked() -> Orders:
+    def asked() -> OperatorRequests:
         orders.append(None)
-        return Orders(search=len(orders) == 3)
+        return OperatorRequests(search=len(orders) == 3)
 
-    searcher = Searcher(world)
-    events = list(navigate(replace(MISSION, orders=asked), world, Pilot(StraightPlanner(), Oracle(world), searcher),
-                           CONFIG, draws(1)))  # fmt: skip
+    searcher = GlobalLocalizer(world)
+    stack = NavigationStack(StraightPlanner(), Oracle(world), searcher)
+    events = list(navigate(replace(MISSION, orders=asked), world, stack, CONFIG, draws(1)))
     steps = [event for event in events if isinstance(event, NavigationStep)]
-    assert [step.recovery for step in steps[1:5]] == [None, None, Recovery.RELOCALISED, None]
+    assert [step.recovery for step in steps[1:5]] == [None, None, SupervisorState.RELOCALISED, None]
     assert searcher.asked == 1 and sum(isinstance(event, RelocaliseStep) for event in events) == 2
     assert torch.equal(steps[3].belief.covariance, CONFIG.recovery.found.covariance())
     assert steps[-1].outcome is EpisodeOutcome.REACHED
@@ -153,34 +159,34 @@ def test_a_search_that_was_asked_for_is_done_though_nothing_seems_wrong_and_what
 
 def test_a_search_that_was_asked_for_and_finds_nothing_leaves_the_belief_alone() -> None:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), Oracle(world), Searcher(world, RelocaliseOutcome.AMBIGUOUS))
-    mission = replace(MISSION, orders=lambda: Orders(search=True))
+    pilot = NavigationStack(StraightPlanner(), Oracle(world), GlobalLocalizer(world, RelocaliseOutcome.AMBIGUOUS))
+    mission = replace(MISSION, orders=lambda: OperatorRequests(search=True))
     steps = [step for step in navigate(mission, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     assert all(step.recovery is None for step in steps) and steps[-1].outcome is EpisodeOutcome.REACHED
 
 
 def test_a_robot_in_doubt_is_searched_for_at_once_where_that_is_asked() -> None:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), LostFor(Oracle(world), range(2, 3)), Searcher(world))
-    mission = replace(MISSION, orders=lambda: Orders(search=True))
+    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(2, 3)), GlobalLocalizer(world))
+    mission = replace(MISSION, orders=lambda: OperatorRequests(search=True))
     steps = [step for step in navigate(mission, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
-    assert steps[3].recovery is Recovery.RELOCALISED
+    assert steps[3].recovery is SupervisorState.RELOCALISED
 
 
 def test_a_robot_that_is_carried_away_is_put_down_before_it_looks() -> None:
     seen, orders = [], []
     there = Pose(so3.from_yaw(torch.tensor(0.7)), torch.tensor([-0.2, 0.5, 0.3]))
 
-    def asked() -> Orders:
+    def asked() -> OperatorRequests:
         orders.append(None)
-        return Orders(carried=there if len(orders) == 4 else None)
+        return OperatorRequests(carried=there if len(orders) == 4 else None)
 
     def look(pose: Pose) -> Tensor:
         seen.append(pose.position)
         return grey(pose)
 
     world = simulator(camera=look)
-    pilot = Pilot(StraightPlanner(), Oracle(world), Searcher(world))
+    pilot = NavigationStack(StraightPlanner(), Oracle(world), GlobalLocalizer(world))
     steps = [step for step in navigate(replace(MISSION, orders=asked), world, pilot, CONFIG, draws(1))
              if isinstance(step, NavigationStep)]  # fmt: skip
     assert torch.equal(steps[4].truth.position, there.position) and torch.equal(seen[3], there.position)
@@ -199,11 +205,11 @@ def test_doubt_grows_with_each_picture_until_patience_ends() -> None:
     world = simulator()
     belief = flight(range(0))[1].belief
     for lost in (1, 2):
-        steps = Lookout(Searcher(world), RecoveryConfig(widen=2.0)).recover(belief, torch.zeros(1), lost)
+        steps = Supervisor(GlobalLocalizer(world), SupervisorConfig(widen=2.0)).recover(belief, torch.zeros(1), lost)
         with pytest.raises(StopIteration) as end:
             next(steps)
         wider, done = end.value.value
-        assert done is Recovery.WIDENED
+        assert done is SupervisorState.WIDENED
         torch.testing.assert_close(wider.covariance, 4 * belief.covariance)
         belief = wider
 
@@ -212,7 +218,7 @@ def test_a_robot_that_is_found_turned_moves_in_its_own_axes_as_it_did() -> None:
     world = simulator()
     before = replace(world.state, velocity=torch.tensor([0.5, 0.0, 0.1]), body_rate=torch.tensor([0.0, 0.1, 0.2]))
     world.carry(Pose(so3.from_yaw(torch.tensor(torch.pi / 2)), torch.tensor([0.1, 0.2, 0.3])))
-    steps = Lookout(Searcher(world)).search(Belief(before, CALM.covariance()), torch.zeros(1))
+    steps = Supervisor(GlobalLocalizer(world)).search(Belief(before, CALM.covariance()), torch.zeros(1))
     with pytest.raises(StopIteration) as end:
         [next(steps) for _ in range(3)]
     found = end.value.value.mean
@@ -231,12 +237,12 @@ def test_the_motion_of_a_robot_that_holds_obeys_its_dynamics_and_ends_in_rest() 
 
 def test_a_lost_robot_turns_between_two_searches_and_is_searched_for_in_every_third_picture() -> None:
     world = simulator()
-    searcher = Searcher(world, RelocaliseOutcome.AMBIGUOUS)
-    pilot = Pilot(StraightPlanner(), LostFor(Oracle(world), range(2, 40)), searcher)
+    searcher = GlobalLocalizer(world, RelocaliseOutcome.AMBIGUOUS)
+    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(2, 40)), searcher)
     steps = [step for step in navigate(MISSION, world, pilot, CONFIG, draws(1)) if isinstance(step, NavigationStep)]
     recovery = CONFIG.recovery
     assert searcher.asked == recovery.searches
-    turning = [step for step in steps if step.recovery is Recovery.SEARCHED]
+    turning = [step for step in steps if step.recovery is SupervisorState.SEARCHED]
     rates = [step.plan.states.body_rate[-1, 2].item() for step in turning]
     assert min(rates) > 0.9 * recovery.turn and max(rates) < 1.1 * recovery.turn
     turns = [so3.local(before.truth.rotation, after.truth.rotation)[2].item() for before, after in pairwise(turning)]
@@ -274,56 +280,56 @@ class Unsure:
         yield from replace(self.oracle, outcome=outcome).update(*parts)  # type: ignore[arg-type]
 
 
-def unsure_flight(spread: float, searcher: Searcher | None, outcome: FilterOutcome) -> list[NavigationStep]:
+def unsure_flight(spread: float, searcher: GlobalLocalizer | None, outcome: FilterOutcome) -> list[NavigationStep]:
     world = simulator() if searcher is None else searcher.simulator
-    pilot = Pilot(StraightPlanner(), Unsure(Oracle(world), outcome), searcher)
+    pilot = NavigationStack(StraightPlanner(), Unsure(Oracle(world), outcome), searcher)
     config = replace(CONFIG, initial=replace(CALM, position_m=spread))
     return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
 
 
 def test_a_blind_robot_that_may_be_anywhere_near_is_searched_for_and_flies_on_from_where_it_is_found() -> None:
-    searcher = Searcher(simulator(), fails=2)
+    searcher = GlobalLocalizer(simulator(), fails=2)
     steps = unsure_flight(1.1 * CONFIG.recovery.adrift, searcher, FilterOutcome.WEAK)
     between = CONFIG.recovery.between
     kinds = [step.recovery for step in steps[1 : 2 * between + 3]]
-    assert kinds == [Recovery.ADRIFT] * 2 * between + [Recovery.RELOCALISED, None]
+    assert kinds == [SupervisorState.ADRIFT] * 2 * between + [SupervisorState.RELOCALISED, None]
     assert searcher.asked == 3 and steps[-1].outcome is EpisodeOutcome.REACHED
     torch.testing.assert_close(steps[2 * between + 1].belief.mean.position, steps[2 * between + 1].truth.position)
 
 
 def test_a_blind_robot_that_is_not_found_is_searched_for_once_around_and_its_pictures_go_on_to_be_believed() -> None:
-    searcher = Searcher(simulator(), RelocaliseOutcome.AMBIGUOUS)
+    searcher = GlobalLocalizer(simulator(), RelocaliseOutcome.AMBIGUOUS)
     steps = unsure_flight(1.1 * CONFIG.recovery.adrift, searcher, FilterOutcome.WEAK)
     assert searcher.asked == CONFIG.recovery.searches
-    assert {step.recovery for step in steps[1:]} == {Recovery.ADRIFT}
+    assert {step.recovery for step in steps[1:]} == {SupervisorState.ADRIFT}
     assert all(step.update is not None and step.update.outcome is FilterOutcome.WEAK for step in steps[1:])
     assert steps[-1].outcome is EpisodeOutcome.TIMEOUT
 
 
 def test_pictures_of_nothing_are_not_searched_with() -> None:
-    searcher = Searcher(simulator())
+    searcher = GlobalLocalizer(simulator())
     steps = unsure_flight(1.1 * CONFIG.recovery.adrift, searcher, FilterOutcome.PREDICTED_ONLY)
     assert searcher.asked == 0 and all(step.holds for step in steps[1:])
 
 
 def test_a_blind_robot_that_is_not_far_off_looks_around_and_is_not_searched_for() -> None:
-    steps = unsure_flight(0.7 * CONFIG.recovery.adrift, Searcher(simulator()), FilterOutcome.WEAK)
-    found = next((step.index for step in steps if step.recovery is Recovery.RELOCALISED), len(steps))
-    assert found > 5 and {step.recovery for step in steps[1:found]} == {Recovery.BLIND}
+    steps = unsure_flight(0.7 * CONFIG.recovery.adrift, GlobalLocalizer(simulator()), FilterOutcome.WEAK)
+    found = next((step.index for step in steps if step.recovery is SupervisorState.RELOCALISED), len(steps))
+    assert found > 5 and {step.recovery for step in steps[1:found]} == {SupervisorState.BLIND}
     assert all(step.belief.spread <= CONFIG.recovery.adrift for step in steps[1:found])
 
 
 def unseeing_flight(dark: range, disagreeing: int | None, spread: float = 0.01) -> list[NavigationStep]:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), Unseeing(Oracle(world), dark, disagreeing), Searcher(world))
+    pilot = NavigationStack(StraightPlanner(), Unseeing(Oracle(world), dark, disagreeing), GlobalLocalizer(world))
     config = replace(CONFIG, initial=replace(CALM, position_m=spread))
     return [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
 
 
 def test_a_robot_in_doubt_that_sees_nothing_stays_in_doubt_and_looks_around() -> None:
     steps = unseeing_flight(range(4, 9), disagreeing=3)
-    assert steps[4].recovery is Recovery.WIDENED
-    assert [step.recovery for step in steps[5:11]] == [Recovery.BLIND] * 5 + [None]
+    assert steps[4].recovery is SupervisorState.WIDENED
+    assert [step.recovery for step in steps[5:11]] == [SupervisorState.BLIND] * 5 + [None]
     assert steps[7].plan.states.body_rate[-1, 2].item() == pytest.approx(CONFIG.recovery.turn, rel=0.1)
     assert steps[-1].outcome is EpisodeOutcome.REACHED
 
@@ -336,7 +342,7 @@ def test_a_robot_that_knows_where_it_is_flies_on_where_it_sees_nothing() -> None
 @pytest.mark.slow
 def test_a_robot_that_sees_nothing_and_may_be_anywhere_near_looks_around() -> None:
     steps = unseeing_flight(range(60), disagreeing=None, spread=2 * CONFIG.recovery.widest)
-    assert {step.recovery for step in steps[1:]} == {Recovery.BLIND}
+    assert {step.recovery for step in steps[1:]} == {SupervisorState.BLIND}
     assert steps[-1].outcome is EpisodeOutcome.TIMEOUT and steps[-1].index == 4 * MISSION.steps
 
 
@@ -344,28 +350,28 @@ def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_
     world = simulator()
     for little in (FilterOutcome.PREDICTED_ONLY, FilterOutcome.WEAK):
         spread, pictures = 1e-6 * torch.eye(12), 0
-        while pictures < 50 and not Lookout(None).is_blind(Belief(world.state, spread), little, doubts=False):
+        while pictures < 50 and not Supervisor(None).is_blind(Belief(world.state, spread), little, doubts=False):
             spread, pictures = spread + StateNoise().covariance(), pictures + 1
-        level, _ = position_spreads(ROBOT, MISSION.dt, PAPERS_NOISE)[-1]
-        assert 1 < pictures <= 5 and RecoveryConfig().widest <= level
-        assert not Lookout(None).is_blind(Belief(world.state, spread), FilterOutcome.UPDATED, doubts=False)
+        level, _ = tracking_deviations(ROBOT, MISSION.dt, PAPER_NOISE)[-1]
+        assert 1 < pictures <= 5 and SupervisorConfig().widest <= level
+        assert not Supervisor(None).is_blind(Belief(world.state, spread), FilterOutcome.UPDATED, doubts=False)
 
 
 @pytest.mark.slow
 def test_a_picture_that_agrees_but_tells_little_does_not_end_the_doubt() -> None:
     world = simulator()
-    pilot = Pilot(StraightPlanner(), LostFor(Oracle(world), range(3, 4)), Searcher(world))
-    config = replace(CONFIG, recovery=RecoveryConfig(sure=1e-4))
+    pilot = NavigationStack(StraightPlanner(), LostFor(Oracle(world), range(3, 4)), GlobalLocalizer(world))
+    config = replace(CONFIG, recovery=SupervisorConfig(sure=1e-4))
     steps = [step for step in navigate(MISSION, world, pilot, config, draws(1)) if isinstance(step, NavigationStep)]
-    assert steps[4].recovery is Recovery.WIDENED
-    assert {step.recovery for step in steps[5:]} == {Recovery.BLIND}
+    assert steps[4].recovery is SupervisorState.WIDENED
+    assert {step.recovery for step in steps[5:]} == {SupervisorState.BLIND}
 
 
 def test_a_search_that_is_wanted_between_two_others_is_done_at_once() -> None:
-    world, searcher = simulator(), Searcher(simulator())
-    searching = Lookout(searcher).recover(flight(range(0))[1].belief, grey(None), lost=4)
+    world, searcher = simulator(), GlobalLocalizer(simulator())
+    searching = Supervisor(searcher).recover(flight(range(0))[1].belief, grey(None), lost=4)
     with pytest.raises(StopIteration) as end:
         next(searching)
-    assert end.value.value[1] is Recovery.SEARCHED and searcher.asked == 0
-    *_, last = Lookout(Searcher(world)).recover(flight(range(0))[1].belief, grey(None), lost=4, at_once=True)
+    assert end.value.value[1] is SupervisorState.SEARCHED and searcher.asked == 0
+    *_, last = Supervisor(GlobalLocalizer(world)).recover(flight(range(0))[1].belief, grey(None), lost=4, at_once=True)
     assert last.outcome is RelocaliseOutcome.FOUND

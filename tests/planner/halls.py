@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 
 from nerfnav.field.core.occupancy import EMPTY_RAW, State
-from nerfnav.field.models.bricks import BrickField, Slab, bricks_of_slabs
+from nerfnav.field.models.bricks import BrickField, Slab, build_bricks
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import shape_for
 
@@ -60,7 +60,7 @@ def field_of(building: Building, voxel: float) -> BrickField:
                 values[part] = torch.tensor([SOLID_RAW, *block.color])
         return values, states
 
-    return bricks_of_slabs(box, nodes, slab, torch.ones(3))
+    return build_bricks(box, nodes, slab, torch.ones(3))
 
 
 def _nodes_in(block: Block, axes: list[torch.Tensor]) -> tuple[slice, ...]:

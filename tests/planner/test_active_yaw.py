@@ -15,16 +15,16 @@ from nerfnav.geometry import so3
 from nerfnav.planner.active_yaw import (
     _MOVES,
     _TURNING,
-    Watch,
+    YawObjective,
     _cheapest,
     _mean_variance,
-    turned_to_see,
+    choose_goal_heading,
+    choose_headings,
     turning_rate,
-    watching,
 )
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.solvers.fast import FastPlanConfig, replan_fast
-from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.planner.steps import last_step
 from nerfnav.planner.trajectory import Trajectory
 from nerfnav.robots import Couch, Motion, Quadrotor, RigidState
@@ -40,9 +40,9 @@ def turned(
     places: Tensor, ends: tuple[RigidState, RigidState], may_be: Callable[[RigidState], bool] | None = None,
     enough: float = 0.4, field: VoxelField = _BEHIND,
 ) -> RigidState:  # fmt: skip
-    watch = Watch(field, enough, may_be=may_be)
+    watch = YawObjective(field, enough, may_be=may_be)
     way = RigidState.stack([replace(ends[0], position=place) for place in places])
-    return turned_to_see(watch, watch.sights(way), ends)
+    return choose_goal_heading(watch, watch.sights(way), ends)
 
 
 def arriving(start: float, goal: float, enough: float = 0.4, field: VoxelField = _BEHIND) -> float:
@@ -118,15 +118,15 @@ def straight(start: RigidState, goal: RigidState, steps: int) -> Trajectory:
     places = start.position + share * (goal.position - start.position)
     way = RigidState.stack([replace(start, position=place) for place in places])
     still = torch.tensor([_ROBOT.weight, 0.0, 0.0, 0.0]).expand(steps, 4)
-    return hot_start(Motion(way, still, 0.1), start, goal, _ROBOT, executed=0, steps=steps)
+    return shift_warm_start(Motion(way, still, 0.1), start, goal, _ROBOT, executed=0, steps=steps)
 
 
 def test_a_robot_that_would_see_nothing_for_long_turns_at_once_and_one_that_sees_enough_does_not() -> None:
     motion, (start, goal) = planned(0.0)
-    watch = Watch(_BEHIND, 0.4)
+    watch = YawObjective(_BEHIND, 0.4)
     sights = watch.sights(motion.states)
-    end = turned_to_see(watch, sights, (start, goal))
-    better = watching(watch, sights, motion, (start, goal, end), _ROBOT)
+    end = choose_goal_heading(watch, sights, (start, goal))
+    better = choose_headings(watch, sights, motion, (start, goal, end), _ROBOT)
     assert better is not None
     yaws, times = so3.yaw_of(better.states.rotation).double().numpy(), np.linspace(0, 1, 17)
     even = so3.yaw_of(end.rotation).item() * times
@@ -137,7 +137,7 @@ def test_a_robot_that_would_see_nothing_for_long_turns_at_once_and_one_that_sees
     assert (better.states.position - motion.states.position).norm(dim=-1).max() < 0.05
     looking, (start, goal) = planned(math.pi)
     sights = watch.sights(looking.states)
-    assert watching(watch, sights, looking, (start, goal, goal), _ROBOT) is None
+    assert choose_headings(watch, sights, looking, (start, goal, goal), _ROBOT) is None
 
 
 def test_a_robot_that_tilts_sees_what_its_camera_sees_then() -> None:
@@ -145,7 +145,7 @@ def test_a_robot_that_tilts_sees_what_its_camera_sees_then() -> None:
     level = RigidState.at_rest((0.0, 0.0, 0.6), yaw=math.pi)
     back = so3.from_yaw(torch.tensor(math.pi)) @ so3.exp(torch.tensor([0.0, -math.pi / 3, 0.0]))
     tilted = replace(level, rotation=back)
-    watch, west = Watch(_BEHIND, 0.4), np.array([math.pi])
+    watch, west = YawObjective(_BEHIND, 0.4), np.array([math.pi])
     ways = (RigidState.stack([state] * 5) for state in (level, tilted))
     seen, seen_then = (watch.sights(way).at(np.array([0.5]), west) for way in ways)
     assert seen > 0.9 and seen_then < 0.5 * seen
@@ -153,15 +153,15 @@ def test_a_robot_that_tilts_sees_what_its_camera_sees_then() -> None:
 
 def test_of_headings_that_show_more_it_ends_with_one_with_which_it_may_be_there() -> None:
     motion, (start, goal) = planned(0.0)
-    sights = Watch(_BEHIND, 0.4).sights(motion.states)
-    free = watching(Watch(_BEHIND, 0.4), sights, motion, (start, goal, goal), _ROBOT)
+    sights = YawObjective(_BEHIND, 0.4).sights(motion.states)
+    free = choose_headings(YawObjective(_BEHIND, 0.4), sights, motion, (start, goal, goal), _ROBOT)
     assert free is not None
     side = so3.yaw_of(free.states.rotation[-1]).item()
-    other = Watch(_BEHIND, 0.4, may_be=lambda end: so3.yaw_of(end.rotation).item() * side < 0)
-    found = watching(other, sights, motion, (start, goal, goal), _ROBOT)
+    other = YawObjective(_BEHIND, 0.4, may_be=lambda end: so3.yaw_of(end.rotation).item() * side < 0)
+    found = choose_headings(other, sights, motion, (start, goal, goal), _ROBOT)
     assert found is not None and so3.yaw_of(found.states.rotation[-1]).item() * side < 0
-    nowhere = Watch(_BEHIND, 0.4, may_be=lambda _: False)
-    assert watching(nowhere, sights, motion, (start, goal, goal), _ROBOT) is None
+    nowhere = YawObjective(_BEHIND, 0.4, may_be=lambda _: False)
+    assert choose_headings(nowhere, sights, motion, (start, goal, goal), _ROBOT) is None
 
 
 def test_a_search_that_keeps_headings_moves_positions_alone() -> None:
@@ -170,7 +170,7 @@ def test_a_search_that_keeps_headings_moves_positions_alone() -> None:
     for keeps in (False, True):
         problem = PlanProblem(_BEHIND, _ROBOT, pushed, goal, 16, keeps_headings=keeps)
         wavy = replace(motion, states=replace(motion.states, rotation=_waved(motion.states.rotation)))
-        begun = hot_start(wavy, pushed, goal, _ROBOT, executed=0, steps=16)
+        begun = shift_warm_start(wavy, pushed, goal, _ROBOT, executed=0, steps=16)
         found = last_step(replan_fast(problem, begun, FastPlanConfig()))
         headings = _ROBOT.free_headings(len(begun.free))
         turned_by = (found.trajectory.free - begun.free)[headings].abs().max().item()
@@ -189,8 +189,8 @@ def test_a_robot_turns_no_faster_where_steps_are_short(dt: float, count: int) ->
     start = RigidState.at_rest((0.0, 0.0, 0.0))
     still = torch.tensor([_ROBOT.weight, 0.0, 0.0, 0.0]).expand(count, 4)
     way = Motion(RigidState.stack([start] * (count + 1)), still, dt)
-    watch = Watch(_BEHIND, 0.4)
-    found = watching(watch, watch.sights(way.states), way, (start, start, start), _ROBOT)
+    watch = YawObjective(_BEHIND, 0.4)
+    found = choose_headings(watch, watch.sights(way.states), way, (start, start, start), _ROBOT)
     assert found is not None
     turned_by = np.diff(np.unwrap(so3.yaw_of(found.states.rotation).double().numpy()))
     assert np.abs(turned_by).max() <= 4.0 * dt + 1e-3

@@ -10,7 +10,7 @@ from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.solvers.warm_start import carry_on
+from nerfnav.planner.solvers.warm_start import replan_from
 from nerfnav.planner.steps import last_step
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.delay import DELAY, delay
@@ -46,5 +46,5 @@ def test_a_robot_whose_arrival_is_put_off_at_each_step_comes_near_at_once() -> N
         if step:
             assert torch.allclose(last.states.position[-1], GOAL.position, atol=1e-5) and len(last.actions) == 6
         here = replace(problem, start=last.states[1])
-        last = last_step(carry_on(here, last, 1, FastPlanConfig())).motion
+        last = last_step(replan_from(here, last, 1, FastPlanConfig())).motion
     assert (last.states.position[0] - GOAL.position).norm() < 0.03, "9 cm without"

@@ -12,9 +12,9 @@ import torch
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.occupancy import EMPTY_RAW, State
-from nerfnav.field.models.bricks import BrickField, in_bricks
+from nerfnav.field.models.bricks import BrickField, convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.occupancy_grid import Unknown, planning_field
+from nerfnav.field.proof.occupancy_grid import UnknownSpace, planning_field
 from nerfnav.geometry import so3
 from nerfnav.geometry.box import Box
 from nerfnav.planner.space.astar import SearchConfig, find_paths
@@ -37,7 +37,7 @@ def cluttered(voxel: float, state: State) -> BrickField:
 @pytest.mark.parametrize("state", [State.SOLID, State.UNPROVEN])
 @pytest.mark.parametrize("voxel", [0.05, 0.09, 0.21])
 def test_nothing_solid_or_unproven_becomes_free_on_a_map_however_coarse(voxel: float, state: State):
-    field = planning_field(cluttered(0.04, state), Unknown.OCCUPIED)
+    field = planning_field(cluttered(0.04, state), UnknownSpace.OCCUPIED)
     body = Body.box((0.25, 0.25, 0.1), (11, 11, 5))
     occupancy = OccupancyMap.of(field, body, OccupancyConfig(voxel=voxel))
     free = occupancy.centers((~occupancy.occupied).nonzero())
@@ -48,7 +48,7 @@ def test_nothing_solid_or_unproven_becomes_free_on_a_map_however_coarse(voxel: f
 
 @pytest.mark.parametrize("name", ["couch", "sofa"])
 def test_nothing_solid_becomes_free_on_a_map_by_heading(name: str):
-    field, robot = planning_field(field_of(house(), 0.08), Unknown.OCCUPIED), robots.load(name)
+    field, robot = planning_field(field_of(house(), 0.08), UnknownSpace.OCCUPIED), robots.load(name)
     height = 0.3 + 0.5 * robot.body.extents[2]
     occupancy = OccupancyMap.of(field, robot.body, height=height)
     free = (~occupancy.by_heading).nonzero()
@@ -66,14 +66,14 @@ def test_a_map_of_bricks_is_that_of_the_dense_field():
     values = torch.full((61, 51, 23, 4), EMPTY_RAW)
     values[torch.rand(61, 51, 23, generator=torch.Generator().manual_seed(0)) < 1e-2] = 0.5
     dense = VoxelField(Box.of((0, 0, 0), (9, 7.5, 3.3)), values, torch.ones(3))
-    maps = [OccupancyMap.of(field, ROBOT.body).by_heading for field in (in_bricks(dense), dense)]
+    maps = [OccupancyMap.of(field, ROBOT.body).by_heading for field in (convert_to_bricks(dense), dense)]
     assert 0.02 < maps[1].float().mean() < 0.95
     assert torch.equal(*maps)
 
 
 @pytest.mark.parametrize("factor", [0.02, 1.0, 10.0])
 def test_a_way_is_found_through_the_doors_of_a_house_of_any_size(factor: float):
-    field = planning_field(field_of(house().scaled(factor), 0.06 * factor), Unknown.OCCUPIED)
+    field = planning_field(field_of(house().scaled(factor), 0.06 * factor), UnknownSpace.OCCUPIED)
     body = Body.box(tuple(factor * edge for edge in ROBOT.body.extents), (6, 6, 3))  # type: ignore[arg-type]
     occupancy = OccupancyMap.of(field, body)
     start, goal = (RigidState.at_rest(tuple(factor * x for x in end)) for end in ((2.0, 3, 1.2), (17.0, 8, 1.2)))
@@ -84,7 +84,7 @@ def test_a_way_is_found_through_the_doors_of_a_house_of_any_size(factor: float):
 
 
 def test_a_map_that_memory_cannot_hold_is_refused_before_it_is_made(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("nerfnav.core.memory.free_memory", lambda: 10**6)
+    monkeypatch.setattr("nerfnav.core.memory.available_memory", lambda: 10**6)
     with pytest.raises(InvalidInputError, match=r"a map of 19 x 11 x 3 m .* memory are free: choose a larger voxel"):
         OccupancyMap.of(field_of(house(), 0.1), ROBOT.body)
 

@@ -11,14 +11,14 @@ from torch import Tensor
 from nerfnav.geometry import Box, so3
 from nerfnav.planner import planners, terms
 from nerfnav.planner.objective.objective import Objective
-from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, map_for, way_length, ways_between
-from nerfnav.planner.objective.safety import SafetyConfig, clearance_of
+from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, map_for, path_length, paths_between
+from nerfnav.planner.objective.safety import SafetyConfig, measure_clearance
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.planners.planner import RISK, with_risk
-from nerfnav.planner.risk.collision_map import DangerMap
+from nerfnav.planner.risk.collision_map import CollisionMap
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.risk.tracking_error import Disturbance, Outlook, position_spreads
-from nerfnav.planner.solvers.chance_constraint import risk_of, within_chance
+from nerfnav.planner.risk.tracking_error import NoiseModel, RiskContext, tracking_deviations
+from nerfnav.planner.solvers.chance_constraint import bound_risk, enforce_chance_constraint
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
@@ -36,7 +36,7 @@ from tests.planner.objective.test_objective import BOX, room
 from tests.planner.places import ROBOT, Colorless, Wall, across, ball, straight_motion
 from tests.planner.test_objective import DT, GOAL, START, STEPS, guess
 
-PUSHED = Disturbance((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+PUSHED = NoiseModel((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 """Noise on the position alone, and a state that is known."""
 PAPER, CAREFUL = FastPlanConfig(), FastPlanConfig(weights=CostWeights(risk=RISK))
 WEIGHED = CostWeights(risk=RISK, collision=0.3)
@@ -86,17 +86,17 @@ def expected(problem: PlanProblem, step: PlanStep) -> float:
 
 
 def test_noise_grows_until_the_next_action_reaches_the_position():
-    spreads = position_spreads(ROBOT, 0.1, PUSHED)
+    spreads = tracking_deviations(ROBOT, 0.1, PUSHED)
     assert [level for level, _ in spreads] == pytest.approx([0.02 * math.sqrt(steps) for steps in (1, 2, 3, 4)])
     assert [height for _, height in spreads] == pytest.approx([0.02 * math.sqrt(steps) for steps in (1, 2, 2, 2)])
-    for pushed, by_default in zip(spreads, position_spreads(ROBOT, 0.1, Disturbance()), strict=True):
+    for pushed, by_default in zip(spreads, tracking_deviations(ROBOT, 0.1, NoiseModel()), strict=True):
         assert all(least < size < 1.1 * least for least, size in zip(pushed, by_default, strict=True))
-    assert position_spreads(DiffDrive(), 0.1, PUSHED)[-1][0] == pytest.approx(0.04)  # to the side never reached
+    assert tracking_deviations(DiffDrive(), 0.1, PUSHED)[-1][0] == pytest.approx(0.04)  # to the side never reached
 
 
 @pytest.mark.slow
 def test_the_spread_is_that_of_robots_that_nothing_takes_back():
-    draws, disturbance = torch.Generator().manual_seed(0), Disturbance()
+    draws, disturbance = torch.Generator().manual_seed(0), NoiseModel()
     std, known = (torch.tensor(part).repeat_interleave(3) for part in (disturbance.noise, disturbance.estimate))
     still = RigidState.at_rest((0.0, 0.0, 0.0))
     hover = ROBOT.hold(still, 0.1)
@@ -107,12 +107,12 @@ def test_the_spread_is_that_of_robots_that_nothing_takes_back():
             state = ROBOT.step(state, hover, 0.1).retract(std * torch.randn(12, generator=draws))
         ends.append(state.position)
     level = torch.stack(ends)[:, :2].std().item()
-    assert level == pytest.approx(position_spreads(ROBOT, 0.1, disturbance)[-1][0], rel=0.08)
+    assert level == pytest.approx(tracking_deviations(ROBOT, 0.1, disturbance)[-1][0], rel=0.08)
 
 
 def test_the_chance_at_a_wall_is_the_tail_of_the_noise():
-    outlook, wall = Outlook(disturbance=PUSHED), Wall(door=0.0)
-    danger = DangerMap.of(wall, ROBOT, outlook)
+    risk_context, wall = RiskContext(disturbance=PUSHED), Wall(door=0.0)
+    danger = CollisionMap.of(wall, ROBOT, risk_context)
     edge = 0.05 + 0.1 + 0.01 * math.log(200 / 5 - 1)  # half of the body, and where the wall's density falls below 5 / m
     for layer, deviation in zip(danger.chances, (0.02, 0.02 * 2**0.5, 0.02 * 3**0.5, 0.04), strict=True):
         row = layer[0, :, layer.shape[2] // 2, layer.shape[3] // 2]
@@ -151,11 +151,12 @@ def test_where_risk_counts_ways_are_looked_for_that_noise_does_not_make_dear():
     problem = across(wall)
     occupancy = map_for(problem, FastPlanConfig().occupancy)
     short, safe = (
-        ways_between(problem, InitialGuess.ASTAR, occupancy, config.ways).trajectories[0] for config in (PAPER, CAREFUL)
+        paths_between(problem, InitialGuess.ASTAR, occupancy, config.ways).trajectories[0]
+        for config in (PAPER, CAREFUL)
     )
     through = [_crossing(way.free) for way in (short, safe)]
     assert abs(through[0]) < 0.2 and through[1] > 0.5
-    lengths = [way_length(problem, occupancy, config.ways) for config in (PAPER, CAREFUL)]
+    lengths = [path_length(problem, occupancy, config.ways) for config in (PAPER, CAREFUL)]
     assert lengths[1] > lengths[0] + 0.2
 
 
@@ -217,14 +218,14 @@ def test_a_long_robot_goes_through_a_strait_lengthwise():
 def test_maps_that_tell_headings_apart_know_with_which_of_them_noise_is_likely_to_hit():
     wall, couch = Wall(door=0.36), Couch()
     occupancy = OccupancyMap.of(wall, couch.body, OccupancyConfig(), 0.4)
-    danger = DangerMap.of(wall, couch, Outlook(height=0.4))
-    found = danger.at_states_of(occupancy)
+    danger = CollisionMap.of(wall, couch, RiskContext(height=0.4))
+    found = danger.sample_voxels(occupancy)
     assert found.shape == occupancy.by_heading.shape and len(found) > 4
     x, y = ((at - occupancy.box.lower[axis].item()) / occupancy.spacing[axis].item() for axis, at in ((0, 0), (1, 0.5)))
     door = found[:, round(x), round(y), 0]
     assert door.argmin() == 0 and door[len(door) // 2] > door[0] + 0.2
     single = OccupancyMap.of(wall, couch.body, OccupancyConfig(headings=1), 0.4)
-    np.testing.assert_array_equal(danger.at_states_of(single)[0] <= found.min(0) + 1e-6, True)
+    np.testing.assert_array_equal(danger.sample_voxels(single)[0] <= found.min(0) + 1e-6, True)
 
 
 def test_without_weight_risk_is_no_part_of_a_plan_and_so_it_is_in_the_paper():
@@ -241,7 +242,9 @@ def test_without_weight_risk_is_no_part_of_a_plan_and_so_it_is_in_the_paper():
 def test_a_plan_that_counts_risk_keeps_wider_of_what_is_solid():
     problem = across(Wall(door=0.6))
     near, wide = planned(problem), planned(problem, CAREFUL)
-    room_of = [clearance_of(Wall(door=0.6), step.motion, ROBOT.body, SafetyConfig()) or 1.0 for step in (near, wide)]
+    room_of = [
+        measure_clearance(Wall(door=0.6), step.motion, ROBOT.body, SafetyConfig()) or 1.0 for step in (near, wide)
+    ]
     assert room_of[1] > room_of[0] + 0.03
     assert expected(problem, wide) < 0.1 * expected(problem, near)
     assert wide.cost.control < 1.5 * near.cost.control
@@ -281,10 +284,13 @@ def test_a_robot_whose_arrival_is_put_off_does_not_wait_outside_of_a_strait():
 def test_where_noise_makes_every_way_too_risky_the_plan_says_so_and_is_the_least_risky_found():
     problem = across(Wall(door=0.28))
     first = planned(problem, CAREFUL)
-    last = last_step(within_chance(problem, first, CAREFUL, 0.05))
+    last = last_step(enforce_chance_constraint(problem, first, CAREFUL, 0.05))
     assert last.outcome is PlanOutcome.TOO_RISKY
-    least, begun = (risk_of(problem, step, CAREFUL.weights) for step in (last, first))
+    least, begun = (bound_risk(problem, step, CAREFUL.weights) for step in (last, first))
     assert 0.05 < least <= begun
     little = (0.001, 0.001, 0.001, 0.001)
-    calm = replace(problem, disturbance=Disturbance(little, little))
-    assert last_step(within_chance(calm, planned(calm, CAREFUL), CAREFUL, 0.05)).outcome is PlanOutcome.CONVERGED
+    calm = replace(problem, disturbance=NoiseModel(little, little))
+    assert (
+        last_step(enforce_chance_constraint(calm, planned(calm, CAREFUL), CAREFUL, 0.05)).outcome
+        is PlanOutcome.CONVERGED
+    )

@@ -11,7 +11,7 @@ from nerfnav.planner import terms
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners.fast import FastPlanner
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.solvers.warm_start import WarmStartConfig, carry_on
+from nerfnav.planner.solvers.warm_start import WarmStartConfig, replan_from
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart, last_step
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.planner.trajectory import Route
@@ -29,7 +29,7 @@ def flown() -> Motion:
 def again(last: Motion, goal: RigidState = GOAL, field: object = None, **changes: object) -> list[PlanStep]:
     start = last.states[1].retract(torch.tensor([0.01, -0.01, 0.01, *[0.0] * 9]))
     problem = PlanProblem(ball() if field is None else field, ROBOT, start, goal, 19)  # type: ignore[arg-type]
-    return list(carry_on(problem, last, 1, FastPlanConfig(), **changes))  # type: ignore[arg-type]
+    return list(replan_from(problem, last, 1, FastPlanConfig(), **changes))  # type: ignore[arg-type]
 
 
 def test_a_plan_that_still_leads_to_the_goal_is_carried_on(flown: Motion):
@@ -48,7 +48,7 @@ def test_a_plan_is_carried_on_that_costs_what_its_problem_adds_to_the_cost():
     flown = last_step(plan_fast(first))
     assert flown.cost.added[0].value > 0.5 * flown.cost.total
     left = replace(first, start=flown.motion.states[1].retract(torch.tensor([0.01, -0.01, *[0.0] * 10])), steps=19)
-    assert last_step(carry_on(left, flown.motion, 1, FastPlanConfig())).restart is None
+    assert last_step(replan_from(left, flown.motion, 1, FastPlanConfig())).restart is None
 
 
 def test_a_goal_that_moved_is_followed(flown: Motion):
@@ -102,7 +102,7 @@ def test_a_plan_that_is_no_number_is_made_anew(flown: Motion):
 def test_a_start_that_is_no_number_is_refused(flown: Motion):
     start = RigidState.at_rest((float("nan"), 0.0, 0.4))
     with pytest.raises(InvalidInputError, match="position of the start must be finite"):
-        list(carry_on(PlanProblem(ball(), ROBOT, start, GOAL, 19), flown, 1, FastPlanConfig()))
+        list(replan_from(PlanProblem(ball(), ROBOT, start, GOAL, 19), flown, 1, FastPlanConfig()))
 
 
 def test_the_planner_of_the_loop_says_why_it_planned_anew(flown: Motion):
@@ -116,6 +116,6 @@ def test_a_plan_that_is_made_anew_may_take_the_time_that_its_way_takes(flown: Mo
     far = RigidState.at_rest((0.75, 0.8, 0.4))
     start = RigidState.at_rest((-0.8, -0.8, 0.4))
     problem = PlanProblem(ball(), ROBOT, start, far, 6)
-    last = last_step(carry_on(problem, flown, 14, FastPlanConfig()))
+    last = last_step(replan_from(problem, flown, 14, FastPlanConfig()))
     assert last.restart is Restart.GOAL_MOVED and last.outcome is PlanOutcome.CONVERGED
     assert len(last.motion.actions) > 10

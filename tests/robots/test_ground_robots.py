@@ -9,7 +9,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.robots.arcs import displacements
 from nerfnav.robots.couch import Couch, CouchConfig
 from nerfnav.robots.diffdrive import DiffDrive
-from nerfnav.robots.ground import headings_along, unwrapped, wrapped
+from nerfnav.robots.ground import headings_along, unwrap_angles, wrap_angle
 from nerfnav.robots.robot import Robot
 from nerfnav.robots.state import Motion, RigidState
 from tests.robots.motions import DT, STEPS, ends, free_numbers
@@ -122,6 +122,8 @@ def test_headings_follow_the_way_and_turn_to_the_ends():
 
 
 def test_angles_are_wrapped_and_unwrapped():
-    torch.testing.assert_close(wrapped(torch.tensor([3.5, -7.0])), torch.tensor([3.5 - 2 * math.pi, 2 * math.pi - 7]))
-    angles = unwrapped(torch.tensor([3.0, -3.0, 3.0]))
+    torch.testing.assert_close(
+        wrap_angle(torch.tensor([3.5, -7.0])), torch.tensor([3.5 - 2 * math.pi, 2 * math.pi - 7])
+    )
+    angles = unwrap_angles(torch.tensor([3.0, -3.0, 3.0]))
     torch.testing.assert_close(angles, torch.tensor([3.0, 2 * math.pi - 3.0, 3.0]))

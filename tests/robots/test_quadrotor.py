@@ -176,7 +176,7 @@ def test_the_way_under_given_actions_is_that_of_its_steps():
     for action in actions:
         states.append(ROBOT.step(states[-1], action, DT))
     way = torch.stack([state.position for state in states])
-    torch.testing.assert_close(ROBOT.way_under(start, actions, DT), way, rtol=0, atol=1e-4)
+    torch.testing.assert_close(ROBOT.roll_out_positions(start, actions, DT), way, rtol=0, atol=1e-4)
 
     class Heavy(Quadrotor):
         """Takes its steps in its own way."""
@@ -184,7 +184,7 @@ def test_the_way_under_given_actions_is_that_of_its_steps():
         def step(self, state: RigidState, action: torch.Tensor, dt: float) -> RigidState:
             return super().step(state, 0.5 * action, dt)
 
-    assert (Heavy().way_under(start, actions, DT)[-1] - way[-1]).norm() > 0.01
+    assert (Heavy().roll_out_positions(start, actions, DT)[-1] - way[-1]).norm() > 0.01
 
 
 def test_tilting_keeps_the_heading_to_second_order():

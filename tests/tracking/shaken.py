@@ -9,7 +9,7 @@ from torch import Tensor
 
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
 from nerfnav.inertial import ImuConfig
-from nerfnav.tracking import Frame, Inertial
+from nerfnav.tracking import Frame, ImuMeasurements
 from tests.tracking.walks import CAMERA, field, picture
 
 IMU = ImuConfig()
@@ -42,7 +42,7 @@ class Shaken:
             for time, at in zip(times, seen, strict=True)
         ]
 
-    def measured(self, end: float, seed: int | None = 0, rate: float = 200.0) -> Inertial:
+    def measured(self, end: float, seed: int | None = 0, rate: float = 200.0) -> ImuMeasurements:
         """What the unit says from -0.2 s on: with noise and biases, none of them without a seed."""
         times = torch.arange(-0.2, end, 1 / rate, dtype=torch.float64)
         before, here, after = (self._unit(times + offset) for offset in (-_STEP, 0.0, _STEP))
@@ -54,7 +54,7 @@ class Shaken:
             draws = torch.Generator().manual_seed(seed)
             rates = rates + BIASES[:3] + IMU.gyro * rate**0.5 * torch.randn(rates.shape, generator=draws).double()
             forces = forces + BIASES[3:] + IMU.accel * rate**0.5 * torch.randn(rates.shape, generator=draws).double()
-        return Inertial(times, rates, forces, MOUNT)
+        return ImuMeasurements(times, rates, forces, MOUNT)
 
     def _unit(self, times: Float[Tensor, " n"]) -> Pose:
         """T_world_imu."""

@@ -14,8 +14,8 @@ from nerfnav.inertial.inertial_motion import InertialBelief
 from nerfnav.inertial.inertial_motion import predict as predict_with_noise
 from nerfnav.inertial.preintegrated import Preintegrated
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
-from nerfnav.tracking.frame import Inertial
-from nerfnav.tracking.preintegration import preintegrated
+from nerfnav.tracking.frame import ImuMeasurements
+from nerfnav.tracking.preintegration import preintegrate
 
 CONFIG = ImuConfig()
 BIASES = torch.tensor([0.02, -0.03, 0.01, 0.2, -0.1, 0.15], dtype=torch.float64)
@@ -40,7 +40,7 @@ def state_at(time: float) -> RigidState:
 
 def measurements(
     end: float, period: float = 0.005, biases: torch.Tensor | None = None, seed: int | None = None
-) -> Inertial:
+) -> ImuMeasurements:
     """What a unit measures every period."""
     times = torch.arange(round(end / period), dtype=torch.float64) * period
     _, _, acceleration = truth(times)
@@ -54,7 +54,7 @@ def measurements(
         draws = torch.Generator().manual_seed(seed)
         rates = rates + CONFIG.gyro / period**0.5 * torch.randn(rates.shape, generator=draws).double()
         forces = forces + CONFIG.accel / period**0.5 * torch.randn(forces.shape, generator=draws).double()
-    return Inertial(times, rates, forces)
+    return ImuMeasurements(times, rates, forces)
 
 
 def predict(last: InertialBelief, measured: Preintegrated, config: ImuConfig) -> InertialBelief:
@@ -66,23 +66,23 @@ def begun(time: float, std: float = 0.01) -> InertialBelief:
 
 
 def test_a_perfect_unit_predicts_the_motion() -> None:
-    measured = preintegrated(measurements(2.0), 0.5, 1.5, torch.zeros(6).double(), CONFIG)
+    measured = preintegrate(measurements(2.0), 0.5, 1.5, torch.zeros(6).double(), CONFIG)
     after = predict(begun(0.5), measured, CONFIG).belief.mean
     off = state_at(1.5).local(after)
     assert off[POSITION].norm() < 2e-4 and off[ATTITUDE].norm() < 1e-4 and off[3:6].norm() < 5e-4
 
 
 def test_known_biases_are_taken_away() -> None:
-    measured = preintegrated(measurements(2.0, biases=BIASES), 0.5, 1.5, BIASES, CONFIG)
+    measured = preintegrate(measurements(2.0, biases=BIASES), 0.5, 1.5, BIASES, CONFIG)
     assert state_at(1.5).local(predict(begun(0.5), measured, CONFIG).belief.mean)[:9].norm() < 1e-3
 
 
 @pytest.mark.slow
 def test_derivatives_by_the_biases_are_those_of_finite_differences() -> None:
     inertial, step = measurements(1.0, biases=BIASES), 1e-5
-    here = preintegrated(inertial, 0.1, 0.6, BIASES, CONFIG)
+    here = preintegrate(inertial, 0.1, 0.6, BIASES, CONFIG)
     for index in range(6):
-        low, high = (preintegrated(inertial, 0.1, 0.6, BIASES + sign * step * torch.eye(6).double()[index], CONFIG)
+        low, high = (preintegrate(inertial, 0.1, 0.6, BIASES + sign * step * torch.eye(6).double()[index], CONFIG)
                      for sign in (-1, 1))  # fmt: skip
         (low, high) = low.increments, high.increments
         slope = torch.cat([so3.local(low.turn, high.turn), high.speed - low.speed, high.way - low.way]) / (2 * step)
@@ -90,7 +90,7 @@ def test_derivatives_by_the_biases_are_those_of_finite_differences() -> None:
 
 
 def test_the_derivative_by_the_state_is_that_of_finite_differences() -> None:
-    measured = preintegrated(measurements(1.0), 0.1, 0.5, torch.zeros(6).double(), CONFIG)
+    measured = preintegrate(measurements(1.0), 0.1, 0.5, torch.zeros(6).double(), CONFIG)
     start, silent = begun(0.1), replace(measured, covariance=torch.zeros(9, 9).double(), rate_variance=0.0)
     start = replace(start, covariance=torch.zeros(9, 9).double())
     spread = predict(start, silent, replace(CONFIG, gyro_walk=0, accel_walk=0)).belief.covariance / 0.01**2
@@ -114,7 +114,7 @@ def test_biases_are_found_from_poses_and_the_belief_is_honest(seed: int) -> None
     errors = []
     for index in range(1, 119):
         time = 0.1 * index
-        measured = preintegrated(inertial, time - 0.1, time, believed.biases, CONFIG)
+        measured = preintegrate(inertial, time - 0.1, time, believed.biases, CONFIG)
         ahead = predict(believed, measured, CONFIG)
         noise = sight * torch.randn(6, generator=draws).double()
         seen = state_at(time).retract(torch.zeros(12).double().index_put((torch.tensor(pose),), noise))
@@ -135,12 +135,12 @@ def test_biases_are_found_from_poses_and_the_belief_is_honest(seed: int) -> None
 
 def test_measurements_that_are_missing_are_told() -> None:
     inertial = measurements(2.0)
-    late = Inertial(inertial.times[100:], inertial.body_rates[100:], inertial.specific_forces[100:])
+    late = ImuMeasurements(inertial.times[100:], inertial.body_rates[100:], inertial.specific_forces[100:])
     kept = (inertial.times < 0.8) | (inertial.times > 1.2)
-    holed = Inertial(inertial.times[kept], inertial.body_rates[kept], inertial.specific_forces[kept])
+    holed = ImuMeasurements(inertial.times[kept], inertial.body_rates[kept], inertial.specific_forces[kept])
     zero = torch.zeros(6).double()
     for source, start, end in ((late, 0.1, 0.9), (holed, 0.5, 1.5), (inertial, 1.5, 2.5), (inertial, 5.0, 5.1)):
         with pytest.raises(InvalidInputError, match=r"the inertial measurements have a gap of more than 0\.1 s"):
-            preintegrated(source, start, end, zero, CONFIG)
+            preintegrate(source, start, end, zero, CONFIG)
     with pytest.raises(InvalidInputError, match="not from 1 s to 1 s"):
-        preintegrated(inertial, 1.0, 1.0, zero, CONFIG)
+        preintegrate(inertial, 1.0, 1.0, zero, CONFIG)

@@ -8,7 +8,7 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, so3
-from nerfnav.tracking import InertialMotion, Tracked, Tracker, TrackerConfig, TrackStatus
+from nerfnav.tracking import InertialMotion, TrackedFrame, Tracker, TrackerConfig, TrackStatus
 from tests.tracking.shaken import BIASES, MOUNT, Shaken
 from tests.tracking.walks import CAMERA, every, field
 
@@ -23,7 +23,7 @@ def led(shaken: Shaken, end: float = 2.6) -> Tracker:
     return Tracker(field(), CAMERA, mount=MOUNT, config=CONFIG, inertial=unit)
 
 
-def well_tracked(tracked: Tracked, shaken: Shaken) -> bool:
+def well_tracked(tracked: TrackedFrame, shaken: Shaken) -> bool:
     true, found = shaken.pose(tracked.time), tracked.pose
     if found is None or not tracked.status.updated:
         return False

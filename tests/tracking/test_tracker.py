@@ -15,7 +15,7 @@ from nerfnav.field.core.occupancy import DENSITY_SCALE
 from nerfnav.field.models.levels import raw_of
 from nerfnav.geometry import FORWARD_MOUNT, Box, Camera, Pose, so3
 from nerfnav.robots import RigidState
-from nerfnav.tracking import Frame, Tracked, Tracker, TrackerConfig, TrackStatus
+from nerfnav.tracking import Frame, TrackedFrame, Tracker, TrackerConfig, TrackStatus
 from tests.tracking.walks import CAMERA, DT, every, field, picture, pose, walk
 
 CONFIG = TrackerConfig()
@@ -26,7 +26,7 @@ def tracker(camera: Camera = CAMERA, config: TrackerConfig = CONFIG) -> Tracker:
     return Tracker(field(), camera, config=config)
 
 
-def errors(tracked: Tracked) -> tuple[float, float]:
+def errors(tracked: TrackedFrame) -> tuple[float, float]:
     """Position [m] and attitude [rad]."""
     true, found = pose(tracked.time), tracked.pose
     assert found is not None
@@ -37,7 +37,7 @@ def blur(image: UInt8[Tensor, "height width 3"]) -> UInt8[Tensor, "height width 
     return torch.from_numpy(cv2.GaussianBlur(image.numpy(), (0, 0), 3.0))
 
 
-def well_tracked(tracked: Tracked) -> bool:
+def well_tracked(tracked: TrackedFrame) -> bool:
     moved, turned = errors(tracked)
     return tracked.status.updated and moved < 0.01 and turned < 0.01
 

@@ -9,7 +9,7 @@ from nerfnav.geometry.box import Box
 from nerfnav.world.capture import CaptureConfig, capture_poses
 from nerfnav.world.raycast import RayCaster
 from nerfnav.world.scene import Scene, Vantage
-from nerfnav.world.vantage import guess_vantage, suitable
+from nerfnav.world.vantage import filter_vantage, guess_vantage
 
 _BOX = Box.of((-4.0, -3.0, 0.0), (4.0, 3.0, 3.0))
 
@@ -42,10 +42,10 @@ def test_a_wall_on_flat_ground_is_no_room():
 def test_cameras_of_a_room_stand_in_it_and_those_of_open_ground_above_it():
     points = torch.tensor([[0.0, 0.0, 1.5], [0.0, 0.0, -1.0], [6.0, 0.0, 1.5]])
     room = RayCaster(_room())
-    assert suitable(room, points, Vantage.INSIDE).tolist() == [True, False, False]
-    assert suitable(room, points, Vantage.ANYWHERE).tolist() == [True, True, True]
+    assert filter_vantage(room, points, Vantage.INSIDE).tolist() == [True, False, False]
+    assert filter_vantage(room, points, Vantage.ANYWHERE).tolist() == [True, True, True]
     ground = RayCaster(trimesh.creation.box(bounds=[[-40, -30, -0.1], [40, 30, 0]]))
-    assert suitable(ground, points, Vantage.OUTSIDE).tolist() == [True, False, True]
+    assert filter_vantage(ground, points, Vantage.OUTSIDE).tolist() == [True, False, True]
 
 
 def test_a_capture_of_a_room_has_no_camera_outside():

@@ -6,7 +6,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from nerfnav.field import load_field
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.field.bake import bake_file
 from nerfnav_app.places.place import field_file
 
@@ -28,4 +28,4 @@ class Arguments:
 def run(arguments: Arguments) -> None:
     """Bake, store the field, and print how alike the two look."""
     field = load_field(field_file(arguments.field))
-    tell(f"field {arguments.out}", bake_file(field, arguments.voxel, arguments.out), arguments.json)
+    run_and_print(f"field {arguments.out}", bake_file(field, arguments.voxel, arguments.out), arguments.json)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.measure.bench import SECONDS, BenchRequest
 from nerfnav_app.jobs.measure.bench import run as run_job
@@ -29,7 +29,7 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Measure, and print the numbers."""
-    finished = tell("bench", run_job(_request(arguments)), arguments.json)
+    finished = run_and_print("bench", run_job(_request(arguments)), arguments.json)
     if missing := finished.summary["left_out"]:
         note(f"not measured, for this version cannot: {', '.join(missing)}")
     for path in finished.files:

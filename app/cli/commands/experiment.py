@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from nerfnav.experiments import EndsChoice, FlightOptions
 from nerfnav.navigation import WorldName
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.measure.experiment import EXPERIMENTS, ExperimentRequest
 from nerfnav_app.jobs.measure.experiment import run as run_job
@@ -58,7 +58,7 @@ def run(arguments: Arguments) -> None:
         out=arguments.out,
         flights=_options(arguments),
     )
-    finished = tell(f"experiment {arguments.name}", run_job(request), arguments.json)
+    finished = run_and_print(f"experiment {arguments.name}", run_job(request), arguments.json)
     for path in finished.files:
         note(f"wrote {path}")
 

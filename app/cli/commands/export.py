@@ -8,7 +8,7 @@ from typing import Any
 from tyro.conf import Positional
 
 from nerfnav.export import FORMATS
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.export.export import ExportRequest
 from nerfnav_app.jobs.export.export import run as run_job
 
@@ -42,4 +42,4 @@ def arguments_for(words: Sequence[str]) -> type[Any]:
 def run(arguments: Arguments) -> None:
     """Export, and tell what was written."""
     request = ExportRequest(arguments.run, arguments.format, arguments.out, arguments.force, arguments.datum)
-    tell("export", run_job(request), arguments.json)
+    run_and_print("export", run_job(request), arguments.json)

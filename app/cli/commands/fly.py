@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from nerfnav.geometry import read_camera
 from nerfnav.navigation import NavigateConfig, WorldName
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.route_arguments import Route, planner_of
 from nerfnav_app.cli.terminal import note
 from nerfnav_app.jobs.fly.fly import run as run_job
@@ -75,6 +75,6 @@ def run(arguments: Any) -> None:
         task=arguments.task_name(place),
         out=arguments.out or RunStore().new(place.name),
     )
-    tell(f"flight in {place.name}", run_job(request, place), arguments.json, can_stop_early=True)
+    run_and_print(f"flight in {place.name}", run_job(request, place), arguments.json, can_stop_early=True)
     if arguments.out is None:
         note(f"the flight is kept in {request.out}")

@@ -6,7 +6,7 @@ from pathlib import Path
 from tyro.conf import OmitArgPrefixes, Positional
 
 from nerfnav_app.cli.commands.train import PlacementArguments
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.open.import_field import ImportRequest
 from nerfnav_app.jobs.open.import_field import run as run_job
 
@@ -39,4 +39,4 @@ def run(arguments: Arguments) -> None:
         keep_network=arguments.keep_network,
         placement=arguments.placement.placement(),
     )
-    tell(f"field {arguments.out}", run_job(request), arguments.json)
+    run_and_print(f"field {arguments.out}", run_job(request), arguments.json)

@@ -13,9 +13,16 @@ from tyro.conf import Positional
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.experiments import Freedom, GeometryReport, freedom_alone, freedom_on_mesh, in_words, measure_geometry
+from nerfnav.experiments import (
+    FreeSpaceAccuracy,
+    GeometryReport,
+    describe_free_space_accuracy,
+    measure_free_space_on_mesh,
+    measure_geometry,
+    measure_unproven_share,
+)
 from nerfnav.field import GridField, NeuralField, StoredField, load_field, render_image
-from nerfnav.geometry import Camera, Pose, look_at, picture_file
+from nerfnav.geometry import Camera, Pose, encode_image, look_at
 from nerfnav.importers import Placement, SceneConfig, import_mesh
 from nerfnav.world import CaptureConfig, Scene, capture_poses, images_taken
 from nerfnav_app.cli.terminal import show
@@ -33,7 +40,7 @@ def write_picture(field: StoredField, out: Path) -> Path:
     eye = field.box.center + torch.tensor(_STANDPOINT) * field.box.size.max()
     aim = field.box.center - 0.15 * field.box.size * torch.tensor([0.0, 0.0, 1.0])
     seen = render_image(field, Camera.from_fov(_WIDTH, _HEIGHT, _FOV_DEG), look_at(eye, aim))
-    return write_bytes(path, picture_file(seen.image.numpy()))
+    return write_bytes(path, encode_image(seen.image.numpy()))
 
 
 def grain(field: StoredField) -> dict[str, Any]:
@@ -46,16 +53,16 @@ def grain(field: StoredField) -> dict[str, Any]:
     return {"voxel_m": field.step}
 
 
-def freedom_of(field: StoredField, path: Path) -> Freedom:
+def free_space_accuracy_of(field: StoredField, path: Path) -> FreeSpaceAccuracy:
     """What planners take for free: as it was measured when the field was made, else as far as it can be now."""
     info, voxel = field.info, grain(field)["voxel_m"]
     if info.unproven_share is not None:
-        return Freedom(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, voxel)
+        return FreeSpaceAccuracy(info.surface_taken_for_free, info.free_taken_for_free, info.unproven_share, voxel)
     truth = ground_truth(field, path)
     if truth is None:
-        return freedom_alone(field, voxel)
+        return measure_unproven_share(field, voxel)
     scene = truth.load()
-    return freedom_on_mesh(field, voxel, scene, _seen_from(field, scene))
+    return measure_free_space_on_mesh(field, voxel, scene, _seen_from(field, scene))
 
 
 def geometry_of(field: StoredField, scene: Scene) -> GeometryReport:
@@ -125,11 +132,11 @@ def run(arguments: Arguments) -> None:
     }
     for name in ("surface_taken_for_free", "free_taken_for_free", "unproven_share"):
         del summary[name]  # told together, below
-    freedom = freedom_of(field, path)
+    freedom = free_space_accuracy_of(field, path)
     summary["geometry"] = asdict(freedom)
     if arguments.mesh is not None:
         summary["geometry"] |= asdict(geometry_of(field, truth_of(arguments.mesh, field, path)))
-    summary["in_words"] = in_words(freedom)
+    summary["in_words"] = describe_free_space_accuracy(freedom)
     if arguments.png is not None:
         summary["png"] = str(write_picture(field, arguments.png))
     show(str(path), summary, arguments.json)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.track.camera import GivenCamera
 from nerfnav_app.jobs.track.localize import LocalizeRequest
 from nerfnav_app.jobs.track.localize import run as run_job
@@ -35,4 +35,4 @@ def run(arguments: Arguments) -> None:
     request = LocalizeRequest(
         arguments.field, arguments.image, GivenCamera(arguments.camera, arguments.intrinsics, arguments.fov)
     )
-    tell(f"picture in {arguments.field}", run_job(request), arguments.json)
+    run_and_print(f"picture in {arguments.field}", run_job(request), arguments.json)

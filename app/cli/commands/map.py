@@ -6,7 +6,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from nerfnav.field import load_field
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.export.occupancy_map import MapRequest
 from nerfnav_app.jobs.export.occupancy_map import run as run_job
 from nerfnav_app.places.place import field_file
@@ -36,4 +36,4 @@ def run(arguments: Arguments) -> None:
     """Make the map, and tell what is free in it."""
     request = MapRequest(arguments.out, arguments.height, arguments.voxel)
     field = load_field(field_file(arguments.field))
-    tell(f"map {arguments.out}", run_job(field, request), arguments.json)
+    run_and_print(f"map {arguments.out}", run_job(field, request), arguments.json)

@@ -6,15 +6,15 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from nerfnav.importers import Correction
+from nerfnav.importers import AlignmentRequest
 from nerfnav_app.cli.commands.train import Corners, Up, vector
-from nerfnav_app.cli.number_arguments import counted_in_words
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.number_arguments import numbers_argument
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.field.georeference import PlaceRequest
 from nerfnav_app.jobs.field.georeference import run as run_job
 
-Measured = Annotated[tuple[float, ...] | None, counted_in_words("measure", "X Y Z X Y Z DISTANCE")]
-Floor = Annotated[tuple[float, ...] | None, counted_in_words("floor", "X Y Z X Y Z X Y Z")]
+Measured = Annotated[tuple[float, ...] | None, numbers_argument("measure", "X Y Z X Y Z DISTANCE")]
+Floor = Annotated[tuple[float, ...] | None, numbers_argument("floor", "X Y Z X Y Z X Y Z")]
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Arguments:
 def run(arguments: Arguments) -> None:
     """Put the field right, store it, and print what has changed."""
     measured, floor, box = arguments.measure, arguments.floor, arguments.box
-    correction = Correction(
+    correction = AlignmentRequest(
         measured=None if measured is None else (vector(measured[:3]), vector(measured[3:6]), measured[6]),
         scale=arguments.scale,
         floor=None if floor is None else (vector(floor[:3]), vector(floor[3:6]), vector(floor[6:])),
@@ -57,4 +57,4 @@ def run(arguments: Arguments) -> None:
         box=None if box is None else (vector(box[:3]), vector(box[3:])),
     )
     request = PlaceRequest(arguments.field, correction, arguments.out)
-    tell(f"field {arguments.out}", run_job(request), arguments.json)
+    run_and_print(f"field {arguments.out}", run_job(request), arguments.json)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.planner import PlannerConfig, PlanOutcome
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.cli.route_arguments import Route, planner_of
 from nerfnav_app.jobs.plan.plan import run as run_job
 
@@ -54,7 +54,7 @@ def run(arguments: Any) -> None:
     )
     if isinstance(arguments.duration, float):
         request = request.lasting(arguments.duration)
-    summary = tell(f"plan in {place.name}", run_job(request, place), arguments.json).summary
+    summary = run_and_print(f"plan in {place.name}", run_job(request, place), arguments.json).summary
     untrue = next((outcome for outcome in UNTRUE if outcome.name.lower() == summary["outcome"]), None)
     if untrue is not None:
         raise UnsafePlanError(f"this plan is not safe to fly: {untrue.value}")

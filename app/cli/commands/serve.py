@@ -20,7 +20,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
-from nerfnav_app.page.splash import first_sight
+from nerfnav_app.page.splash import show_splash
 from nerfnav_app.page_server import page_server
 from nerfnav_app.places.kept_surface import kept_surface
 from nerfnav_app.security.address import page_url
@@ -113,7 +113,7 @@ def run(arguments: Arguments) -> None:
     with contextlib.redirect_stdout(sys.stderr):  # viser prints; stdout is for the address alone
         server = page_server(arguments.host, arguments.port, arguments.token)
         try:
-            surface = first_sight(server, shown_before(arguments.place))
+            surface = show_splash(server, shown_before(arguments.place))
             url = page_url(arguments.host, arguments.port, arguments.token)
             told = f"nerfnav serves {arguments.place} at {url} (Ctrl-C ends it)"
             stdout.write((json.dumps({"url": url, "place": arguments.place}) if arguments.json else told) + "\n")

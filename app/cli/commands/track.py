@@ -7,15 +7,15 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from nerfnav.tracking import SourceOptions
-from nerfnav_app.cli.number_arguments import counted_in_words
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.number_arguments import numbers_argument
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.track.camera import GivenCamera
 from nerfnav_app.jobs.track.camera_run import CameraRun
 from nerfnav_app.jobs.track.imu import GivenImu
 from nerfnav_app.jobs.track.track import TrackRequest
 from nerfnav_app.jobs.track.track import run as run_job
 
-Mount = Annotated[tuple[float, ...] | None, counted_in_words("imu-mount", "X Y Z QX QY QZ QW")]
+Mount = Annotated[tuple[float, ...] | None, numbers_argument("imu-mount", "X Y Z QX QY QZ QW")]
 
 
 @dataclass(frozen=True)
@@ -59,4 +59,4 @@ def run(arguments: Arguments) -> None:
         GivenImu(arguments.imu_mount) if arguments.imu or arguments.imu_mount is not None else None,
     )
     request = TrackRequest(arguments.field, camera, arguments.out, arguments.pictures)
-    tell(f"{arguments.source} in {arguments.field}", run_job(request), arguments.json)
+    run_and_print(f"{arguments.source} in {arguments.field}", run_job(request), arguments.json)

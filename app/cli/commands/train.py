@@ -7,20 +7,20 @@ from typing import Annotated, Literal
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from nerfnav.importers import AXES, MeshOptions, Placement
-from nerfnav_app.cli.number_arguments import counted, counted_in_words, in_words
-from nerfnav_app.cli.progress import tell
+from nerfnav_app.cli.number_arguments import numbers_argument, parse_count, words_argument
+from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.field.request import NeuralOptions, Photographs, QualityName, TrainRequest
 from nerfnav_app.jobs.field.train import run as run_job
 
 
 def _up(words: list[str]) -> tuple[float, ...]:
     """A direction of three numbers, or an axis by its name."""
-    return AXES[words[0]] if len(words) == 1 and words[0] in AXES else counted("up", 3, words)
+    return AXES[words[0]] if len(words) == 1 and words[0] in AXES else parse_count("up", 3, words)
 
 
-Up = Annotated[tuple[float, ...] | None, in_words("X Y Z|AXIS", _up)]
-Picked = Annotated[tuple[float, ...] | None, counted_in_words("picked", "X Y Z X Y Z DISTANCE")]
-Corners = Annotated[tuple[float, ...] | None, counted_in_words("box", "X Y Z X Y Z")]
+Up = Annotated[tuple[float, ...] | None, words_argument("X Y Z|AXIS", _up)]
+Picked = Annotated[tuple[float, ...] | None, numbers_argument("picked", "X Y Z X Y Z DISTANCE")]
+Corners = Annotated[tuple[float, ...] | None, numbers_argument("box", "X Y Z X Y Z")]
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def run(arguments: Arguments) -> None:
         depth={"auto": None, "on": True, "off": False}[arguments.depth],
         neural=arguments.neural if arguments.kind == "neural" else None,
     )
-    tell(f"field {arguments.out}", run_job(request), arguments.json, can_stop_early=True)
+    run_and_print(f"field {arguments.out}", run_job(request), arguments.json, can_stop_early=True)
 
 
 def vector(numbers: tuple[float, ...]) -> tuple[float, float, float]:

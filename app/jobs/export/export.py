@@ -6,8 +6,8 @@ from pathlib import Path
 from nerfnav.core.errors import NerfnavError
 from nerfnav.export import FORMATS, Recording
 from nerfnav_app.jobs.events import FileMade, JobEvents, JobResult, Progress
-from nerfnav_app.jobs.export.recording import planned_in, read_run
-from nerfnav_app.jobs.export.surface import surface_of
+from nerfnav_app.jobs.export.recording import read_run, with_field
+from nerfnav_app.jobs.export.surface import build_surface
 from nerfnav_app.places.place import open_place
 from nerfnav_app.storage.output_files import prepare_file, write_bytes
 from nerfnav_app.storage.run_metadata import RunMetadata
@@ -38,10 +38,10 @@ def run(request: ExportRequest) -> JobEvents:
     out = prepare_file(request.out)
     if form.moves_vehicle:
         yield Progress("opening the field, to judge what the vehicle is to fly", 0.1)
-        made = made.planned_in(planned_in(folder, made))
+        made = made.with_field(with_field(folder, made))
     if form.shows_place and made.steps:
         yield Progress("shaping the surface of the place", 0.2)
-        made = made.standing_in(_surface(folder))
+        made = made.with_surface(_surface(folder))
     exported = form.exported(made, request.force)
     write_bytes(out, exported.content)
     summary = {
@@ -73,6 +73,6 @@ def _folder(run: Path) -> Path:
 def _surface(folder: Path) -> bytes | None:
     """What stands for the place of a flight; None where the place is gone, which the export's numbers tell."""
     try:
-        return surface_of(open_place(RunMetadata.load(folder).source)) or None
+        return build_surface(open_place(RunMetadata.load(folder).source)) or None
     except NerfnavError:
         return None

@@ -9,7 +9,7 @@ from pathlib import Path
 from nerfnav.core.errors import require_positive
 from nerfnav.export import map_files
 from nerfnav.export.occupancy_map import check_ending
-from nerfnav.field import StateGrid, StoredField, VoxelState, voxel_states
+from nerfnav.field import Occupancy, OccupancyGrid, StoredField, compute_occupancy_grid
 from nerfnav.planner import threshold_of
 from nerfnav_app.jobs.events import FileMade, JobEvents, JobResult, Progress
 from nerfnav_app.storage.output_files import prepare_file, write_bytes
@@ -55,10 +55,10 @@ def download(field: StoredField, request: MapRequest) -> JobEvents:
 
 def _made(
     field: StoredField, request: MapRequest
-) -> Generator[Progress, bool | None, tuple[StateGrid, dict[str, bytes]]]:
+) -> Generator[Progress, bool | None, tuple[OccupancyGrid, dict[str, bytes]]]:
     """The voxels of a map, and its files by their names."""
     yield Progress("looking at all voxels", 0.1)
-    grid = voxel_states(field, threshold_of(field), request.voxel)
+    grid = compute_occupancy_grid(field, threshold_of(field), request.voxel)
     yield Progress("writing the map", 0.7)
     return grid, map_files(grid, request.out.suffix, request.out.stem, request.height)
 
@@ -71,6 +71,6 @@ def _zipped(contents: dict[str, bytes]) -> bytes:
     return stream.getvalue()
 
 
-def _numbers(grid: StateGrid) -> dict[str, object]:
-    shares = {f"{state.name.lower()}_share": grid.share(state) for state in VoxelState}
+def _numbers(grid: OccupancyGrid) -> dict[str, object]:
+    shares = {f"{state.name.lower()}_share": grid.share(state) for state in Occupancy}
     return {"shape": list(grid.state.shape), "lower": grid.lower.tolist(), "voxel_m": grid.voxel, **shares}

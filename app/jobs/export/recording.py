@@ -6,8 +6,8 @@ from pathlib import Path
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.export import Recording, table_of_json
-from nerfnav.field import StoredField, Unknown
-from nerfnav_app.places.derived import planning_place
+from nerfnav.field import StoredField, UnknownSpace
+from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.place import open_place
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.step_codec import FILE
@@ -39,7 +39,7 @@ def read_run(folder: Path) -> Recording:
         raise InvalidInputError(f"{path} cannot be read: {error}") from error
 
 
-def planned_in(folder: Path, recording: Recording) -> StoredField | None:
+def with_field(folder: Path, recording: Recording) -> StoredField | None:
     """The field that the run in a folder was planned in, as its planner saw it.
 
     None where its place is gone or is no field any more, or was never noted, as by earlier versions.
@@ -50,10 +50,10 @@ def planned_in(folder: Path, recording: Recording) -> StoredField | None:
     else:
         told = recording.table.info
         source, unknown = str(told.get("place") or ""), str(told.get("unknown", ""))
-    if not source or unknown not in (known.value for known in Unknown):
+    if not source or unknown not in (known.value for known in UnknownSpace):
         return None
     with suppress(NerfnavError):
-        return planning_place(open_place(source), Unknown(unknown)).field
+        return prepare_place(open_place(source), UnknownSpace(unknown)).field
     return None
 
 

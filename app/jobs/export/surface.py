@@ -4,12 +4,12 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from nerfnav.core.steps import returned
+from nerfnav.core.steps import run_steps
 from nerfnav.field import GridField, field_mesh, open_rooms
-from nerfnav.field.surface.texture import texturing
+from nerfnav.field.surface.texture import texture_mesh
 from nerfnav_app.places.kept_surface import keep_surface, kept_surface
 from nerfnav_app.places.place import Place
-from nerfnav_app.places.surface_glb import colored_glb, simplified, unlit_glb, without_specks
+from nerfnav_app.places.surface_glb import encode_colored_glb, encode_textured_glb, remove_specks, simplified
 
 if TYPE_CHECKING:
     import trimesh
@@ -24,37 +24,37 @@ _SPECK = 400
 """Parts of the surface with fewer faces than this are not shown."""
 
 
-def surface_of(place: Place) -> bytes:
+def build_surface(place: Place) -> bytes:
     """What stands for the field in viewers, as unlit binary glTF with a texture; shaped once on this machine for each.
 
     Empty where the field has nothing dense, such as one that was hardly trained.
     """
-    return returned(shaping(place))
+    return run_steps(shape_surface(place))
 
 
-def shaping(place: Place) -> Generator[None, None, bytes]:
-    """Return `surface_of` a place; yields now and then, for it takes seconds."""
+def shape_surface(place: Place) -> Generator[None, None, bytes]:
+    """Return `build_surface` a place; yields now and then, for it takes seconds."""
     file = _file(place)
     if file is not None and (kept := kept_surface(file)) is not None:
         return kept
     mesh, shaped = simplified(_mesh(place)), b""
     if len(mesh.faces):
         yield
-        painted = yield from texturing(place.field, mesh, _voxel(place))
+        painted = yield from texture_mesh(place.field, mesh, _voxel(place))
         yield
-        shaped = unlit_glb(painted, _box(place))
+        shaped = encode_textured_glb(painted, _box(place))
     if file is not None:
         keep_surface(file, shaped)
     return shaped
 
 
-def first_surface_of(place: Place) -> tuple[bytes, bool]:
+def build_first_surface(place: Place) -> tuple[bytes, bool]:
     """What can be shown of the field at once, and whether that is only rough: its colours, without a texture."""
     file = _file(place)
     if file is not None and (kept := kept_surface(file)) is not None:
         return kept, False
     mesh = _mesh(place)
-    return (colored_glb(mesh, _box(place)), True) if len(mesh.faces) else (b"", False)
+    return (encode_colored_glb(mesh, _box(place)), True) if len(mesh.faces) else (b"", False)
 
 
 def _mesh(place: Place) -> "trimesh.Trimesh":
@@ -62,7 +62,7 @@ def _mesh(place: Place) -> "trimesh.Trimesh":
     mesh = field_mesh(field, spacing, min(_LEVEL, _DEPTH / _voxel(place)))
     if isinstance(field, GridField) and field.info.proven_from == "depth":
         mesh = open_rooms(field, mesh, spacing)
-    return without_specks(mesh, _SPECK)
+    return remove_specks(mesh, _SPECK)
 
 
 def _box(place: Place) -> tuple[list[float], list[float]]:

@@ -7,7 +7,7 @@ from nerfnav.core.errors import require_positive
 from nerfnav.field import BakeConfig, BakeStep, Field, StoredField, VoxelField, save_field
 from nerfnav.field.edit.bake import bake
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
-from nerfnav_app.jobs.field.report import numbers_of
+from nerfnav_app.jobs.field.report import import_numbers
 from nerfnav_app.storage.output_files import prepare_file
 
 
@@ -15,11 +15,11 @@ def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:
     """Bake a field and store the result: yield progress, and return the numbers."""
     require_positive(voxel=voxel)
     prepare_file(out)
-    baked = yield from baking(source, voxel)
-    return JobResult({**numbers_of(baked), "file_bytes": save_field(baked, out)}, (out,))
+    baked = yield from bake_field(source, voxel)
+    return JobResult({**import_numbers(baked), "file_bytes": save_field(baked, out)}, (out,))
 
 
-def baking(source: Field, voxel: float | None) -> Generator[JobEvent, bool | None, VoxelField]:
+def bake_field(source: Field, voxel: float | None) -> Generator[JobEvent, bool | None, VoxelField]:
     """Bake a field, yield progress, and return the result."""
     step: BakeStep | None = None
     for step in bake(source, BakeConfig(voxel=voxel)):

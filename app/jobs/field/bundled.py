@@ -23,7 +23,7 @@ WITHOUT_DEPTH = 3
 free then, and half a dozen looks past a node seldom do."""
 
 
-def takes(source: str) -> bool:
+def render_views(source: str) -> bool:
     """Whether a source is one of the bundled scenes."""
     return source in scenes.names()
 

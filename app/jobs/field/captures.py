@@ -4,7 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers import ImportConfig, ImportedCapture, capture_of_video, import_capture
+from nerfnav.importers import ImportConfig, ImportedCapture, import_capture, make_capture_of_video
 from nerfnav.importers.core.kinds import VIDEOS
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.field.request import TrainRequest
@@ -36,7 +36,7 @@ def gather(request: TrainRequest) -> Gathering:
     )
     with capture_unpacked(Path(request.source)) as (source, within):
         if (video := Path(request.source)).suffix.lower() in VIDEOS:
-            for posing in capture_of_video(video, source):
+            for posing in make_capture_of_video(video, source):
                 if (yield Progress(posing.doing, posing.fraction)):
                     raise StoppedError("stopped while posing the video: nothing was learned yet, so nothing is saved")
         photographs = request.photographs

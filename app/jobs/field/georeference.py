@@ -13,30 +13,30 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator import rescaled, views_moved
-from nerfnav.experiments import freedom_alone, in_words
+from nerfnav.estimator import rescale_map_error, transform_views
+from nerfnav.experiments import describe_free_space_accuracy, measure_unproven_share
 from nerfnav.field import (
     FieldInfo,
     MoveStep,
     StoredField,
     VoxelField,
-    cropped,
+    crop_field,
+    intersect_boxes,
     load_field,
-    moved,
-    overlap,
+    move_field,
     surface_points,
 )
 from nerfnav.geometry import Similarity
 from nerfnav.importers import (
-    Corrected,
-    Correction,
+    Alignment,
+    AlignmentRequest,
     Splats,
     VoxelizeConfig,
-    corrected,
+    compute_alignment,
+    drop_answered_guesses,
     load_splats,
     save_splats,
-    splats_beside,
-    still_guessed,
+    splats_path,
     voxelize,
 )
 from nerfnav.world import Scene, moved_scene
@@ -61,50 +61,50 @@ def save(made: Placed, out: Path) -> JobResult:
     """Store it in `out` and beside that, and tell its numbers."""
     size, files = stored(made.field, made.truth, out)
     if made.splats is not None:
-        files = (*files, save_splats(made.splats, splats_beside(out)))
+        files = (*files, save_splats(made.splats, splats_path(out)))
     return JobResult({**_numbers(made), "file_bytes": size}, files)
 
 
 def _numbers(made: Placed) -> dict[str, Any]:
     field = made.field
     voxel = float(field.spacing.max()) if isinstance(field, VoxelField) else field.step
-    freedom = freedom_alone(field, voxel)
+    freedom = measure_unproven_share(field, voxel)
     return {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
         "voxel_m": voxel,
         "changed": list(made.told),
         "guesses": list(field.info.guesses),
         "geometry": asdict(freedom),
-        "in_words": in_words(freedom),
+        "in_words": describe_free_space_accuracy(freedom),
     }
 
 
-def moved_field(field: StoredField, change: Corrected) -> Generator[JobEvent, bool | None, StoredField]:
+def moved_field(field: StoredField, change: Alignment) -> Generator[JobEvent, bool | None, StoredField]:
     step: MoveStep | None = None
-    for step in moved(field, change.similarity):
+    for step in move_field(field, change.similarity):
         yield Progress(step.label, 0.1 + 0.8 * step.fraction)
     assert step is not None and step.field is not None, "moving ends with its field"
-    return step.field if change.box is None else cropped(step.field, change.box)
+    return step.field if change.box is None else crop_field(step.field, change.box)
 
 
-def placed_splats(splats: Splats, change: Corrected) -> Splats:
+def placed_splats(splats: Splats, change: Alignment) -> Splats:
     """Splats where they belong: nothing of them is lost."""
     similarity = change.similarity
     placed = splats.placed(similarity.rotation.numpy(), similarity.scale)
     return replace(placed, centers=(placed.centers + similarity.translation.numpy()).astype("float32"))
 
 
-def voxels_of(splats: Splats, field: StoredField, change: Corrected) -> VoxelField:
+def voxels_of(splats: Splats, field: StoredField, change: Alignment) -> VoxelField:
     """Voxels of splats, as fine as before."""
     box = change.similarity.box(field.box)
     if change.box is not None:
-        box = overlap(change.box, box)
+        box = intersect_boxes(change.box, box)
     voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, VoxelField) else field.step)
     return voxelize(splats, VoxelizeConfig(voxel=voxel, box=box), field.info.source)
 
 
 def truth_of(
-    field: StoredField, path: Path, change: Corrected, changed: StoredField
+    field: StoredField, path: Path, change: Alignment, changed: StoredField
 ) -> tuple[Scene | None, tuple[str, ...]]:
     """The ground truth where it belongs, and what to say of it."""
     truth = ground_truth(field, path)
@@ -115,13 +115,13 @@ def truth_of(
     return moved_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
 
 
-def cut_in_words(change: Corrected, changed: StoredField) -> tuple[str, ...]:
+def cut_in_words(change: Alignment, changed: StoredField) -> tuple[str, ...]:
     """What became of the box."""
     return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
 
 
 def info_of(
-    changed: StoredField, before: FieldInfo, correction: Correction, similarity: Similarity
+    changed: StoredField, before: FieldInfo, correction: AlignmentRequest, similarity: Similarity
 ) -> FieldInfo:
     """What is known of the field now: figures about its surfaces hold as upper bounds, those of free space no more."""
     known = ["box"]  # as what was guessed of it is in the coordinates of before
@@ -138,12 +138,12 @@ def info_of(
         truth_sha256="",
         free_taken_for_free=None,
         surface_taken_for_free=before.surface_taken_for_free,
-        unproven_share=freedom_alone(changed, 0.0).unproven_share,
-        guesses=still_guessed(before.guesses, known),
+        unproven_share=measure_unproven_share(changed, 0.0).unproven_share,
+        guesses=drop_answered_guesses(before.guesses, known),
         placed=similarity.after(Similarity.of_numbers(before.placed)).numbers if before.placed else (),
-        views=views_moved(before.views, similarity),
+        views=transform_views(before.views, similarity),
         position_floor_m=None if before.position_floor_m is None else similarity.scale * before.position_floor_m,
-        pose_floor=rescaled(before.pose_floor, similarity.scale),
+        pose_floor=rescale_map_error(before.pose_floor, similarity.scale),
     )
 
 
@@ -158,7 +158,7 @@ class PlaceRequest:
 
     what: str
     """Path of a field file, or name of a bundled scene."""
-    correction: Correction
+    correction: AlignmentRequest
     """What was measured and pointed at."""
     out: Path
     """The file for the field, another one than that which it is made of."""
@@ -180,8 +180,8 @@ def run(request: PlaceRequest) -> JobEvents:
     field = load_field(path)
     yield Progress("looking for surfaces", 0.05)
     points = surface_points(field, float(field.box.size.max()) / _ALONG, correction.up or _UP)
-    change = corrected(correction, field.box, points, torch.Generator().manual_seed(0))
-    beside = splats_beside(path)
+    change = compute_alignment(correction, field.box, points, torch.Generator().manual_seed(0))
+    beside = splats_path(path)
     splats = placed_splats(load_splats(beside), change) if beside.is_file() else None
     changed = (yield from moved_field(field, change)) if splats is None else voxels_of(splats, field, change)
     truth, told = truth_of(field, path, change, changed)

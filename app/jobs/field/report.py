@@ -10,27 +10,34 @@ import numpy as np
 import torch
 
 import nerfnav_scenes as scenes
-from nerfnav.estimator import ColorNoise, pose_floor, remembered
-from nerfnav.experiments import Freedom, freedom_alone, freedom_noted, freedom_on_depth, freedom_on_mesh, in_words
+from nerfnav.estimator import ColorNoise, encode_views, measure_map_error
+from nerfnav.experiments import (
+    FreeSpaceAccuracy,
+    describe_free_space_accuracy,
+    measure_free_space_on_depth,
+    measure_free_space_on_mesh,
+    measure_unproven_share,
+    note_free_space,
+)
 from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
 from nerfnav.importers import (
     Placement,
 )
 from nerfnav.importers.core.placement import Vector
-from nerfnav.importers.meshes.ground_truth import truth_beside, truth_path
+from nerfnav.importers.meshes.ground_truth import truth_path, write_truth_beside
 from nerfnav.world import Scene
 from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
 
 
-def numbers_of(made: StoredField) -> dict[str, Any]:
+def import_numbers(made: StoredField) -> dict[str, Any]:
     nodes = {"voxels": int(np.prod(made.shape))} if isinstance(made, VoxelField) else {}
     corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
-    freedom = freedom_alone(made, float(made.spacing.max()) if isinstance(made, VoxelField) else made.step)
-    told = {"geometry": asdict(freedom), "in_words": in_words(freedom)}
+    freedom = measure_unproven_share(made, float(made.spacing.max()) if isinstance(made, VoxelField) else made.step)
+    told = {"geometry": asdict(freedom), "in_words": describe_free_space_accuracy(freedom)}
     return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **told}
 
 
-def placed_by(placement: Placement, up: Vector) -> dict[str, Any]:
+def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
     """Up and scale as they were taken, and which of them nobody gave."""
     given = {"up": placement.up, "scale": placement.meters_per_unit, "box": placement.box}
     return {
@@ -40,22 +47,24 @@ def placed_by(placement: Placement, up: Vector) -> dict[str, Any]:
     }
 
 
-def judged(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[VoxelField | NeuralField, Freedom]:
+def judge_field(
+    trained: VoxelField | NeuralField, material: TrainingData
+) -> tuple[VoxelField | NeuralField, FreeSpaceAccuracy]:
     """The field that knows how well photographs tell poses in it, and what planners take for free; and the latter."""
     trained = replace(trained, info=replace(trained.info, pose_floor=_floor_of(trained, material)))
     freedom = _freedom_of(trained, material)
-    return replace(trained, info=freedom_noted(trained.info, freedom)), freedom
+    return replace(trained, info=note_free_space(trained.info, freedom)), freedom
 
 
-def _freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> Freedom:
+def _freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> FreeSpaceAccuracy:
     """What planners take for free there, against the best that tells what is."""
     voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
     if material.truth is not None:
         seen_from = (material.learned.camera, material.learned.poses)
-        return freedom_on_mesh(trained, voxel, material.truth, seen_from)
+        return measure_free_space_on_mesh(trained, voxel, material.truth, seen_from)
     if material.held_out.depth is not None and len(material.held_out):
-        return freedom_on_depth(trained, voxel, material.held_out, material.learned)
-    return freedom_alone(trained, voxel)
+        return measure_free_space_on_depth(trained, voxel, material.held_out, material.learned)
+    return measure_unproven_share(trained, voxel)
 
 
 def _floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
@@ -63,20 +72,20 @@ def _floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tupl
     if not isinstance(trained, VoxelField):
         return ()
     noise = ColorNoise().measured(trained.info.noise_std)
-    return pose_floor(trained, material.held_out, noise, torch.Generator().manual_seed(0))
+    return measure_map_error(trained, material.held_out, noise, torch.Generator().manual_seed(0))
 
 
 def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tuple[Path, ...]]:
     """Store a field, and beside it the ground truth that is not bundled. Its size in bytes, and what was written."""
     if truth is None or truth.name in scenes.names():
         return save_field(field, out), (out,)
-    with truth_beside(truth, out) as link:
+    with write_truth_beside(truth, out) as link:
         info = replace(field.info, truth=link.name, truth_sha256=link.sha256)
         linked = replace(field, info=info)  # type: ignore[type-var]
         return save_field(linked, out), (out, truth_path(out))
 
 
-def training_numbers(trained: VoxelField | NeuralField, freedom: Freedom, file_bytes: int) -> dict[str, Any]:
+def training_numbers(trained: VoxelField | NeuralField, freedom: FreeSpaceAccuracy, file_bytes: int) -> dict[str, Any]:
     """What `train --json` prints of it."""
     return {
         "psnr_db": trained.info.psnr_db,
@@ -88,7 +97,7 @@ def training_numbers(trained: VoxelField | NeuralField, freedom: Freedom, file_b
         "learned_from": trained.info.learned_from,
         "proven_from": trained.info.proven_from,
         "geometry": asdict(freedom),
-        "in_words": in_words(freedom),
+        "in_words": describe_free_space_accuracy(freedom),
     }
 
 
@@ -103,6 +112,6 @@ def noted(field: VoxelField | NeuralField, request: TrainRequest, material: Trai
         guesses=material.guesses,
         camera=material.camera,
         placed=material.placed,
-        views=() if material.truth is not None else remembered(material.learned.poses),
+        views=() if material.truth is not None else encode_views(material.learned.poses),
     )
     return replace(field, info=told)

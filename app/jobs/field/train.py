@@ -13,7 +13,7 @@ from nerfnav.field.models.neural import blank_field
 from nerfnav.field.train.loop import train
 from nerfnav.geometry import Box
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
-from nerfnav_app.jobs.field.report import judged, noted, stored, training_numbers
+from nerfnav_app.jobs.field.report import judge_field, noted, stored, training_numbers
 from nerfnav_app.jobs.field.request import QUALITIES, NeuralOptions, Quality, TrainRequest, pixel_size, voxel_of
 from nerfnav_app.jobs.field.training_data import StoppedError, TrainingData, gather
 from nerfnav_app.storage.output_files import prepare_file
@@ -67,7 +67,7 @@ def _of_photographs(config: TrainConfig) -> TrainConfig:
     )
 
 
-def require_room(box: Box, voxel: float) -> None:
+def require_map_memory(box: Box, voxel: float) -> None:
     if box.size.prod().item() / voxel**3 > MOST_VOXELS:
         raise InvalidInputError(
             f"a field of {box.describe()} with voxels of {voxel:g} m would have more than {MOST_VOXELS} of them: "
@@ -136,13 +136,13 @@ def run(request: TrainRequest) -> JobEvents:
     generator = torch.Generator().manual_seed(request.seed)
     if request.neural is None:
         config = replace(config_for(request, material), field_every=request.save_every)
-        require_room(material.box, config.voxel)
+        require_map_memory(material.box, config.voxel)
         trained = yield from _keeping(learn_voxels(material, config, generator), request, material, out)
     else:
         trained = yield from learn_networks(material, request, request.neural, generator)
     trained = noted(trained, request, material)
     yield Progress("judging", 1.0)
-    trained, freedom = judged(trained, material)
+    trained, freedom = judge_field(trained, material)
     file_bytes, files = stored(trained, material.truth, out)
     summary = {**training_numbers(trained, freedom, file_bytes), "source": material.report}
     return JobResult(summary, files)

@@ -15,7 +15,7 @@ from torch import Tensor
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.geometry import Box, PosedImages
-from nerfnav.importers import SourceKind, source_kind, wrong_kind
+from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
 from nerfnav.world import Scene
 from nerfnav_app.jobs.events import JobEvent
 from nerfnav_app.jobs.field.request import Photographs, TrainRequest
@@ -84,7 +84,7 @@ def gather(request: TrainRequest) -> Gathering:
     if kind in KINDS:
         return importlib.import_module(f"nerfnav_app.jobs.field.{KINDS[kind]}").gather(request)
     if kind is not SourceKind.MISSING:
-        raise wrong_kind(request.source, kind, "a scene, a mesh, a capture or a video")
+        raise wrong_kind_error(request.source, kind, "a scene, a mesh, a capture or a video")
     if Path(request.source).suffix or len(Path(request.source).parts) > 1:
         raise InvalidInputError(f"there is no file or folder {request.source}")
     scenes.load(request.source)

@@ -11,7 +11,7 @@ from nerfnav.importers import (
     CaptureError,
     MeshFileError,
 )
-from nerfnav.importers.captures.archive import extract, unpacked
+from nerfnav.importers.captures.archive import extract, unpack_capture
 from nerfnav.importers.core.kinds import ARCHIVES, VIDEOS
 from nerfnav.importers.meshes.files import SUFFIXES
 from nerfnav.importers.meshes.folders import mesh_file, meshes_in_archive, only_one
@@ -48,7 +48,7 @@ def capture_unpacked(source: Path) -> Iterator[tuple[Path, Path | None]]:
         return
     with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:
         try:
-            yield unpacked(source, Path(folder)) if suffix in ARCHIVES else Path(folder), Path(folder)
+            yield unpack_capture(source, Path(folder)) if suffix in ARCHIVES else Path(folder), Path(folder)
         except CaptureError as error:
             # people know the archive, not the folder that it was unpacked into
             raise CaptureError(str(error).replace(folder + os.sep, "").replace(folder, str(source))) from error

@@ -8,15 +8,15 @@ from typing import Any
 from nerfnav.estimator import RelocaliseStep
 from nerfnav.export import csv_text, episode_table, json_text
 from nerfnav.navigation import Episode, NavigationStep
-from nerfnav.planner import GOOD, PlanStep
+from nerfnav.planner import FLYABLE, PlanStep
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.export.recording import TRAJECTORY
-from nerfnav_app.jobs.fly.request import FlyRequest, WatchedOrders
-from nerfnav_app.jobs.fly.setup import begin, timed
+from nerfnav_app.jobs.fly.request import FlyRequest, GoalRecorder
+from nerfnav_app.jobs.fly.setup import begin, set_duration
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder, write_text
 from nerfnav_app.storage.run_metadata import RunMetadata
-from nerfnav_app.storage.step_log import logged
+from nerfnav_app.storage.step_log import open_step_log
 
 
 def summary_of(episode: Episode, place: Place) -> dict[str, Any]:
@@ -61,14 +61,14 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
     """
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    watched = WatchedOrders(request.orders)
-    request = timed(replace(request, orders=watched), place)
+    watched = GoalRecorder(request.orders)
+    request = set_duration(replace(request, orders=watched), place)
     flown: list[NavigationStep] = []
-    with logged(out, metadata_of(request, place), lambda episode: summary_of(episode, place)) as log:
+    with open_step_log(out, metadata_of(request, place), lambda episode: summary_of(episode, place)) as log:
         for event in begin(request, place):
             if log is not None and isinstance(event, NavigationStep):
                 log.append(event)
-                log.head_for(watched.goal)
+                log.note_goal(watched.goal)
             stop = yield event
             if isinstance(event, NavigationStep):
                 flown.append(event)
@@ -77,7 +77,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
                 fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
                 stop = (yield Progress("optimising the first plan", fraction)) or stop
                 if event.outcome is not None and request.plan is None:
-                    if request.cautious and event.outcome not in GOOD:
+                    if request.cautious and event.outcome not in FLYABLE:
                         return JobResult({"outcome": event.outcome.name.lower()})
                     request = replace(request, plan=event.motion)  # what follows is planned again from the belief
             elif isinstance(event, RelocaliseStep):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from nerfnav.navigation import NavigateConfig, Orders, WorldName
+from nerfnav.navigation import NavigateConfig, OperatorRequests, WorldName
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.jobs.plan.plan import PlanRequest
 
@@ -31,7 +31,7 @@ class FlyRequest:
     """Whether the world goes on while filter and planner compute."""
     config: NavigateConfig = field(default_factory=NavigateConfig)
     """How the flight is flown."""
-    orders: Callable[[], Orders] = Orders
+    orders: Callable[[], OperatorRequests] = OperatorRequests
     """Asked at each time step for what has changed on the way."""
     source: str = ""
     """What was opened, for the record: scene name or field file; empty means the place's name."""
@@ -42,14 +42,14 @@ class FlyRequest:
     writes nothing."""
 
 
-class WatchedOrders:
+class GoalRecorder:
     """The orders of a flight, and the last goal that was among them."""
 
-    def __init__(self, orders: Callable[[], Orders]) -> None:
+    def __init__(self, orders: Callable[[], OperatorRequests]) -> None:
         self._orders = orders
         self.goal: RigidState | None = None
 
-    def __call__(self) -> Orders:
+    def __call__(self) -> OperatorRequests:
         orders = self._orders()
         self.goal = orders.goal or self.goal
         return orders

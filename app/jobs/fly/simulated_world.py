@@ -39,7 +39,7 @@ def camera_function(place: Place) -> CameraFunction:
     return lambda pose: renderer.render(seen_with, pose).image
 
 
-def first_picture() -> None:
+def warm_up_renderer() -> None:
     """Look at next to nothing: by then what makes pictures of ground truths is compiled."""
     import trimesh
 
@@ -53,7 +53,7 @@ _ROUGH = 1 / 3
 """Size of a rough picture: in flight a time step waits for it."""
 
 
-def view_from(place: Place, state: RigidState, rough: bool = False) -> np.ndarray:
+def render_view(place: Place, state: RigidState, rough: bool = False) -> np.ndarray:
     """The field as the robot's camera would see it from a state, (height, width, 3), sRGB bytes.
 
     Rough, it is made of fewer pixels, and as large.
@@ -64,7 +64,7 @@ def view_from(place: Place, state: RigidState, rough: bool = False) -> np.ndarra
     return cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR) if rough else picture
 
 
-def first_update(place: Place, state: RigidState) -> Iterator[FilterStep]:
+def warm_up_filter(place: Place, state: RigidState) -> Iterator[FilterStep]:
     """Correct a belief by a small picture of the field, taken where the robot believes to be, and hold there."""
     place.robot.held(state, torch.zeros(1, 3), dt=0.1, rest=0.0)
     camera = Camera.from_fov(64, 64, 90)

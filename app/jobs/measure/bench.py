@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from nerfnav.core.errors import require_positive
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.core.jit import default_threads
 from nerfnav.experiments import Arena
 from nerfnav.experiments.figures import COLORS, panels
@@ -153,7 +153,7 @@ def run(request: BenchRequest, find: Finder = module_named) -> JobEvents:
     if request.capture is not None:
         check_capture(request.capture, request.seconds)
     if request.out is not None:
-        from_extra("matplotlib.figure", "experiments", "the plot of bench --out")
+        import_extra("matplotlib.figure", "experiments", "the plot of bench --out")
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("opening the field", 0.0)
     arena = open_arena(request.place)

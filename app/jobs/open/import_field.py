@@ -10,26 +10,26 @@ from nerfnav.core.errors import InvalidInputError, require_positive
 from nerfnav.field import NeuralField, StoredField, save_field
 from nerfnav.geometry import Box
 from nerfnav.importers import (
-    ONE_UNIT,
+    UNIT_ASSUMED,
     NerfPytorchConfig,
     Placement,
     SourceKind,
     VoxelizeConfig,
-    length_in_words,
+    format_length,
     load_nerf_pytorch,
     load_splats,
+    place_splats,
     save_splats,
-    size_doubt,
     source_kind,
-    splats_beside,
-    upright,
+    splats_path,
     voxelize,
-    wrong_kind,
+    warn_implausible_size,
+    wrong_kind_error,
 )
 from nerfnav.importers.core.placement import rotation_to_z
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
-from nerfnav_app.jobs.field.bake import baking
-from nerfnav_app.jobs.field.report import numbers_of, placed_by
+from nerfnav_app.jobs.field.bake import bake_field
+from nerfnav_app.jobs.field.report import describe_placement, import_numbers
 from nerfnav_app.storage.output_files import prepare_file
 
 
@@ -56,37 +56,37 @@ class ImportRequest:
 def import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the splats", 0.0)
     place, read = request.placement, load_splats(request.source)
-    stands = upright(read, place, request.source)
+    stands = place_splats(read, place, request.source)
     splats = read.placed(rotation_to_z(np.array(stands.up)), stands.scale)
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)
     made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)
     made = replace(made, info=replace(made.info, guesses=stands.guesses))
     yield Progress("storing the field", 0.8)
-    bytes_, beside = save_field(made, out), save_splats(splats, splats_beside(out))
+    bytes_, beside = save_field(made, out), save_splats(splats, splats_path(out))
     told = {
         "kind": "splats",
         "declared": read.declared,
         "splats": len(read),
         "dropped": read.dropped,
-        **placed_by(place, stands.up),
+        **describe_placement(place, stands.up),
         "guesses": list(stands.guesses),
     }
-    return JobResult({**numbers_of(made), "file_bytes": bytes_, "source": told}, (out, beside))
+    return JobResult({**import_numbers(made), "file_bytes": bytes_, "source": told}, (out, beside))
 
 
 def import_nerf(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the networks", 0.0)
     found = load_nerf_pytorch(request.source, NerfPytorchConfig(placement=request.placement))
-    shape, told = found.fine.config, {"kind": "nerf-pytorch", **placed_by(request.placement, (0.0, 0.0, 1.0))}
+    shape, told = found.fine.config, {"kind": "nerf-pytorch", **describe_placement(request.placement, (0.0, 0.0, 1.0))}
     guesses = _guesses_of(found, request.placement)
     told |= {"guesses": list(guesses)}
     told |= {"layers": shape.depth, "layer_width": shape.width, "directions": shape.direction is not None}
     made: StoredField = found
     if not request.keep_network:
-        made = yield from baking(found, request.voxel)
+        made = yield from bake_field(found, request.voxel)
     made = replace(made, info=replace(made.info, guesses=guesses))  # type: ignore[type-var]
-    summary = {**numbers_of(made), "file_bytes": save_field(made, out), "source": told}
+    summary = {**import_numbers(made), "file_bytes": save_field(made, out), "source": told}
     return JobResult(summary, (out,))
 
 
@@ -95,8 +95,8 @@ def _guesses_of(found: NeuralField, placement: Placement) -> tuple[str, ...]:
     guesses = [] if placement.up is not None else ["up is z (the habit of its format)"]
     if placement.meters_per_unit is None:
         longest = float(found.box.size.max())
-        guesses.append(f"{ONE_UNIT}, and the place is {length_in_words(longest)} long")
-        if (doubt := size_doubt(longest)) is not None:
+        guesses.append(f"{UNIT_ASSUMED}, and the place is {format_length(longest)} long")
+        if (doubt := warn_implausible_size(longest)) is not None:
             guesses.append(doubt)
     return tuple(guesses)
 
@@ -115,6 +115,6 @@ def run(request: ImportRequest) -> JobEvents:
         raise InvalidInputError(f"there is no file or folder {request.source}")
     kind = source_kind(request.source)
     if kind not in (SourceKind.NERF, SourceKind.SPLATS):
-        raise wrong_kind(request.source, kind, "a trained NeRF or a file of Gaussian splats")
+        raise wrong_kind_error(request.source, kind, "a trained NeRF or a file of Gaussian splats")
     out = prepare_file(request.out)
     return import_nerf(request, out) if kind is SourceKind.NERF else import_splats(request, out)

@@ -8,7 +8,7 @@ from pathlib import Path
 from nerfnav.core.errors import NerfnavError
 from nerfnav.field import load_field
 from nerfnav.importers import field_name
-from nerfnav.importers.core.kinds import ARCHIVES, own_folder
+from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
 from nerfnav.importers.meshes.folders import meshes_in_archive
 from nerfnav_app.jobs.events import JobEvents
 from nerfnav_app.jobs.field import train
@@ -25,7 +25,7 @@ def run(source: Path, out: Path, quality: QualityName = USUAL) -> JobEvents:
     return train.run(TrainRequest(str(source), out, quality=quality, budget=BUDGETS_S[quality]))
 
 
-def made_before(source: Path) -> Path | None:
+def find_made_field(source: Path) -> Path | None:
     """The field that lies beside a source and was made of it since it last changed; None where there is none."""
     path = _beside(source)
     try:
@@ -37,7 +37,7 @@ def made_before(source: Path) -> Path | None:
     return path if told in _called(source) else None
 
 
-def field_path(source: Path) -> Path:
+def choose_field_path(source: Path) -> Path:
     """Where the field of a source is kept: beside it, under a name that no other file has."""
     path = _beside(source)
     names = (path.with_name(f"{path.stem}-{count}{path.suffix}") for count in range(2, 1000))
@@ -55,5 +55,5 @@ def _called(source: Path) -> set[str]:
 
 
 def _beside(source: Path) -> Path:
-    folder = own_folder(source)
+    folder = folder_of_source(source)
     return (source.parent if folder is None else folder.resolve().parent) / field_name(source)

@@ -5,9 +5,9 @@ from contextlib import suppress
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.jobs.events import Progress
-from nerfnav_app.jobs.fly.simulated_world import first_picture, first_update
+from nerfnav_app.jobs.fly.simulated_world import warm_up_filter, warm_up_renderer
 from nerfnav_app.jobs.plan import plan
-from nerfnav_app.places.ends import opening_ends
+from nerfnav_app.places.ends import default_ends
 from nerfnav_app.places.place import Place
 
 
@@ -21,13 +21,13 @@ def warm_up(place: Place) -> Iterator[Progress]:
     if place.truth is not None:
         place.truth.load()
         yield doing
-        first_picture()
+        warm_up_renderer()
         yield doing
-    ends = opening_ends(place, place.tasks[0].name if place.tasks else None)
+    ends = default_ends(place, place.tasks[0].name if place.tasks else None)
     assert ends is not None
     request = plan.PlanRequest(ends)
     with suppress(NerfnavError):  # ends that nobody chose may be occupied
         for _ in plan.run(request, place):
             yield doing
-    for _ in first_update(place, ends.start.state()):
+    for _ in warm_up_filter(place, ends.start.state()):
         yield doing

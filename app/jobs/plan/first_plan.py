@@ -17,7 +17,7 @@ def first_plan(place: str) -> dict[str, float]:
     """
     begun = time.perf_counter()
     from nerfnav.planner import FastPlanConfig, PlanProblem, last_step, plan_fast
-    from nerfnav_app.places.derived import occupancy_of
+    from nerfnav_app.places.derived import build_occupancy
     from nerfnav_app.places.place import open_place
 
     imported = time.perf_counter()
@@ -25,7 +25,7 @@ def first_plan(place: str) -> dict[str, float]:
     ready, worked = time.perf_counter(), time.process_time()
     task, config = opened.tasks[0], FastPlanConfig()
     problem = PlanProblem(opened.field, opened.robot, task.start_state, task.goal_state)
-    occupancy = occupancy_of(opened, config.occupancy, problem.start.position[2].item())
+    occupancy = build_occupancy(opened, config.occupancy, problem.start.position[2].item())
     last_step(plan_fast(problem, config, occupancy))
     return {
         "import_s": imported - begun, "open_s": ready - imported, "first_plan_s": time.perf_counter() - ready,

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError, require_positive, require_probability
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav.planner import (
-    GOOD,
+    FLYABLE,
     FastPlanConfig,
     OccupancyMap,
     PlannerConfig,
@@ -19,16 +19,16 @@ from nerfnav.planner import (
     Route,
     SearchConfig,
     Timing,
+    enforce_chance_constraint,
+    estimate_timing,
+    find_shortest_plan,
     map_for,
+    path_length,
     planners,
-    shortest_plan,
-    timing_of,
-    way_length,
-    within_chance,
 )
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.plan.report import mesh_overlap_m3, save, summary_of
-from nerfnav_app.places.derived import occupancy_of, planning_place
+from nerfnav_app.places.derived import build_occupancy, prepare_place
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import prepare_folder
@@ -56,7 +56,7 @@ class PlanRequest:
     """Whether to find the shortest duration that keeps the robot's limits, in place of `steps`."""
     max_collision: float | None = None
     """Largest bound on the probability of a collision that is accepted; None accepts any."""
-    unknown: Unknown = Unknown.OCCUPIED
+    unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """What space that no camera ever saw into is taken for."""
     out: Path | None = None
     """Folder for trajectory.csv, trajectory.json and plan.json; None writes nothing."""
@@ -87,7 +87,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
 
     Raises NerfnavError where the request cannot be worked with.
     """
-    entry, place = planners.load(request.planner), planning_place(place, request.unknown)
+    entry, place = planners.load(request.planner), prepare_place(place, request.unknown)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
     last, worked_s = None, 0.0
@@ -98,7 +98,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     assert last is not None, "a planner yields at least one step"
     yield Progress("judging", 1.0)
     overlap = mesh_overlap_m3(place, last.motion)
-    if overlap and last.outcome in GOOD:
+    if overlap and last.outcome in FLYABLE:
         last = replace(last, outcome=PlanOutcome.TOUCHES_MESH)
         yield last
     summary = summary_of(last, place, worked_s, overlap, request.max_collision, request.settings.weights.risk)
@@ -110,20 +110,20 @@ def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep
     """
     problem = PlanProblem(place.field, place.robot, request.ends.start.state(), request.ends.goal.state())
     search = getattr(request.settings, "ways", SearchConfig.single())
-    length = way_length(problem, map_for(problem, occupancy), search)
-    return timing_of(place.robot, length, request.dt, request.dt if keep_dt or request.keep_dt else None)
+    length = path_length(problem, map_for(problem, occupancy), search)
+    return estimate_timing(place.robot, length, request.dt, request.dt if keep_dt or request.keep_dt else None)
 
 
 def _steps(request: PlanRequest, place: Place, entry: PlannerEntry) -> Iterator[PlanStep]:
     """Plan as often as the request asks for: for the duration, then for the bound on collisions."""
-    occupancy = occupancy_of(place, request.settings.occupancy, request.ends.start.position[2])
+    occupancy = build_occupancy(place, request.settings.occupancy, request.ends.start.position[2])
     occupancy = occupancy.remembering() if request.shortest else occupancy
     finder = entry.planner(place.field, place.robot, request.settings, occupancy=occupancy)
     start, goal, dt, last = request.ends.start.state(), request.ends.goal.state(), request.dt, None
     if request.shortest:
         timing = timing_for(request, place, occupancy)
         dt = timing.dt
-        steps = shortest_plan(lambda count: finder.plan(Route(start, goal, count, dt)), place.robot, timing.config)
+        steps = find_shortest_plan(lambda count: finder.plan(Route(start, goal, count, dt)), place.robot, timing.config)
     else:
         steps = finder.plan(Route(start, goal, request.steps, dt))
     for last in steps:
@@ -135,7 +135,7 @@ def _steps(request: PlanRequest, place: Place, entry: PlannerEntry) -> Iterator[
         return
     problem = PlanProblem(place.field, place.robot, start, goal, last.trajectory.steps, dt)
     careful = FastPlanConfig(weights=request.settings.weights, occupancy=request.settings.occupancy)
-    yield from within_chance(problem, last, careful, request.max_collision, occupancy)
+    yield from enforce_chance_constraint(problem, last, careful, request.max_collision, occupancy)
 
 
 def _timed(steps: Iterator[PlanStep]) -> Iterator[tuple[PlanStep, float]]:

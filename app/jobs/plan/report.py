@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from nerfnav.export import csv_text, json_text, motion_table
-from nerfnav.field import Unknown
-from nerfnav.planner import PlanCost, PlanOutcome, PlanStep, Safety, safety_of
+from nerfnav.field import UnknownSpace
+from nerfnav.planner import PlanCost, PlanOutcome, PlanStep, Safety, assess_safety
 from nerfnav.robots import Motion, limit_uses
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import json_line, write_text
@@ -22,7 +22,7 @@ def summary_of(
 ) -> dict[str, Any]:
     """What `plan --json` prints, for the last step of a planner whose J weighed collisions by noise with `risk`."""
     motion = step.motion
-    safety = safety_of(place.field, motion, place.robot.body)
+    safety = assess_safety(place.field, motion, place.robot.body)
     return {
         "outcome": step.outcome.name.lower() if step.outcome else None,
         "iterations": step.iteration + 1,
@@ -85,7 +85,7 @@ def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
 
 
 def save(
-    folder: Path, motion: Motion, place: Place, summary: dict[str, Any], unknown: Unknown
+    folder: Path, motion: Motion, place: Place, summary: dict[str, Any], unknown: UnknownSpace
 ) -> tuple[Path, ...]:
     """Write a plan's three files into `folder`; `unknown` is what its planner took unproven space for."""
     table = motion_table(motion, place.robot.action_names, place.robot.name)

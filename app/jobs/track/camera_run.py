@@ -12,7 +12,7 @@ from nerfnav.geometry import Camera
 from nerfnav.tracking import Frame, FrameSource, SourceOptions, Tracker, TrackerConfig, open_source
 from nerfnav_app.jobs.events import FrameTracked, JobEvent, Progress
 from nerfnav_app.jobs.track.camera import GivenCamera, camera_of
-from nerfnav_app.jobs.track.imu import GivenImu, learned_of
+from nerfnav_app.jobs.track.imu import GivenImu, describe_biases
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class CameraRun:
 
 
 @dataclass(frozen=True)
-class Following:
+class TrackedCamera:
     """A camera that is about to be followed."""
 
     place: StoredField
@@ -45,7 +45,7 @@ class Following:
     """Where the camera was taken from, in words."""
 
     @classmethod
-    def begun(cls, place: StoredField, asked: CameraRun) -> "Following":
+    def begun(cls, place: StoredField, asked: CameraRun) -> "TrackedCamera":
         """Nothing is tracked yet. Raises NerfnavError for what cannot be tracked."""
         options = replace(asked.options, aspect=asked.camera.aspect(place.info.camera))
         source = open_source(asked.source, options)
@@ -66,7 +66,7 @@ class Following:
     @property
     def learned(self) -> dict[str, Any]:
         """What was learned of the inertial measurement unit, for people; nothing without one."""
-        return learned_of(self.tracker.motion)
+        return describe_biases(self.tracker.motion)
 
     def events(self, pictures: bool = True) -> Iterator[JobEvent]:
         """Each frame, with its pictures where they are wanted, and how far it is.

@@ -38,7 +38,7 @@ class GivenImu:
         return InertialMotion(inertial), mount
 
 
-def learned_of(motion: CarrierMotion) -> dict[str, Any]:
+def describe_biases(motion: CarrierMotion) -> dict[str, Any]:
     """What was learned of a unit, for people: its biases, in `track --json`."""
     if not isinstance(motion, InertialMotion):
         return {}

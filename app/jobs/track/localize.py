@@ -9,13 +9,13 @@ from typing import Any
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import ColorNoise, RelocaliseConfig, RelocaliseStep, Searcher
+from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig, RelocaliseStep
 from nerfnav.field import StoredField, load_field
 from nerfnav.geometry import Camera, check_image
 from nerfnav.geometry.so3 import quaternion_from_matrix, yaw_of
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.track.camera import GivenCamera, camera_of, read_image
-from nerfnav_app.places.derived import searcher_of
+from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place, field_file
 
 
@@ -61,14 +61,14 @@ def run(request: LocalizeRequest) -> JobEvents:
     return replace(found, summary={**found.summary, "camera": told})
 
 
-def searcher_in(field: StoredField, camera: Camera) -> Searcher:
+def searcher_in(field: StoredField, camera: Camera) -> GlobalLocalizer:
     """What finds a camera in a field, by all that the field remembers."""
-    return Searcher(
+    return GlobalLocalizer(
         field, camera, ColorNoise().measured(field.info.noise_std), RelocaliseConfig().for_field(field.info)
     )
 
 
-def search(searcher: Searcher, image: Tensor) -> JobEvents:
+def search(searcher: GlobalLocalizer, image: Tensor) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was."""
     check_image(image, searcher.camera)
     begun = time.perf_counter()
@@ -88,4 +88,4 @@ def search(searcher: Searcher, image: Tensor) -> JobEvents:
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:
     """Localize a picture that the robot's own camera has taken in an open place."""
     noise = ColorNoise().measured(place.field.info.noise_std)
-    return search(searcher_of(place, place.robot.camera, noise), image)
+    return search(build_searcher(place, place.robot.camera, noise), image)

@@ -12,14 +12,14 @@ import numpy as np
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.export import OverlayVideo, TrackRecorder, texts_of_track
 from nerfnav.field import FieldInfo, StoredField, load_field
-from nerfnav.tracking import Tracked, TrackStatus
+from nerfnav.tracking import TrackedFrame, TrackStatus
 from nerfnav_app.jobs.events import FrameTracked, JobEvents, JobResult, Progress
-from nerfnav_app.jobs.track.camera_run import CameraRun, Following
+from nerfnav_app.jobs.track.camera_run import CameraRun, TrackedCamera
 from nerfnav_app.places.place import field_file
 from nerfnav_app.storage.output_files import prepare_folder, write_text
 
 
-def summary_of(track: list[Tracked]) -> dict[str, Any]:
+def summary_of(track: list[TrackedFrame]) -> dict[str, Any]:
     """What `track --json` prints: how many frames, and what became of them; times are of updates."""
     times = [tracked.ms for tracked in track if tracked.status is TrackStatus.FOLLOWED]
     low, high = np.quantile(times, (0.5, 0.95)).tolist() if times else (None, None)
@@ -34,7 +34,7 @@ def summary_of(track: list[Tracked]) -> dict[str, Any]:
     }
 
 
-def _found_at_once(track: list[Tracked]) -> int:
+def _found_at_once(track: list[TrackedFrame]) -> int:
     """Times that a track was lost and found again with the same frame."""
     return sum(before.status.knows and now.status is TrackStatus.FOUND_AGAIN for before, now in pairwise(track))
 
@@ -64,9 +64,9 @@ def run(request: TrackRequest) -> JobEvents:
     Raises NerfnavError for what cannot be tracked; what was tracked before a source broke off is written all the same.
     """
     place = load_field(field_file(request.place))
-    following = Following.begun(place, request.camera)
+    following = TrackedCamera.begun(place, request.camera)
     out = prepare_folder(request.out)
-    track: list[Tracked] = []
+    track: list[TrackedFrame] = []
     broken: InvalidInputError | None = None
     with ExitStack() as stack:
         viewers = [stack.enter_context(viewer) for viewer in _viewers(request, out)]
@@ -94,7 +94,7 @@ def run(request: TrackRequest) -> JobEvents:
 def watch(place: StoredField, asked: CameraRun) -> JobEvents:
     """Yield every frame as it is tracked in an open place; return the numbers of `track --json`. Writes nothing."""
     yield Progress("looking around in the field", 0.0)
-    following, track = Following.begun(place, asked), []
+    following, track = TrackedCamera.begun(place, asked), []
     for event in following.events():
         if isinstance(event, FrameTracked):
             track.append(event.tracked)

@@ -48,7 +48,7 @@ _LABELS = {
 """What people read in place of a name; names that are not here are read as they are."""
 
 
-def label_of(name: str) -> str:
+def format_name(name: str) -> str:
     """A name as people read it: of a robot's file no more than what it is called."""
     return Path(name).stem if robots.is_file(name) else name
 
@@ -63,7 +63,7 @@ class ChoiceList:
         self._field, self._post = field, post
         self._session: Session | None = None
         labels = _LABELS.get(field, {})
-        self._names = {labels.get(name) or label_of(name): name for name in names}
+        self._names = {labels.get(name) or format_name(name): name for name in names}
         self._labels = {name: label for label, name in self._names.items()}
         self._list: viser.GuiDropdownHandle[str] = server.gui.add_dropdown(
             capital(field), list[str](self._names), hint=hint
@@ -79,13 +79,13 @@ class ChoiceList:
         self._session = session
         chosen = getattr(session.choice, self._field)
         if chosen not in self._labels:  # the robot of a file, by which a stored flight was flown
-            self._labels[chosen] = label_of(chosen)
-            self._names[label_of(chosen)] = chosen
+            self._labels[chosen] = format_name(chosen)
+            self._names[format_name(chosen)] = chosen
             self._list.options = list[str](self._names)
         self._list.value = self._labels[chosen]
 
 
-def ask_to_delete(client: viser.ClientHandle, what: str, warning: str, really: Callable[[], None]) -> None:
+def confirm_deletion(client: viser.ClientHandle, what: str, warning: str, really: Callable[[], None]) -> None:
     """Ask the one who wants it; `what` is "this flight", `warning` says what is lost.
 
     `really` is called on a thread of the server's pool.

@@ -14,7 +14,7 @@ _CORNERS = np.array([[i >> 2, (i >> 1) & 1, i & 1] for i in range(8)])
 _EDGES = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
 
 
-class PlacingLayer:
+class AlignmentLayer:
     """Shows what the place is to be put right by."""
 
     def __init__(self, server: viser.ViserServer) -> None:

@@ -38,13 +38,13 @@ class CameraModesLayer:
         if mode is CameraMode.TOP and not changed:
             return  # it does not go with the robot, and may be turned by hand
         self._shown = state if flight is not None and flight.steps else None
-        eye, target = sight(mode, state, place.robot, box)
+        eye, target = compute_view(mode, state, place.robot, box)
         for client in self._server.get_clients().values():
             with client.atomic():
                 client.camera.position, client.camera.look_at, client.camera.fov = eye, target, _WIDE
 
 
-def sight(mode: CameraMode, state: RigidState, robot: Robot, box: Box) -> tuple[np.ndarray, np.ndarray]:
+def compute_view(mode: CameraMode, state: RigidState, robot: Robot, box: Box) -> tuple[np.ndarray, np.ndarray]:
     """Where the camera of a mode is, and what it looks at, both (3,) [m]."""
     at = state.position.detach().double().numpy()
     forward = state.rotation.detach().double().numpy()[:, 0]

@@ -11,7 +11,7 @@ from nerfnav.robots import Robot
 from nerfnav_app.page.kit.theme import GOAL, HIT, START
 from nerfnav_app.page.layers.nodes import Fan, drops, yaw_quaternion
 from nerfnav_app.page.layers.shapes import body_shape
-from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.state.actions import Command, MoveEnd, Point
 from nerfnav_app.state.session import Session
 
@@ -19,7 +19,7 @@ GIZMO = 0.24
 """Size of the arrows in places of the paper's scale [m]."""
 _OF_THE_WAY, _OF_THE_BODY = 0.18, 1.6
 """Size of the arrows as a share of the distance of the first start and goal, and at least of the robot's length."""
-_COLORS = {Which.START: START, Which.GOAL: GOAL}
+_COLORS = {EndRole.START: START, EndRole.GOAL: GOAL}
 
 
 class EndsLayer:
@@ -28,7 +28,7 @@ class EndsLayer:
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
         """`post` takes what the user drags, and where the user clicks."""
         self._server, self._post = server, post
-        self._handles: dict[Which, _Handle] = {}
+        self._handles: dict[EndRole, _Handle] = {}
 
         @server.scene.on_click()
         def _(event: viser.SceneClickEvent) -> None:
@@ -42,7 +42,7 @@ class EndsLayer:
             return
         if not self._handles:
             robot = session.place.robot
-            self._handles = {which: _Handle(self._server, which, robot, self._post) for which in Which}
+            self._handles = {which: _Handle(self._server, which, robot, self._post) for which in EndRole}
         for which, handle in self._handles.items():
             handle.size(gizmo_size(session))
             handle.shape(session.place.robot)
@@ -66,7 +66,9 @@ def gizmo_size(session: Session) -> float:
 class _Handle:
     """One end: a gizmo with the robot's body and a label."""
 
-    def __init__(self, server: viser.ViserServer, which: Which, robot: Robot, post: Callable[[Command], None]) -> None:
+    def __init__(
+        self, server: viser.ViserServer, which: EndRole, robot: Robot, post: Callable[[Command], None]
+    ) -> None:
         self._server, self._which, self._post, self._end = server, which, post, End()
         self._robot = robot
         self._dragged, self._yaw = False, 0.0

@@ -9,7 +9,7 @@ from nerfnav_app.page.kit.theme import night
 from nerfnav_app.queries.field_view import FieldView, FieldViewQuery
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view import Backdrop, Eye, Left, Looked
+from nerfnav_app.state.view import Backdrop, CameraMoved, Eye, TabClosed
 
 
 class FieldBackdropLayer:
@@ -27,10 +27,10 @@ class FieldBackdropLayer:
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:
             if self._watching:
-                self._post(Looked(client.client_id, eye_of(camera)))
+                self._post(CameraMoved(client.client_id, eye_of(camera)))
 
     def _forget(self, client: viser.ClientHandle) -> None:
-        self._post(Left(client.client_id))
+        self._post(TabClosed(client.client_id))
 
     def show(self, session: Session) -> None:
         """Put up the last rendering of each tab, or the common backdrop again."""
@@ -38,7 +38,7 @@ class FieldBackdropLayer:
         clients = self._server.get_clients()
         if wanted and not self._watching:
             for number, client in clients.items():
-                self._post(Looked(number, eye_of(client.camera)))
+                self._post(CameraMoved(number, eye_of(client.camera)))
         if self._watching and not wanted:
             for client in clients.values():
                 client.scene.set_background_image(night(), format="png")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import viser
 
-from nerfnav_app.places.surface_glb import Corner, box_of, dressed
+from nerfnav_app.places.surface_glb import Corner, clip_and_fade, read_box
 from nerfnav_app.places.vantage import View, view_of_box
 from nerfnav_app.state.view import Backdrop, ViewSettings
 
@@ -27,7 +27,7 @@ class FieldSurfaceLayer:
         self._framed: tuple[Corner, Corner] | None = None
         self._viewed: View | None = None
         if surface is not None:
-            self._frame(box_of(surface))
+            self._frame(read_box(surface))
             self._draw(surface, ViewSettings())
 
     @property
@@ -54,7 +54,7 @@ class FieldSurfaceLayer:
     def _draw(self, surface: bytes | None, settings: ViewSettings) -> None:
         before, self._shown = self._shown, (surface, settings.opacity, settings.clip)
         if self._shown != before:
-            self._put(None if surface is None else dressed(surface, settings.opacity, settings.clip))
+            self._put(None if surface is None else clip_and_fade(surface, settings.opacity, settings.clip))
         if self._node is not None:
             self._node.visible = settings.backdrop is Backdrop.SURFACE
 

@@ -10,7 +10,7 @@ from nerfnav.geometry.so3 import quaternion_from_matrix
 from nerfnav_app.page.kit.theme import CANDIDATE
 from nerfnav_app.page.layers.nodes import Bodies, Fan
 from nerfnav_app.page.layers.shapes import body_shape, robot_shape
-from nerfnav_app.state.records import SearchRecord
+from nerfnav_app.state.records import LocalizationRecord
 from nerfnav_app.state.session import Session
 
 MOST_CANDIDATES = 5
@@ -23,7 +23,7 @@ _ABOVE = 0.06  # a label over its body [m]
 _NOBODY = np.zeros((0, 3)), np.zeros((0, 4))
 
 
-class SearchLayer:
+class GlobalLocalizationLayer:
     """Shows what a search has come to, near the time of the flight at which it looked."""
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -34,7 +34,7 @@ class SearchLayer:
             server.scene.add_label(f"/search/label/{index}", "", visible=False, anchor="bottom-center")
             for index in range(MOST_CANDIDATES)
         ]
-        self._shown: SearchRecord | None = None
+        self._shown: LocalizationRecord | None = None
 
     def show(self, session: Session) -> None:
         """Draw the candidates, or nothing."""

@@ -5,14 +5,14 @@ from enum import Enum
 import numpy as np
 import viser
 
-from nerfnav.planner import GOOD, PLANNERS, PlanOutcome
+from nerfnav.planner import FLYABLE, PLANNERS, PlanOutcome
 from nerfnav.robots import Motion, Robot
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.theme import CLEARANCE_CM, HIT, PLAN, STALE, on_scale
 from nerfnav_app.page.layers.nodes import Bodies, Fan, Line, Trail, drops, positions, quaternions, segments
 from nerfnav_app.page.layers.shapes import body_shape, robot_shape
 from nerfnav_app.queries.clearance import ClearanceQuery
-from nerfnav_app.state.records import NOWHERE, PlanRecord
+from nerfnav_app.state.records import NO_TRAJECTORY, PlanRecord
 from nerfnav_app.state.session import Session
 
 _THICKNESS = 0.017  # [m]
@@ -36,19 +36,19 @@ class PlanLayer:
         self._floor = 0.0
         self._plan: PlanRecord | None = None
         self._room: np.ndarray | None = None
-        self._shown: tuple[Look, bool] | None = None
+        self._shown: tuple[PlanStyle, bool] | None = None
 
     def show(self, session: Session) -> None:
-        """Draw the plan as `look_of` says."""
+        """Draw the plan as `choose_plan_style` says."""
         self._compare(session.comparison)
-        plan, shown = session.plan, (look_of(session), session.job is not None or session.held)
+        plan, shown = session.plan, (choose_plan_style(session), session.job is not None or session.held)
         room = ClearanceQuery.rows_of(plan, session) if session.view_settings.clearance else None
         if plan is self._plan and shown == self._shown and room is self._room:
             return
         self._plan, self._shown, self._room = plan, shown, room
         self._stand_in(session)
         with self._server.atomic():
-            self._draw(plan if shown[0] is not Look.HIDDEN else None, *shown)
+            self._draw(plan if shown[0] is not PlanStyle.HIDDEN else None, *shown)
 
     def _stand_in(self, session: Session) -> None:
         """Take the body of the place's robot, and its floor."""
@@ -61,17 +61,17 @@ class PlanLayer:
             with self._server.atomic():
                 self._bodies.shape(body_shape(self._robot.body))
 
-    def _draw(self, plan: PlanRecord | None, look: "Look", busy: bool) -> None:
+    def _draw(self, plan: PlanRecord | None, look: "PlanStyle", busy: bool) -> None:
         """Draw what there is of a plan; the bodies along it only once it rests."""
         motion = None if plan is None or plan.shown is None else plan.shown.motion
         moving = busy or (plan is not None and plan.replayed is not None)
         self._line.show(
-            None if motion is None else positions(motion.states), _COLORS.get(look), dashed=look is Look.UNSAFE
+            None if motion is None else positions(motion.states), _COLORS.get(look), dashed=look is PlanStyle.UNSAFE
         )
-        self._show_room(None if moving or look is not Look.WANTED else motion)
+        self._show_room(None if moving or look is not PlanStyle.WANTED else motion)
         self._drops.show(None if motion is None else drops(positions(motion.states)[::2], self._floor))
-        self._trail.show(_beside(plan, moving) if plan is not None and look is Look.WANTED else ())
-        if motion is None or moving or look is Look.STALE:
+        self._trail.show(_beside(plan, moving) if plan is not None and look is PlanStyle.WANTED else ())
+        if motion is None or moving or look is PlanStyle.STALE:
             self._bodies.show(np.zeros((0, 3)), np.zeros((0, 4)))
         else:
             self._bodies.paint(_COLORS[look])
@@ -82,7 +82,7 @@ class PlanLayer:
         if motion is None or self._room is None:
             self._rooms.show(None)
         else:
-            self._rooms.show(segments(positions(motion.states)), room_colors(self._room))
+            self._rooms.show(segments(positions(motion.states)), color_by_clearance(self._room))
 
     def _compare(self, comparison: tuple[PlannerResult, ...]) -> None:
         """Draw the plans of a comparison."""
@@ -92,11 +92,11 @@ class PlanLayer:
         results = {result.planner: result for result in comparison}
         for name, line in self._comparison.items():
             motion, outcome = _found(results.get(name))
-            points = None if motion is None or outcome in NOWHERE else positions(motion.states)
-            line.show(points, dashed=outcome is not None and outcome not in GOOD)
+            points = None if motion is None or outcome in NO_TRAJECTORY else positions(motion.states)
+            line.show(points, dashed=outcome is not None and outcome not in FLYABLE)
 
 
-class Look(Enum):
+class PlanStyle(Enum):
     """How a plan is drawn."""
 
     HIDDEN = "not at all: it leads nowhere, or a flight shows its own"
@@ -105,23 +105,23 @@ class Look(Enum):
     UNSAFE = "in red dashes: not to be flown"
 
 
-_COLORS = {Look.WANTED: PLAN, Look.STALE: STALE, Look.UNSAFE: HIT}
+_COLORS = {PlanStyle.WANTED: PLAN, PlanStyle.STALE: STALE, PlanStyle.UNSAFE: HIT}
 
 
-def room_colors(rows: np.ndarray) -> np.ndarray:
+def color_by_clearance(rows: np.ndarray) -> np.ndarray:
     """Colours (n, 3) of the n steps of a plan; `rows` are those of its `ClearanceQuery`."""
     low, high = CLEARANCE_CM
     return on_scale((rows[1] - low) / (high - low))
 
 
-def look_of(session: Session) -> Look:
+def choose_plan_style(session: Session) -> PlanStyle:
     """How the plan of a session is drawn."""
     plan = session.plan
     if plan is None or session.flight_is_shown or not plan.leads:
-        return Look.HIDDEN
-    if session.plan_is_stale and not session.plan_follows:
-        return Look.STALE
-    return Look.UNSAFE if plan.is_unsafe else Look.WANTED
+        return PlanStyle.HIDDEN
+    if session.plan_is_stale and not session.plan_follows_hand:
+        return PlanStyle.STALE
+    return PlanStyle.UNSAFE if plan.is_unsafe else PlanStyle.WANTED
 
 
 def _found(result: PlannerResult | None) -> tuple[Motion | None, PlanOutcome | None]:

@@ -9,7 +9,7 @@ import viser
 from nerfnav_app.places.vantage import Point, View
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view import CameraMode, Viewed
+from nerfnav_app.state.view import CameraMode, CameraRested
 
 _REST_S = 0.5
 """A camera that has not moved for so long rests: each frame of a turn would be too much to tell."""
@@ -39,7 +39,7 @@ class ViewpointLayer:
     def _rested(self, camera: viser.CameraHandle, moves: int) -> None:
         """Runs on the server's event loop."""
         if self._free and moves == self._moves:
-            self._post(Viewed(view_of(camera)))
+            self._post(CameraRested(view_of(camera)))
 
 
 def view_of(camera: viser.CameraHandle) -> View:

@@ -55,7 +55,7 @@ def posterior_covariance(
     return (half @ half.T).to(prediction), curvature
 
 
-def information_of(
+def add_information(
     turn: Float[Tensor, "3"], predicted: Float[Tensor, "12 12"], seen: Float[Tensor, "6 6"]
 ) -> Float[Tensor, "12 12"]:
     """Inverse covariance in the tangent of the mean, from that in the prediction's and that of the pose.

@@ -55,7 +55,7 @@ class FilterStep:
     """How the posterior covariance was made; set on the last step of an update that used the picture."""
 
 
-def contrast(image: UInt8[Tensor, "height width 3"]) -> int:
+def measure_contrast(image: UInt8[Tensor, "height width 3"]) -> int:
     """The largest difference of two pixels in one channel [levels of 255]."""
     flat = image.reshape(-1, 3)
     return int((flat.amax(0).int() - flat.amin(0).int()).max())

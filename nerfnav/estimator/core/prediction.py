@@ -24,7 +24,7 @@ from nerfnav.estimator.core.belief import Belief
 from nerfnav.robots import TANGENT, ProcessNoise, RigidState, Robot
 
 
-def noise_scale(
+def estimate_noise_scale(
     change: Float[Tensor, "6"], predicted: Float[Tensor, "6 6"], seen: Float[Tensor, "6 6"], trust: float
 ) -> float:
     """s, for the pose's `change` from the prediction; `predicted` and `seen` are informations, `trust` is nu > 0."""
@@ -32,7 +32,7 @@ def noise_scale(
     return (trust + (change @ predicted @ change).item()) / (trust + told)
 
 
-def with_noise_scaled(prediction: Belief, noise: Float[Tensor, "12 12"], scale: float) -> Belief:
+def scale_process_noise(prediction: Belief, noise: Float[Tensor, "12 12"], scale: float) -> Belief:
     """A prediction that holds the process noise `noise` once, as if it held it `scale` times."""
     return Belief(prediction.mean, prediction.covariance + (scale - 1) * noise)
 

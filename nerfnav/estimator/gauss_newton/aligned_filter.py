@@ -9,15 +9,15 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.covariance import POSE
-from nerfnav.estimator.core.filter_step import FilterStep, contrast, predicted_only
-from nerfnav.estimator.gauss_newton.update import Update, drawn, likeliest
+from nerfnav.estimator.core.filter_step import FilterStep, measure_contrast, predicted_only
+from nerfnav.estimator.gauss_newton.update import Update, draw_poses, select_likeliest
 from nerfnav.estimator.paper.pose_filter import FilterConfig
-from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fitted
+from nerfnav.estimator.photometric.direct_alignment import AlignConfig, fit_pose
 from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Iterate
 from nerfnav.estimator.photometric.pixel_selection import PixelSource
-from nerfnav.estimator.photometric.pyramid import View, small_observation
+from nerfnav.estimator.photometric.pyramid import View, observe_reduced
 from nerfnav.estimator.photometric.residuals import Observation
-from nerfnav.field import Field, levels_of
+from nerfnav.field import Field, build_levels
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import ProcessNoise
 
@@ -45,7 +45,7 @@ class AlignedFilter:
     @cached_property
     def view(self) -> View:
         """What looks at what, at all levels: made once."""
-        return View(levels_of(self.field, 1 + _SEARCHED_AT), self.camera, self.mount)
+        return View(build_levels(self.field, 1 + _SEARCHED_AT), self.camera, self.mount)
 
     def correct(
         self, prediction: Belief, image: Tensor, generator: torch.Generator, noise: ProcessNoise, starts: int = 1
@@ -56,7 +56,7 @@ class AlignedFilter:
         where the picture is not one of this camera.
         """
         check_image(image, self.camera)
-        if contrast(image) < self.config.least_contrast:
+        if measure_contrast(image) < self.config.least_contrast:
             return predicted_only(prediction)
         update = _Aligned(self.view, self.config, True, prediction, image, generator, noise)
         return update.aligned(self.align, starts)
@@ -76,7 +76,7 @@ class _Aligned(Update):
 
     def _end(self, guess: Guess, spread: float, config: AlignConfig) -> tuple[FilterStep, Observation, Iterate]:
         """Where one start leads; things may be `spread` [pixels] from where it shows them."""
-        here, seen = fitted(self.image, self.view, (guess, spread), self._prior, (config, self.generator))
+        here, seen = fit_pose(self.image, self.view, (guess, spread), self._prior, (config, self.generator))
         return self._record(0, here, 0, (seen.pixels, PixelSource.UNIFORM)), seen, here
 
     def _spread(self) -> float:
@@ -88,5 +88,5 @@ class _Aligned(Update):
     def _from_around(self, starts: int) -> Guess:
         """The likeliest random states of the prediction, by a small picture."""
         pyramid = self.config.pyramid
-        seen = small_observation(self.image, self.view.at(_SEARCHED_AT), pyramid.glance, self.generator)
-        return likeliest(seen, drawn(self.prediction, pyramid.candidates, self.generator), starts)
+        seen = observe_reduced(self.image, self.view.at(_SEARCHED_AT), pyramid.glance, self.generator)
+        return select_likeliest(seen, draw_poses(self.prediction, pyramid.candidates, self.generator), starts)

@@ -19,12 +19,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterStep, contrast, predicted_only
+from nerfnav.estimator.core.filter_step import FilterStep, measure_contrast, predicted_only
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.gauss_newton.update import Update
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.pyramid import View
-from nerfnav.field import Field, levels_of
+from nerfnav.field import Field, build_levels
 from nerfnav.geometry import FORWARD_MOUNT, Camera, Pose, check_image
 from nerfnav.robots import ProcessNoise, Robot
 
@@ -49,7 +49,7 @@ class FastFilter:
     @cached_property
     def view(self) -> View:
         """What looks at what, at all levels: made once."""
-        return View(levels_of(self.field, 1 + max(self.config.pyramid.halvings)), self.camera, self.mount)
+        return View(build_levels(self.field, 1 + max(self.config.pyramid.halvings)), self.camera, self.mount)
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
@@ -71,7 +71,7 @@ class FastFilter:
         """
         if image is not None:
             check_image(image, self.camera)
-        if image is None or contrast(image) < self.config.least_contrast:
+        if image is None or measure_contrast(image) < self.config.least_contrast:
             return iter([predicted_only(prediction)])
         return Update(self.view, self.config, self.trust_dynamics, prediction, image, generator, noise).run()
 

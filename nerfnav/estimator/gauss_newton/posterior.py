@@ -17,15 +17,15 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.covariance import POSE, information_of, posterior_covariance
+from nerfnav.estimator.core.covariance import POSE, add_information, posterior_covariance
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
-from nerfnav.estimator.core.prediction import noise_scale, with_noise_scaled
+from nerfnav.estimator.core.prediction import estimate_noise_scale, scale_process_noise
 from nerfnav.estimator.paper.cost import PoseCost, precision
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.levenberg_marquardt import POSE as _POSE
-from nerfnav.estimator.photometric.levenberg_marquardt import Iterate, Prior, joined, picture_information
+from nerfnav.estimator.photometric.levenberg_marquardt import Iterate, Prior, join_information, picture_information
 from nerfnav.estimator.photometric.pyramid import View
-from nerfnav.estimator.photometric.residuals import Observation, patches
+from nerfnav.estimator.photometric.residuals import Observation, count_patches
 from nerfnav.geometry import Pose, so3
 from nerfnav.robots import BODY_RATE, TANGENT, VELOCITY, ProcessNoise, RigidState
 
@@ -35,7 +35,7 @@ _LARGEST = 50.0
 """Logarithm of odds beyond which there is nothing to share."""
 
 
-def unexplained(step: FilterStep, before: Belief) -> FilterStep:
+def downgrade_unexplained(step: FilterStep, before: Belief) -> FilterStep:
     """The posterior where a search has found nothing that explains the picture: a false minimum, as likely as not.
 
     The picture is then as likely to have told what the minimum says as to have told nothing, so that the prediction
@@ -105,7 +105,7 @@ class Judge:
     @cached_property
     def _information(self) -> Float[Tensor, "8 8"]:
         """Of the pose and of the exposure."""
-        return joined(self._known if self.trusted else None, (self.config.gain_std, self.config.bias_std))
+        return join_information(self._known if self.trusted else None, (self.config.gain_std, self.config.bias_std))
 
     @cached_property
     def _known(self) -> Float[Tensor, "6 6"]:
@@ -117,7 +117,7 @@ class Judge:
 
     @cached_property
     def _patches(self) -> float:
-        return patches(self.image, noise_std=self.config.color_noise.std)
+        return count_patches(self.image, noise_std=self.config.color_noise.std)
 
     @cached_property
     def _regression(self) -> Float[Tensor, "12 6"]:
@@ -166,7 +166,7 @@ class Judge:
             noise = replace(config.color_noise, alike=scale * self._alike(len(seen.pixels)))
             curved = PoseCost.of(seen.exposed(here.guess.exposure[0]), prediction, noise).hessian(step.mean)
         else:
-            curved = 2 * information_of(change[3:], precision(prediction.covariance), known)
+            curved = 2 * add_information(change[3:], precision(prediction.covariance), known)
         covariance, curvature = posterior_covariance(curved, prediction.covariance)
         covariance = covariance + config.floor_at(self.view.grain).covariance()
         root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
@@ -191,8 +191,8 @@ class Judge:
         config, before = self.config, self.prediction
         if self.noise is None or not self.trusted or not config.adaptive:
             return step, before
-        size = noise_scale(change, self._known, known, config.noise_trust)
-        adapted = replace(self, prediction=with_noise_scaled(before, self.noise.covariance(), size))
+        size = estimate_noise_scale(change, self._known, known, config.noise_trust)
+        adapted = replace(self, prediction=scale_process_noise(before, self.noise.covariance(), size))
         return replace(step, mean=adapted._state(step.mean.pose, change)), adapted.prediction
 
     def _of_both(self, last: FilterStep, best: End, rival: End | None) -> FilterStep:
@@ -200,7 +200,7 @@ class Judge:
         if last.outcome is FilterOutcome.DIVERGED:
             return last
         if self._is_unexplained(best):
-            return unexplained(last, self.prediction)
+            return downgrade_unexplained(last, self.prediction)
         other = None if rival is None else self._conclude(*rival)
         if other is None or other.outcome is FilterOutcome.DIVERGED:
             return last

@@ -19,12 +19,12 @@ from nerfnav.estimator.gauss_newton.posterior import End, Judge
 from nerfnav.estimator.photometric.levenberg_marquardt import POSE as _POSE
 from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Iterate, NewtonConfig, improve
 from nerfnav.estimator.photometric.pixel_selection import PixelChoice, PixelSource, choose_pixels
-from nerfnav.estimator.photometric.pyramid import Stage, small_observation
+from nerfnav.estimator.photometric.pyramid import Stage, observe_reduced
 from nerfnav.estimator.photometric.residuals import THREADS, Observation, are_inliers, difference, residuals
 from nerfnav.geometry import Pose, so3
 
 
-def drawn(prediction: Belief, count: int, generator: torch.Generator) -> Pose:
+def draw_poses(prediction: Belief, count: int, generator: torch.Generator) -> Pose:
     """The mean of a prediction, and random poses of it, batch shape (count + 1,)."""
     mean = prediction.mean
     root = torch.linalg.cholesky(prediction.covariance[POSE][:, POSE])
@@ -33,7 +33,7 @@ def drawn(prediction: Belief, count: int, generator: torch.Generator) -> Pose:
     return Pose(so3.retract(mean.rotation.expand(len(draws), 3, 3), draws[:, 3:]), mean.position + draws[:, :3])
 
 
-def likeliest(seen: Observation, poses: Pose, count: int, saturation: float = 1.0) -> Guess:
+def select_likeliest(seen: Observation, poses: Pose, count: int, saturation: float = 1.0) -> Guess:
     """The first of the poses (n,) and, of the others, those whose view looks most like the picture.
 
     Colour differences above `saturation` [1 = full scale] count as this.
@@ -125,7 +125,7 @@ class Update(Judge):
         """So many pixels of one stage, which begins at a pose."""
         view, pyramid = self.view.at(halvings), self.config.pyramid
         if halvings:
-            return small_observation(self.image, view, pixels, self.generator), None
+            return observe_reduced(self.image, view, pixels, self.generator), None
         if self._chosen is None:
             wanted = replace(self.config.pixels, count=pyramid.pixels, draw=pyramid.draw)
             slopes = partial(Observation.slopes, pose, view)
@@ -144,14 +144,14 @@ class Update(Judge):
         """The likeliest by the smallest picture."""
         pyramid = self.config.pyramid
         seen, _ = self._observation(pyramid.halvings[0], self.prediction.mean.pose, pyramid.glance)
-        return likeliest(seen, drawn(self.prediction, pyramid.candidates, self.generator), pyramid.starts)
+        return select_likeliest(seen, draw_poses(self.prediction, pyramid.candidates, self.generator), pyramid.starts)
 
     def _searched_guess(self) -> Guess:
         """The likeliest by the picture at full size."""
         search = self.config.pyramid.search
         seen, _ = self._observation(0, self.prediction.mean.pose, search.pixels[0])
-        poses = drawn(self.prediction, search.candidates, self.generator)
-        return likeliest(seen, poses, search.starts, search.saturation)
+        poses = draw_poses(self.prediction, search.candidates, self.generator)
+        return select_likeliest(seen, poses, search.starts, search.saturation)
 
     def _spread_px(self) -> float:
         """Standard deviation of where things show in the first stage's picture, as far as the prediction can tell."""

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.covariance import posterior_covariance
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep, contrast, predicted_only
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep, measure_contrast, predicted_only
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.estimator.paper.adam import DescentConfig, descend
 from nerfnav.estimator.paper.cost import CostTerms, PoseCost
@@ -145,7 +145,7 @@ class PoseFilter:
         choice = choose_pixels(image, self.config.pixels, generator, slopes)
         observation = Observation.of(image, choice.pixels, view)
         cost = PoseCost.of(observation, prediction, self.config.color_noise)
-        if contrast(image) < self.config.least_contrast:
+        if measure_contrast(image) < self.config.least_contrast:
             return iter([self._without_picture(cost, choice.source)])
         return self._correct(cost, choice.source, generator)
 

@@ -32,7 +32,7 @@ from nerfnav.estimator.photometric.kernels.direct_alignment import align
 from nerfnav.estimator.photometric.levenberg_marquardt import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, improve
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import THREADS, Observation
-from nerfnav.field import FastRenderer, Rendering, glanced, render_rays, sight_grid_of
+from nerfnav.field import FastRenderer, Rendering, get_ray_grid, probe_rays, render_rays
 from nerfnav.geometry import Camera, Pose
 
 _FAR = 1e3
@@ -75,7 +75,7 @@ Known = Callable[[int], Prior]
 """What is known without the picture, to be told together with so many pixels."""
 
 
-def fitted(
+def fit_pose(
     image: UInt8[Tensor, "height width 3"],
     view: View,
     start: tuple[Guess, float],
@@ -87,15 +87,15 @@ def fitted(
     `start` is the first guess (1,), and how far things may be from where it shows them [pixels]: a standard deviation.
     """
     config, generator = settings
-    guess = aligned(image, view, start, known, settings)
-    seen = Observation.of(image, spaced(view.camera, config.last_pixels, generator), view.at(0))
+    guess = align_picture(image, view, start, known, settings)
+    seen = Observation.of(image, draw_spaced_pixels(view.camera, config.last_pixels, generator), view.at(0))
     settled = config.last_settled * float(seen.field.box.size.max())
     newton = NewtonConfig(config.last_iterations, robust=config.robust, settled=settled)
     *_, here = improve(seen, guess, known(len(seen.pixels)), newton, every=False)
     return here, seen
 
 
-def aligned(
+def align_picture(
     image: UInt8[Tensor, "height width 3"],
     view: View,
     start: tuple[Guess, float],
@@ -104,23 +104,23 @@ def aligned(
 ) -> Guess:
     """Where the last round of alignment ends, batch shape (1,).
 
-    `start` as `fitted` has it. The first blur is half as wide as things may be off.
+    `start` as `fit_pose` has it. The first blur is half as wide as things may be off.
     """
     (guess, spread), (config, generator) = start, settings
     colors = image.numpy().astype(np.float32) / 255
     blurs = None
     while blurs is None or blurs:
-        pixels = spaced(view.camera, config.pixels, generator)
+        pixels = draw_spaced_pixels(view.camera, config.pixels, generator)
         seen = Observation.of(image, pixels, view.at(0))
         scene, depth = _scene(seen, guess.pose[0])
         if blurs is None:
             blurs = _blurs(0.5 * spread, config.grain * view.grain * view.camera.fx / depth, config)
-        guess = _round((blurred(colors, blurs[0]), *scene), guess, known(len(pixels)), config)
+        guess = _round((blur_picture(colors, blurs[0]), *scene), guess, known(len(pixels)), config)
         blurs = blurs[1:]
     return guess
 
 
-def blurred(colors: np.ndarray, blur: float) -> np.ndarray:
+def blur_picture(colors: np.ndarray, blur: float) -> np.ndarray:
     """A picture (height, width, 3) after a Gaussian blur of a standard deviation [pixels].
 
     Wide ones are made on a picture that is s times smaller, a tenth of the time: a mean over s pixels has the variance
@@ -144,7 +144,7 @@ def _blurs(first: float, grain: float, config: AlignConfig) -> list[float]:
     return [max(last, first / config.shrink**index) for index in range(count)]
 
 
-def spaced(camera: Camera, count: int, generator: torch.Generator) -> Int[Tensor, "m 2"]:
+def draw_spaced_pixels(camera: Camera, count: int, generator: torch.Generator) -> Int[Tensor, "m 2"]:
     """About so many pixels of a picture, one anywhere in each cell of a grid (jittered sampling)."""
     across = max(1, round((count * camera.width / camera.height) ** 0.5))
     down = max(1, count // across)
@@ -170,8 +170,8 @@ def _scene(seen: Observation, pose: Pose) -> tuple[tuple[np.ndarray, ...], float
 
 def _rendered(seen: Observation, origins: Tensor, directions: Tensor) -> Rendering:
     with torch.no_grad(), threads(THREADS):
-        if (grid := sight_grid_of(seen.field)) is not None:
-            return glanced(grid, origins, directions)
+        if (grid := get_ray_grid(seen.field)) is not None:
+            return probe_rays(grid, origins, directions)
         if isinstance(seen.field, FastRenderer):
             return seen.field.render_rays(origins, directions)
         return render_rays(seen.field, origins, directions)

@@ -44,7 +44,7 @@ from nerfnav.core.jit import threads
 from nerfnav.core.structs import TensorStruct
 from nerfnav.estimator.photometric.kernels.descent import descend
 from nerfnav.estimator.photometric.residuals import THREADS, Observation, array_of
-from nerfnav.field import SightGrid, sight_grid_of
+from nerfnav.field import RayGrid, get_ray_grid
 from nerfnav.geometry import Pose, so3
 
 _SLOWEST = 0.99
@@ -52,7 +52,7 @@ _SLOWEST = 0.99
 _Steps = Float[Tensor, "n 8"]
 
 
-def stretches(
+def compute_stretches(
     scale: _Steps, step: _Steps, before: _Steps, last: Float[Tensor, " n"], most: float
 ) -> Float[Tensor, " n"]:
     """s of each of n steps, at most `most`; `before` are the steps before, stretched by `last` (0: there are none,
@@ -123,7 +123,7 @@ class Prior:
     """m / s, how far surfaces are misplaced over the noise of colours [m]."""
 
 
-def joined(pose: Float[Tensor, "6 6"] | None, exposure_std: tuple[float, float]) -> Float[Tensor, "8 8"]:
+def join_information(pose: Float[Tensor, "6 6"] | None, exposure_std: tuple[float, float]) -> Float[Tensor, "8 8"]:
     """Lambda_z from that of a pose (None: 0) and standard deviations of gain and bias (0: known exactly)."""
     information = torch.zeros(UNKNOWNS, UNKNOWNS)
     if pose is not None:
@@ -193,7 +193,7 @@ def minimise(sight: Sight, start: Guess, prior: Prior, config: NewtonConfig) -> 
         scale = here.curvature.diagonal(dim1=-2, dim2=-1).clamp_min(1e-9)
         damped = here.curvature + torch.diag_embed(damping[:, None] * scale)
         plain = -torch.linalg.solve(damped, here.slope)
-        stretch = stretches(scale, plain, before, stretch, config.stretch)
+        stretch = compute_stretches(scale, plain, before, stretch, config.stretch)
         before, step = plain, stretch[:, None] * plain
         moved = step[:, POSE].abs().amax(-1)
         if bool((moved < config.settled).all()):
@@ -302,7 +302,7 @@ def improve(
     The compiled descent ends each pose's where that has settled; it then stands still in later stages. All is done on
     the filter's threads and without gradients; what others do between the stages is not.
     """
-    grid = sight_grid_of(seen.field)
+    grid = get_ray_grid(seen.field)
     if grid is None:
         stages = minimise(seen, start, prior, config)
         stages = stages if every else _last_of(stages)
@@ -321,7 +321,7 @@ def _last_of(stages: Iterator[Iterate]) -> Iterator[Iterate]:
 
 
 def _compiled(
-    grid: SightGrid, seen: Observation, start: Guess, prior: Prior, config: NewtonConfig, every: bool = True
+    grid: RayGrid, seen: Observation, start: Guess, prior: Prior, config: NewtonConfig, every: bool = True
 ) -> Iterator[Iterate]:
     mean = Pose(torch.eye(3), torch.zeros(3)) if prior.mean is None else prior.mean
     known = (

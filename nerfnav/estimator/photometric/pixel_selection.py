@@ -114,7 +114,7 @@ def choose_pixels(
     others, wanted = left.nonzero().squeeze(-1), config.count - len(near)
     if config.draw in (PixelDraw.INFORMATION, PixelDraw.BOTH):
         asked = _draw(others, config.candidates * wanted, generator)
-        others = asked[by_information(slopes(_places(asked, image)), wanted, generator)]
+        others = asked[draw_by_information(slopes(_places(asked, image)), wanted, generator)]
     else:
         others = _draw(others, wanted, generator)
     return _choice(torch.cat([near, others]), _source(config, len(near)), image)
@@ -137,7 +137,7 @@ def _source(config: PixelConfig, near: int) -> PixelSource:
     return PixelSource.FILLED if near else PixelSource.UNIFORM
 
 
-def by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: torch.Generator) -> Int[Tensor, " n"]:
+def draw_by_information(slopes: Float[Tensor, "m 3 6"], count: int, generator: torch.Generator) -> Int[Tensor, " n"]:
     """Which `count` of m pixels, drawn by leverage without putting any back (Efraimidis and Spirakis 2006).
 
     Derivatives that are no numbers tell nothing.

@@ -14,7 +14,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.residuals import Observation
 from nerfnav.field import Field, GridField
-from nerfnav.geometry import Camera, Pose, reduced
+from nerfnav.geometry import Camera, Pose, downsample_image
 
 
 @dataclass(frozen=True)
@@ -163,12 +163,12 @@ class View:
         return self.levels[min(halvings, len(self.levels) - 1)], camera, self.mount
 
 
-def small_observation(
+def observe_reduced(
     image: UInt8[Tensor, "height width 3"], view: tuple[Field, Camera, Pose], count: int | None, seed: torch.Generator
 ) -> Observation:
     """A picture reduced to the view's camera, at `count` pixels drawn evenly, or at all of them (None)."""
     camera = view[1]
-    colors, every = reduced(image, camera), camera.width * camera.height
+    colors, every = downsample_image(image, camera), camera.width * camera.height
     if count is None or count >= every:
         return Observation(*view, camera.pixels(), colors)
     drawn = torch.randperm(every, generator=seed)[:count]

@@ -17,8 +17,8 @@ from torch import Tensor
 
 from nerfnav.core.jit import threads
 from nerfnav.estimator.photometric.kernels.descent import slopes
-from nerfnav.estimator.photometric.kernels.probe import glance
-from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, render_rays, sight_grid_of
+from nerfnav.estimator.photometric.kernels.probe import probe
+from nerfnav.field import FastRenderer, Field, RaySamples, colors_and_jacobian, get_ray_grid, render_rays
 from nerfnav.field.render.volume_rendering import before_backdrop
 from nerfnav.geometry import Camera, Pose, so3
 from nerfnav.robots import RigidState
@@ -45,8 +45,8 @@ class ColorNoise:
     minimum is 3 mm and 0.2 degrees off, where independent pixels would promise 0.5 mm and 0.04 degrees; with 50 the
     mean NEES of the pose is 6.1 where 6 is honest."""
     per_patch: float = 1.0
-    """To the fast filter, any number of pixels of a patch are worth this many independent ones (see `patches`), so that
-    k = 1 + m / (per_patch patches) for m compared pixels."""
+    """To the fast filter, any number of pixels of a patch are worth this many independent ones (see `count_patches`),
+    so that k = 1 + m / (per_patch patches) for m compared pixels."""
     few_patches: float = 25.0
     """Fewer patches than this are worth less each, by the square of their number: where little shows, it is what is
     near, errors of the field are large in the picture, and hardly any patch speaks against another's."""
@@ -132,7 +132,7 @@ class Observation:
         """
         blind = cls(*view, pixels, torch.zeros(len(pixels), 3))
         with torch.no_grad():
-            if (grid := sight_grid_of(blind.field)) is not None:
+            if (grid := get_ray_grid(blind.field)) is not None:
                 rows = slopes(grid, blind.sight, array_of(pose.rotation), array_of(pose.position))
                 return torch.from_numpy(rows).T.reshape(len(pixels), 3, 6)
             camera = pose.compose(blind.mount)
@@ -187,7 +187,7 @@ def _directions(camera: Camera) -> Float[Tensor, "hw 3"]:
     return camera.directions(camera.pixels())
 
 
-def patches(image: UInt8[Tensor, "height width 3"], side: int = 10, noise_std: float = 0.0) -> float:
+def count_patches(image: UInt8[Tensor, "height width 3"], side: int = 10, noise_std: float = 0.0) -> float:
     """How many patches of a picture, of `side` by `side`, share what it tells: 1 where all edges are in one of them.
 
     With g a patch's sum of squared differences between neighbouring pixels, that is (sum g)^2 / sum g^2, times the
@@ -235,12 +235,12 @@ def photometric_cost(
 
 def residuals(seen: Observation, poses: Pose) -> Float[Tensor, "n m 3"]:
     """What the field shows from body poses (n,) less what the picture shows."""
-    grid = sight_grid_of(seen.field)
+    grid = get_ray_grid(seen.field)
     with torch.no_grad(), threads(THREADS):
         if grid is None:
             return seen.shown(poses) - seen.colors
         shown = np.empty((len(poses.position), len(seen.pixels), 3), np.float32)
-        glance(grid, seen.sight, array_of(poses.rotation), array_of(poses.position), shown)
+        probe(grid, seen.sight, array_of(poses.rotation), array_of(poses.position), shown)
         return torch.from_numpy(shown) - seen.colors
 
 

@@ -22,25 +22,25 @@ _ALIKE = 0.12
 _MOST_TILTS = 24
 
 
-def remembered(poses: Pose) -> tuple[float, ...]:
+def encode_views(poses: Pose) -> tuple[float, ...]:
     """The numbers of poses T_world_camera, batch shape (n,): of evenly many of them, where there are too many."""
     poses = poses[torch.linspace(0, len(poses.position) - 1, min(_MOST, len(poses.position))).round().long()]
     numbers = torch.cat([poses.position, so3.quaternion_from_matrix(poses.rotation)], 1)
     return tuple(round(number, _DIGITS) for number in numbers.flatten().tolist())
 
 
-def views_of(numbers: tuple[float, ...]) -> Pose:
+def decode_views(numbers: tuple[float, ...]) -> Pose:
     """The poses T_world_camera of `numbers`, batch shape (n,)."""
     parts = torch.tensor(numbers).reshape(-1, 7)
     return Pose(so3.matrix_from_quaternion(parts[:, 3:]), parts[:, :3])
 
 
-def views_moved(numbers: tuple[float, ...], similarity: Similarity) -> tuple[float, ...]:
+def transform_views(numbers: tuple[float, ...], similarity: Similarity) -> tuple[float, ...]:
     """The numbers of the poses in a place that was put right."""
-    return remembered(similarity.pose(views_of(numbers))) if numbers else ()
+    return encode_views(similarity.pose(decode_views(numbers))) if numbers else ()
 
 
-def places_near(views: Pose) -> Float[Tensor, "m 3"]:
+def list_places_near(views: Pose) -> Float[Tensor, "m 3"]:
     """Where the cameras stood, and halfway to the nearest others [m]."""
     at = views.position
     apart = torch.cdist(at, at) + torch.diag(torch.full((len(at),), torch.inf))
@@ -48,7 +48,7 @@ def places_near(views: Pose) -> Float[Tensor, "m 3"]:
     return torch.cat([at, (0.5 * (at[:, None] + at[nearest])).reshape(-1, 3)])
 
 
-def tilts_near(views: Pose) -> Float[Tensor, "t 3 3"]:
+def list_tilts_near(views: Pose) -> Float[Tensor, "t 3 3"]:
     """How the cameras' carriers were held but for their heading, each attitude once."""
     bodies = views.rotation @ FORWARD_MOUNT.rotation.T
     left = so3.from_yaw(-so3.yaw_of(bodies)) @ bodies

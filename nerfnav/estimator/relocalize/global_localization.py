@@ -22,13 +22,13 @@ from nerfnav.estimator.photometric.levenberg_marquardt import (
     NewtonConfig,
     Prior,
     improve,
-    joined,
+    join_information,
     picture_information,
     robust_square,
 )
-from nerfnav.estimator.photometric.pyramid import small_observation
+from nerfnav.estimator.photometric.pyramid import observe_reduced
 from nerfnav.estimator.photometric.residuals import ColorNoise
-from nerfnav.estimator.relocalize.panorama import Looks, LooksConfig
+from nerfnav.estimator.relocalize.panorama import PanoramaConfig, PanoramaIndex
 from nerfnav.field import FieldInfo
 from nerfnav.geometry import FORWARD_MOUNT, Pose, so3
 
@@ -52,7 +52,7 @@ _INDEPENDENT = 20.0
 class RelocaliseConfig:
     """How the search goes."""
 
-    looks: LooksConfig = dataclass_field(default_factory=LooksConfig)
+    looks: PanoramaConfig = dataclass_field(default_factory=PanoramaConfig)
     """From where the field is looked at."""
     halvings: tuple[int, ...] = (3, 2, 1, 0)
     """By which power of 2 the pictures of each stage are reduced."""
@@ -142,7 +142,7 @@ class RelocaliseStep:
 
 @torch.no_grad()
 def relocalise(
-    image: Tensor, looks: Looks, noise: ColorNoise, config: RelocaliseConfig | None = None
+    image: Tensor, looks: PanoramaIndex, noise: ColorNoise, config: RelocaliseConfig | None = None
 ) -> Iterator[RelocaliseStep]:
     """Find the pose of the camera that took `image` (uint8, height x width x 3), from nothing.
 
@@ -184,7 +184,7 @@ class _Search:
     """One picture that is searched for."""
 
     image: Tensor
-    looks: Looks
+    looks: PanoramaIndex
     noise: ColorNoise
     config: RelocaliseConfig
 
@@ -196,25 +196,25 @@ class _Search:
         Returns them, and the `spread` of the best.
         """
         config, generator, last = self.config, torch.Generator().manual_seed(0), None
-        exposure = joined(None, config.exposure_std)
+        exposure = join_information(None, config.exposure_std)
         stages = zip(config.halvings, config.kept, config.iterations, config.robust, strict=True)
         for stage, (halvings, kept, iterations, robust) in enumerate(stages):
             ranking = ranking[ranking.cost.argsort()[:kept]]
             yield ranking.step(done + stage / (len(config.halvings) * config.attempts))
             last_one = stage + 1 == len(config.halvings)
             pixels = config.last_pixels if last_one and config.last_pixels is not None else config.pixels
-            seen = small_observation(self.image, self.looks.view.at(halvings), pixels, generator)
+            seen = observe_reduced(self.image, self.looks.view.at(halvings), pixels, generator)
             kappa = 1 / ((1 + len(seen.pixels) / _INDEPENDENT) * self.noise.std**2)
             settings = NewtonConfig(iterations, robust=robust, settled=config.settled)
             *_, last = improve(seen, Guess.at(ranking.poses), Prior(exposure, None, kappa), settings, every=False)
             differences = robust_square(last.residual.abs(), robust).mean((1, 2)).sqrt()
             ranking = _Ranking(last.guess.pose, last.cost, differences)
-            ranking = ranking[distinct(last.guess.pose, last.cost, config.alike)]
+            ranking = ranking[select_distinct(last.guess.pose, last.cost, config.alike)]
         assert last is not None, "a search has at least one stage"
         return ranking, spread(last)
 
 
-def distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float]) -> Int[Tensor, " m"]:
+def select_distinct(poses: Pose, cost: Float[Tensor, " n"], alike: tuple[float, float]) -> Int[Tensor, " m"]:
     """Which is the cheapest pose of each group of poses that are alike, cheapest first."""
     order = cost.argsort()
     poses = poses[order]

@@ -14,7 +14,7 @@ over weights and channels, and d = x - P, they tell how well the camera's gain 1
 with s = (<d P>, <d>): ridge regression (Hoerl and Kennard 1970), `misfit`. Without k a gain of nothing would make any
 place explain a picture of hardly any contrast.
 
-`Looks` holds the panoramas of one field: they are rendered once and compared with many pictures.
+`PanoramaIndex` holds the panoramas of one field: they are rendered once and compared with many pictures.
 """
 
 
@@ -29,11 +29,21 @@ from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import threads
-from nerfnav.core.steps import returned
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import THREADS
-from nerfnav.field import FastRenderer, Field, levels_of, render_rays
-from nerfnav.geometry import FORWARD_MOUNT, Box, Camera, Pose, check_image, node_positions, reduced, shape_for, so3
+from nerfnav.field import FastRenderer, Field, build_levels, render_rays
+from nerfnav.geometry import (
+    FORWARD_MOUNT,
+    Box,
+    Camera,
+    Pose,
+    check_image,
+    downsample_image,
+    node_positions,
+    shape_for,
+    so3,
+)
 
 _ROWS, _COLUMNS = 24, 64
 """Cells of a panorama: 5.6 degrees each."""
@@ -64,7 +74,7 @@ class Panoramas:
     @classmethod
     def of(cls, field: Field, places: Float[Tensor, "n 3"]) -> "Panoramas":
         """Look all around from every place [m]."""
-        return returned(cls.looking(field, places))
+        return run_steps(cls.looking(field, places))
 
     @classmethod
     def looking(cls, field: Field, places: Float[Tensor, "n 3"]) -> Generator[float, None, "Panoramas"]:
@@ -109,7 +119,7 @@ class Panoramas:
         return own_square - 2 * together + square - explained / (stiff * free - mean.square())
 
 
-def free_places(field: Field, spacing: float) -> Float[Tensor, "n 3"]:
+def find_free_places(field: Field, spacing: float) -> Float[Tensor, "n 3"]:
     """Points in the box that a camera could be at, on a grid [m]: no density there, nor `_ROOM` around."""
     size = float(field.box.size.max())
     room = _ROOM * size
@@ -121,7 +131,7 @@ def free_places(field: Field, spacing: float) -> Float[Tensor, "n 3"]:
     return points[density < _FREE / size]
 
 
-def thinned(places: Float[Tensor, "n 3"], spacing: float, most: int) -> Float[Tensor, "m 3"]:
+def thin_places(places: Float[Tensor, "n 3"], spacing: float, most: int) -> Float[Tensor, "m 3"]:
     """One of the places in each cell of a grid [m], whose cells grow until there are no more than `most`."""
     while True:
         cells = torch.unique((places / spacing).round().long(), dim=0, return_inverse=True)[1]
@@ -133,7 +143,7 @@ def thinned(places: Float[Tensor, "n 3"], spacing: float, most: int) -> Float[Te
     return places[first]
 
 
-def tilts_of(pitches: tuple[float, ...], rolls: tuple[float, ...]) -> Float[Tensor, "t 3 3"]:
+def list_tilts(pitches: tuple[float, ...], rolls: tuple[float, ...]) -> Float[Tensor, "t 3 3"]:
     """Attitudes of carriers that head along x, for each pitch and roll [rad]."""
     angles = torch.cartesian_prod(torch.tensor(pitches), torch.tensor(rolls)).reshape(-1, 2)
     zero = torch.zeros(len(angles))
@@ -179,7 +189,7 @@ _ITSELF = Pose(torch.eye(3), torch.zeros(3))
 
 
 @dataclass(frozen=True)
-class LooksConfig:
+class PanoramaConfig:
     """From where a field is looked at."""
 
     spacing: float = 0.046
@@ -196,7 +206,7 @@ class LooksConfig:
 
 
 @dataclass(frozen=True)
-class Looks:
+class PanoramaIndex:
     """What a field looks like from everywhere: made once, asked often."""
 
     camera: Camera
@@ -214,15 +224,15 @@ class Looks:
         field: Field,
         camera: Camera,
         places: Float[Tensor, "n 3"],
-        config: LooksConfig | None = None,
+        config: PanoramaConfig | None = None,
         tilts: Float[Tensor, "t 3 3"] | None = None,
-    ) -> "Looks":
+    ) -> "PanoramaIndex":
         """Look from all `places` [m] that are at least `spacing` apart, all around; with `tilts` from all places, held
         like that.
 
         Raises InvalidInputError where there is no place to look from.
         """
-        return returned(cls.looking(field, camera, places, config, tilts))
+        return run_steps(cls.looking(field, camera, places, config, tilts))
 
     @classmethod
     def looking(
@@ -230,18 +240,18 @@ class Looks:
         field: Field,
         camera: Camera,
         places: Float[Tensor, "n 3"],
-        config: LooksConfig | None = None,
+        config: PanoramaConfig | None = None,
         tilts: Float[Tensor, "t 3 3"] | None = None,
-    ) -> Generator[float, None, "Looks"]:
+    ) -> Generator[float, None, "PanoramaIndex"]:
         """`of`, step by step; yields the share that is done."""
-        config = LooksConfig() if config is None else config
+        config = PanoramaConfig() if config is None else config
         if len(places) == 0:
             raise InvalidInputError("there is no free place in the field that a robot could be at")
         halvings = max(0, math.floor(math.log2(max(camera.width, camera.height) / _LARGEST)))
-        view = View(levels_of(field, config.levels), camera.scaled(0.5**halvings), _ITSELF)
+        view = View(build_levels(field, config.levels), camera.scaled(0.5**halvings), _ITSELF)
         if tilts is None:
-            places = thinned(places, config.spacing * float(field.box.size.max()), config.most_places)
-            tilts = tilts_of(config.pitches, config.rolls)
+            places = thin_places(places, config.spacing * float(field.box.size.max()), config.most_places)
+            tilts = list_tilts(config.pitches, config.rolls)
         panoramas = yield from Panoramas.looking(view.levels[-1], places)
         return cls(camera, view, panoramas, tilts)
 
@@ -251,7 +261,7 @@ class Looks:
         small = self.view.camera
         if small.width == self.camera.width:
             return image
-        return (255 * reduced(image, small)).round().to(torch.uint8).reshape(small.height, small.width, 3)
+        return (255 * downsample_image(image, small)).round().to(torch.uint8).reshape(small.height, small.width, 3)
 
     def likeliest(
         self, image: UInt8[Tensor, "h w 3"], most: int, exposure: tuple[float, float]
@@ -264,7 +274,7 @@ class Looks:
         halvings = max(0, math.floor(math.log2(max(1.0, 0.5 * COLUMN * self.view.camera.fx))))
         small = self.view.camera.scaled(0.5**halvings)
         ahead = small.directions(small.pixels()) @ FORWARD_MOUNT.rotation.T
-        misfit, tilt = self.panoramas.misfit(reduced(image, small), ahead, self.tilts, exposure).min(1)
+        misfit, tilt = self.panoramas.misfit(downsample_image(image, small), ahead, self.tilts, exposure).min(1)
         dip = (misfit <= misfit.roll(1, -1)) & (misfit <= misfit.roll(-1, -1))
         dips = torch.where(dip, misfit, torch.inf).flatten()
         value, index = dips.topk(min(most, int(dip.sum())), largest=False)

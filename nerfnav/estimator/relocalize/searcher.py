@@ -6,16 +6,16 @@ from dataclasses import field as dataclass_field
 
 from torch import Tensor
 
-from nerfnav.core.steps import returned
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.photometric.residuals import ColorNoise
-from nerfnav.estimator.relocalize.capture_prior import places_near, tilts_near, views_of
+from nerfnav.estimator.relocalize.capture_prior import decode_views, list_places_near, list_tilts_near
 from nerfnav.estimator.relocalize.global_localization import (
     RelocaliseConfig,
     RelocaliseOutcome,
     RelocaliseStep,
     relocalise,
 )
-from nerfnav.estimator.relocalize.panorama import Looks, free_places
+from nerfnav.estimator.relocalize.panorama import PanoramaIndex, find_free_places
 from nerfnav.field import Field
 from nerfnav.geometry import Camera
 
@@ -24,7 +24,7 @@ _NEAR = 0.5
 
 
 @dataclass(frozen=True)
-class Searcher:
+class GlobalLocalizer:
     """Finds a camera anywhere in a field (a `Relocaliser`, see navigation/supervisor.py)."""
 
     field: Field
@@ -35,33 +35,33 @@ class Searcher:
     """How far right colours may be off."""
     config: RelocaliseConfig = dataclass_field(default_factory=RelocaliseConfig)
     """How the search goes."""
-    _made: dict[bool, Looks] = dataclass_field(default_factory=dict, init=False, repr=False, compare=False)
+    _made: dict[bool, PanoramaIndex] = dataclass_field(default_factory=dict, init=False, repr=False, compare=False)
     """What was looked at so far: whether near to the capture's cameras alone, and what it looks like."""
 
     @property
-    def looks(self) -> Looks:
+    def looks(self) -> PanoramaIndex:
         """The field from everywhere, made when it is first asked for: this takes seconds."""
-        return returned(self._looking(near=False))
+        return run_steps(self._looking(near=False))
 
     @property
-    def near(self) -> Looks | None:
+    def near(self) -> PanoramaIndex | None:
         """The field from where the capture's cameras stood, made likewise; None where nobody knows where that was."""
-        return returned(self._looking(near=True)) if self.config.views else None
+        return run_steps(self._looking(near=True)) if self.config.views else None
 
     def prepare(self) -> Iterator[float]:
         """Make what every search begins with; yields the share that is done."""
         yield from self._looking(near=bool(self.config.views))
 
-    def _looking(self, near: bool) -> Generator[float, None, Looks]:
+    def _looking(self, near: bool) -> Generator[float, None, PanoramaIndex]:
         """The field from everywhere, or from near to the capture's cameras, made once."""
         if near not in self._made:
             config, tilts = self.config.looks, None
             if near:
-                views = views_of(self.config.views)
-                places, tilts = places_near(views), tilts_near(views)
+                views = decode_views(self.config.views)
+                places, tilts = list_places_near(views), list_tilts_near(views)
             else:
-                places = free_places(self.field, config.spacing * float(self.field.box.size.max()))
-            self._made[near] = yield from Looks.looking(self.field, self.camera, places, config, tilts)
+                places = find_free_places(self.field, config.spacing * float(self.field.box.size.max()))
+            self._made[near] = yield from PanoramaIndex.looking(self.field, self.camera, places, config, tilts)
         return self._made[near]
 
     def relocalise(self, image: Tensor) -> Iterator[RelocaliseStep]:

@@ -41,13 +41,13 @@ class State(IntEnum):
     """Neither is proven."""
 
 
-def states_of(free: Bool[Tensor, "nx ny nz"], raw: Float[Tensor, "nx ny nz"]) -> States:
+def classify_nodes(free: Bool[Tensor, "nx ny nz"], raw: Float[Tensor, "nx ny nz"]) -> States:
     """The states of nodes with raw densities, of which some are proven `free`."""
     solid = torch.where(raw > raw_of(SOLID_DENSITY), int(State.SOLID), int(State.UNPROVEN))
     return torch.where(free, int(State.FREE), solid).to(torch.uint8)
 
 
-def states_of_unseen(unseen: Bool[Tensor, "nx ny nz"], raw: Float[Tensor, "nx ny nz"]) -> States:
+def classify_unseen(unseen: Bool[Tensor, "nx ny nz"], raw: Float[Tensor, "nx ny nz"]) -> States:
     """The states of a field that only knows which nodes no camera saw: everything else is as it says."""
     as_it_says = torch.where(raw > EMPTY_RAW, int(State.SOLID), int(State.FREE))
     return torch.where(unseen, int(State.UNPROVEN), as_it_says).to(torch.uint8)

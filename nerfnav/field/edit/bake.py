@@ -30,13 +30,13 @@ from nerfnav.geometry import (
     Box,
     Camera,
     Pose,
+    dilate_nodes,
+    fibonacci_directions,
     look_at,
     node_positions,
     psnr_db,
     shape_for,
     spacing_of,
-    spiral,
-    with_neighbours,
 )
 
 
@@ -45,7 +45,7 @@ def sample_views(box: Box, views: int, distance: float) -> Pose:
 
     `distance` is that from the middle, in diagonals of the box.
     """
-    towards = spiral((torch.arange(views) + 0.5) / views)
+    towards = fibonacci_directions((torch.arange(views) + 0.5) / views)
     return look_at(box.center + distance * box.size.norm() * towards, box.center.expand_as(towards))
 
 
@@ -193,7 +193,7 @@ def _solid_cells(
     nx, ny, nz = (count - 1 for count in shape)
     centers = node_positions(inner, (nx, ny, nz)).reshape(-1, 3)
     dense = torch.cat([_density(field, part) for part in centers.split(_AT_ONCE)]) > least
-    return with_neighbours(dense.reshape(nx, ny, nz))
+    return dilate_nodes(dense.reshape(nx, ny, nz))
 
 
 def _measure(
@@ -218,9 +218,9 @@ def _measure(
 def _color(field: Field, baked: VoxelField, count: int) -> Generator[float, None, None]:
     """Set the colours of all nodes near density, in place; yields the share that is done."""
     shape = baked.shape
-    near = with_neighbours(baked.values[..., 0] > EMPTY_RAW)
+    near = dilate_nodes(baked.values[..., 0] > EMPTY_RAW)
     nodes = node_positions(baked.box, shape)[near]
-    outward = spiral(1 - (2 * torch.arange(count) + 1) / count)
+    outward = fibonacci_directions(1 - (2 * torch.arange(count) + 1) / count)
     colors, parts = [], nodes.split(_AT_ONCE // count)
     for number, part in enumerate(parts):
         colors.append(_mean_color(field, baked, part, outward))

@@ -40,7 +40,7 @@ class SolidityConfig:
     """Lattice points beside a solid one that must be solid, too: so is what lies between the points."""
 
 
-def with_solidity_of(
+def preserve_occupancy(
     field: VoxelField, before: VoxelField, to_before: Similarity, config: SolidityConfig | None = None
 ) -> VoxelField:
     """`field` with nodes taken out of free space, so that for planners all is solid that was solid in `before`.

@@ -6,7 +6,7 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.codec import StoredField
-from nerfnav.field.edit.resample_surroundings import shells_around
+from nerfnav.field.edit.resample_surroundings import resample_surroundings
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import Box, Similarity
@@ -15,7 +15,7 @@ _FEWEST = 4
 """Nodes along each edge of what is worth keeping."""
 
 
-def overlap(box: Box, whole: Box) -> Box:
+def intersect_boxes(box: Box, whole: Box) -> Box:
     """The part of a box that lies in the `whole` place. Raises InvalidInputError where there is none."""
     inner = Box(torch.maximum(box.lower, whole.lower), torch.minimum(box.upper, whole.upper))
     if not bool((inner.size > 0).all()):
@@ -23,13 +23,13 @@ def overlap(box: Box, whole: Box) -> Box:
     return inner
 
 
-def cropped(field: StoredField, box: Box) -> StoredField:
+def crop_field(field: StoredField, box: Box) -> StoredField:
     """What `field` holds in `box` [m]; of a voxel field the nodes in it, to the nearest one.
 
     A field that has surroundings gets what is cut off painted on them, so that pictures still show it. Raises
     InvalidInputError where the box holds next to nothing of the field, and for fields of other kinds.
     """
-    inner = overlap(box, field.box)
+    inner = intersect_boxes(box, field.box)
     if isinstance(field, NeuralField):
         return replace(field, box=inner)
     if not isinstance(field, VoxelField):
@@ -51,5 +51,5 @@ def cropped(field: StoredField, box: Box) -> StoredField:
         box=inner,
         values=field.values[kept].contiguous(),
         evidence=None if field.evidence is None else field.evidence[kept].contiguous(),
-        outside=shells_around(field, inner, Similarity.identity()),
+        outside=resample_surroundings(field, inner, Similarity.identity()),
     )

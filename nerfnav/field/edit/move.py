@@ -15,8 +15,8 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.codec import StoredField
 from nerfnav.field.core.occupancy import DENSITY_SCALE, raw_of
-from nerfnav.field.edit.conservative_occupancy import least_solid_raw, with_solidity_of
-from nerfnav.field.edit.resample import resampled
+from nerfnav.field.edit.conservative_occupancy import least_solid_raw, preserve_occupancy
+from nerfnav.field.edit.resample import resample_field
 from nerfnav.field.models.levels import raw_of as raws_of
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
@@ -36,7 +36,7 @@ class MoveStep:
     """The moved field; set on the last step."""
 
 
-def moved(field: StoredField, similarity: Similarity) -> Generator[MoveStep, None, None]:
+def move_field(field: StoredField, similarity: Similarity) -> Generator[MoveStep, None, None]:
     """Move a field of voxels or of networks; the last step carries it.
 
     What is solid or unproven for planners before is so afterwards. Raises InvalidInputError for fields of other kinds,
@@ -52,7 +52,7 @@ def moved(field: StoredField, similarity: Similarity) -> Generator[MoveStep, Non
         scaled = _scaled(field, similarity.scale)
         yield MoveStep("moved", 1.0, _turned_by_quarters(scaled, axes, replace(similarity, rotation=axes, scale=1.0)))
         return
-    for label, share, turned in resampled(field, similarity):
+    for label, share, turned in resample_field(field, similarity):
         yield MoveStep(label, share, turned)
 
 
@@ -79,7 +79,7 @@ def _scaled(field: VoxelField, scale: float) -> VoxelField:
     larger = replace(larger, values=values)
     if scale < 1 and larger.solid_density == field.solid_density:
         return larger  # nothing is less dense than before
-    return with_solidity_of(larger, field, Similarity(torch.eye(3).double(), torch.zeros(3).double(), 1 / scale))
+    return preserve_occupancy(larger, field, Similarity(torch.eye(3).double(), torch.zeros(3).double(), 1 / scale))
 
 
 def _turned_by_quarters(field: VoxelField, axes: Float[Tensor, "3 3"], similarity: Similarity) -> VoxelField:

@@ -21,10 +21,10 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State, States, raw_of, states_of
+from nerfnav.field.core.occupancy import DENSITY_SCALE, EMPTY_RAW, State, States, classify_nodes, raw_of
 from nerfnav.field.edit.bake import MOST_NODES, BakeConfig, fitted, sample_views
-from nerfnav.field.edit.conservative_occupancy import between_grids, with_solidity_of
-from nerfnav.field.edit.resample_surroundings import shells_around
+from nerfnav.field.edit.conservative_occupancy import between_grids, preserve_occupancy
+from nerfnav.field.edit.resample_surroundings import resample_surroundings
 from nerfnav.field.kernels.resample import measure_turned
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image
@@ -37,7 +37,7 @@ Grid = Float[Tensor, "nx ny nz"]
 
 
 @torch.no_grad()
-def resampled(field: VoxelField, similarity: Similarity) -> Iterator[tuple[str, float, VoxelField | None]]:
+def resample_field(field: VoxelField, similarity: Similarity) -> Iterator[tuple[str, float, VoxelField | None]]:
     """What is being done, its share, and at last the field after p' = s R p + t, with nodes s times as far apart.
 
     Raises InvalidInputError where these are too many.
@@ -55,10 +55,10 @@ def resampled(field: VoxelField, similarity: Similarity) -> Iterator[tuple[str, 
     evidence = _evidence(field, box, back, values[..., 0])
     turned = replace(field, box=box, values=_with_spread_colors(values), outside=None, evidence=evidence)
     yield "keeping what is solid", 0.7, None
-    turned = with_solidity_of(turned, field, back)
+    turned = preserve_occupancy(turned, field, back)
     yield "turning the surroundings", 0.85, None
     if field.outside is not None:
-        turned = replace(turned, outside=shells_around(field, box, back))
+        turned = replace(turned, outside=resample_surroundings(field, box, back))
     yield "turned", 1.0, replace(turned, info=_noted(field, turned, back))
 
 
@@ -107,7 +107,7 @@ def _evidence(field: VoxelField, box: Box, back: Similarity, raw: Grid) -> State
         points = back(plane)
         clear = trilinear(field.planned.values[..., :1], field.box, points)[..., 0] <= limit
         planes.append(clear & wide.contains(points) & _at_nearest(proven, field, points))
-    return states_of(torch.stack(planes), raw)
+    return classify_nodes(torch.stack(planes), raw)
 
 
 def _noted(field: VoxelField, turned: VoxelField, back: Similarity) -> FieldInfo:

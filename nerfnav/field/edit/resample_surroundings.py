@@ -27,7 +27,7 @@ Points = Float[Tensor, "n 3"]
 
 
 @torch.no_grad()
-def shells_around(field: VoxelField, box: Box, back: Similarity) -> Surroundings | None:
+def resample_surroundings(field: VoxelField, box: Box, back: Similarity) -> Surroundings | None:
     """What stands around `box`, as far as `field` and its surroundings know it; `back` takes points [m] to the field's.
 
     None for a field without surroundings.

@@ -110,7 +110,7 @@ def see_ray(grid, ray, begin, color, jacobian, scratch):
     it, 0 where it meets none (around the box: of the shell before).
 
     `grid` is (values, leaps, lower, per_meter, table, step, background, outer, least, stopped), see
-    `VoxelField.sight_grid`. Before the distance `begin` [m] the ray is taken as clear.
+    `VoxelField.ray_grid`. Before the distance `begin` [m] the ray is taken as clear.
     """
     values, leaps, lower, per_meter, table, step, background, outer, least, stopped = grid
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -193,18 +193,18 @@ def colors_and_jacobian(grid, origins, directions):
 
 
 @kernel(inline=True)
-def glance_scratch():
-    """What `glance_along` writes to. Made once for many rays."""
+def probe_scratch():
+    """What `probe_along` writes to. Made once for many rays."""
     shells = np.empty(3, np.int64), np.empty(3, np.float32), np.empty(8, np.float32)
     return ray_scratch(), shells, np.empty(4, np.float32)
 
 
 @kernel(inline=True)
-def glance_along(grid, ray, color, scratch):
+def probe_along(grid, ray, color, scratch):
     """Fill the colour (3) of a ray (origin, direction); returns the light that is left, and the sum of the distances
     that it stopped at [m].
 
-    `grid` as `see_ray` has it; `scratch` is that of `glance_scratch`.
+    `grid` as `see_ray` has it; `scratch` is that of `probe_scratch`.
     """
     values, leaps, lower, per_meter, table, step, background, outer, least, stopped = grid
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -243,15 +243,15 @@ def glance_along(grid, ray, color, scratch):
 
 
 @kernel(parallel=True)
-def glance(grid, origins, directions):
+def probe(grid, origins, directions):
     """Colour (n, 3), opacity (n) and mean depth (n) of rays; `grid` is as `see_ray` has it."""
     count = origins.shape[0]
     colors = np.empty((count, 3), np.float32)
     opacities, depths = np.empty(count, np.float32), np.empty(count, np.float32)
     for chunk in prange((count + CHUNK - 1) // CHUNK):
-        scratch = glance_scratch()
+        scratch = probe_scratch()
         for ray in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            light, far = glance_along(grid, (origins[ray], directions[ray]), colors[ray], scratch)
+            light, far = probe_along(grid, (origins[ray], directions[ray]), colors[ray], scratch)
             opacities[ray] = np.float32(1.0) - light
             depths[ray] = far / max(np.float32(1.0) - light, np.float32(1e-6))
     return colors, opacities, depths

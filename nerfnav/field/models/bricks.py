@@ -102,18 +102,18 @@ class BrickField(GridField):
         return self.values.detach().cpu().numpy(), self.slots.cpu().numpy(), lower, per_meter
 
 
-def in_bricks(field: VoxelField) -> BrickField:
+def convert_to_bricks(field: VoxelField) -> BrickField:
     """The same field, kept as bricks."""
 
     def slab(first: int, end: int) -> Slab:
         states = None if field.evidence is None else field.evidence[first:end]
         return field.values[first:end], states
 
-    made = bricks_of_slabs(field.box, field.shape, slab, field.background)
+    made = build_bricks(field.box, field.shape, slab, field.background)
     return replace(made, info=field.info, outside=field.outside)
 
 
-def bricks_of_slabs(
+def build_bricks(
     box: Box, nodes: tuple[int, int, int], slab: Callable[[int, int], Slab], background: Float[Tensor, "3"]
 ) -> BrickField:
     """A field of bricks whose dense grid is never held whole.

@@ -26,7 +26,7 @@ _FEWEST_NODES = 9
 """A grid with fewer nodes along its shortest edge is not made coarser: the place would dissolve."""
 
 
-def levels_of(field: Field, count: int) -> tuple[Field, ...]:
+def build_levels(field: Field, count: int) -> tuple[Field, ...]:
     """The field itself and `count` - 1 coarser ones; the last one repeats where there is none any coarser.
 
     Fields without a grid have no coarser ones: they are taken as they are at every level.

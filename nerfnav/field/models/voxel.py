@@ -24,7 +24,7 @@ from nerfnav.field.kernels.light import DIM, STOPPED, faint_raw, light_table
 from nerfnav.field.kernels.pose_descent import leaps_over
 from nerfnav.field.kernels.shells import Shells, paired_shells
 from nerfnav.field.models.grid_field import GridField, KernelGrid
-from nerfnav.field.render.jacobian import SightGrid
+from nerfnav.field.render.jacobian import RayGrid
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.geometry import Box, trilinear
 
@@ -93,20 +93,20 @@ class VoxelField(GridField):
 
     def _seen_with_jacobian(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See GridField; by the kernel that leaps over empty cells."""
-        return pose_descent.colors_and_jacobian(self.whole_sight_grid, origins, directions)
+        return pose_descent.colors_and_jacobian(self.exact_ray_grid, origins, directions)
 
     @cached_property
-    def whole_sight_grid(self) -> SightGrid:
+    def exact_ray_grid(self) -> RayGrid:
         """What kernels need that follow rays with their derivatives."""
         return self._sight(self._leaps, self._outer, NEGLIGIBLE_RAW, STOPPED)
 
     @cached_property
-    def sight_grid(self) -> SightGrid:
+    def ray_grid(self) -> RayGrid:
         """The same for descents of poses, without what is faint (see kernels/sight.py)."""
         least = faint_raw(DENSITY_SCALE, self.step)
         return self._sight(self._leaps_above(least), paired_shells(self._outer_values), least, DIM)
 
-    def _sight(self, leaps: np.ndarray, outer: Shells, least: np.float32, stopped: np.float32) -> SightGrid:
+    def _sight(self, leaps: np.ndarray, outer: Shells, least: np.float32, stopped: np.float32) -> RayGrid:
         values, _, lower, per_meter = self.kernel_grid
         background = self.background.cpu().numpy().astype(np.float32)
         step = np.float32(self.step)

@@ -63,20 +63,20 @@ class CarvingConfig:
     """Share by which a round must have more nodes proven than the one before it for another one to follow."""
 
 
-def carved(
+def carve_free_space(
     field: VoxelField, photographs: PosedImages, config: CarvingConfig | None = None
 ) -> Nodes:
     """Which nodes of `field` the photographs that it was learned from prove to be free."""
     config = config or CarvingConfig()
-    slack = config.rounding + config.deviations * noise_of(photographs)
+    slack = config.rounding + config.deviations * estimate_noise(photographs)
     thin = field.values[..., 0] < raw_of(SOLID_DENSITY)
     cleared = _carved_once(field, photographs, config, slack, thin)
-    proven = in_company(cleared, config.company)
+    proven = erode_isolated(cleared, config.company)
     for _ in range(config.rounds - 1):
         values, before = field.values.clone(), int(proven.sum())
         values[..., 0][proven] = EMPTY_RAW
         cleared |= _carved_once(replace(field, values=values), photographs, config, slack, thin & ~cleared)
-        proven = in_company(cleared, config.company)
+        proven = erode_isolated(cleared, config.company)
         if int(proven.sum()) <= (1 + config.least_gain) * before:
             break
     return proven
@@ -106,14 +106,14 @@ def _carved_once(
     return torch.from_numpy((contradiction > 2 * slack) | (clear >= config.least_clear)) & asked
 
 
-def in_company(nodes: Nodes, least: int) -> Nodes:
+def erode_isolated(nodes: Nodes, least: int) -> Nodes:
     """Those of the nodes around which at least so many of 26 are; beyond the border all is as at it."""
     padded = torch.nn.functional.pad(nodes[None, None].float(), (1,) * 6, mode="replicate")
     around = (27 * torch.nn.functional.avg_pool3d(padded, 3, 1)[0, 0]).round()
     return nodes & (around > least)  # which counts the node itself
 
 
-def noise_of(photographs: PosedImages) -> float:
+def estimate_noise(photographs: PosedImages) -> float:
     """Standard deviation of the pictures' own noise [0 to 255], whatever they show; 0 where nothing tells it."""
     found = [_patch_noise(image.numpy()) for image in photographs.images]
     told = np.concatenate(found) if found else np.zeros(0)

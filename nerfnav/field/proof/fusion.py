@@ -46,7 +46,7 @@ class FusionConfig:
 
 
 @dataclass(frozen=True)
-class Fused:
+class FusedDepth:
     """What depths say of each node."""
 
     free: Bool[Tensor, "nx ny nz"]
@@ -59,9 +59,9 @@ class Fused:
     """Mean colour of the surface near it, in [0, 1]; grey where there is none."""
 
 
-def fused(
+def fuse_depth(
     photographs: PosedImages, box: Box, shape: tuple[int, int, int], config: FusionConfig | None = None
-) -> Fused:
+) -> FusedDepth:
     """What the depths of `photographs` say of the nodes of a grid. Raises ValueError where they have none."""
     config = config or FusionConfig()
     camera = photographs.depth_camera
@@ -92,7 +92,7 @@ def fused(
     tint = np.divide(color, weight[..., None], out=np.full_like(color, 0.5), where=seen[..., None])
     raw = np.clip(raw_of(SOLID_DENSITY) + _SLOPE * (_BEFORE - mean / voxel), EMPTY_RAW, _DENSEST)
     dense = torch.where(proven, torch.tensor(EMPTY_RAW), torch.from_numpy(raw))
-    return Fused(proven, proven | torch.from_numpy(seen), dense, torch.from_numpy(tint))
+    return FusedDepth(proven, proven | torch.from_numpy(seen), dense, torch.from_numpy(tint))
 
 
 def nearest_within(depth: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "levels h w"]:

@@ -1,8 +1,9 @@
 """Occupancy grid of a field: each voxel is free, solid or unproven for planners, before any body is put into it.
 
 Free is where the density stays below a threshold and cameras have shown it. Solid is where the field is dense.
-Unproven is all space that is not proven free: planners take it for solid unless they are told otherwise (`Unknown`),
-and `planning_field` is the field to plan in. The share of unproven space is told in a sentence for users.
+Unproven is all space that is not proven free: planners take it for solid unless they are told otherwise
+(`UnknownSpace`), and `planning_field` is the field to plan in. The share of unproven space is told in a sentence for
+users.
 """
 
 
@@ -19,7 +20,7 @@ from nerfnav.field.models.grid_field import GridField
 from nerfnav.field.render.composite import CompositeField
 
 
-class Unknown(Enum):
+class UnknownSpace(Enum):
     """What planners take unproven space for."""
 
     OCCUPIED = "occupied"
@@ -28,7 +29,7 @@ class Unknown(Enum):
     """As the field says."""
 
 
-def planning_field(field: Field, unknown: Unknown) -> Field:
+def planning_field(field: Field, unknown: UnknownSpace) -> Field:
     """What to plan in: `field` with nothing in it where that is proven, and its unproven nodes solid or as they are.
 
     Made once for each field. Fields without evidence stay as they are; of a composite field this is said for each
@@ -38,7 +39,7 @@ def planning_field(field: Field, unknown: Unknown) -> Field:
         return CompositeField(tuple(replace(part, field=planning_field(part.field, unknown)) for part in field.parts))
     if not isinstance(field, GridField) or field.evidence is None:
         return field
-    return field.planned if unknown is Unknown.OCCUPIED else field.planned_as_it_says
+    return field.planned if unknown is UnknownSpace.OCCUPIED else field.planned_as_it_says
 
 
 MOST_VOXELS = 100_000_000
@@ -47,7 +48,7 @@ _ROUNDING = 1e-3
 """Share of a voxel by which the box may stick out of the grid: sizes are kept in single precision."""
 
 
-class VoxelState(IntEnum):
+class Occupancy(IntEnum):
     """What planners believe of a voxel."""
 
     FREE = 0
@@ -59,18 +60,18 @@ class VoxelState(IntEnum):
 
 
 @dataclass(frozen=True)
-class StateGrid:
+class OccupancyGrid:
     """Cubes side by side: voxel (i, j, k) reaches from lower + voxel (i, j, k) to lower + voxel (i + 1, j + 1, k + 1).
     """
 
     state: UInt8[np.ndarray, "nx ny nz"]
-    """Values of VoxelState."""
+    """Values of Occupancy."""
     lower: Float[np.ndarray, "3"]
     """Lowest corner of the lowest voxel [m]."""
     voxel: float
     """Edge of a voxel [m]."""
 
-    def share(self, state: VoxelState) -> float:
+    def share(self, state: Occupancy) -> float:
         """Share of all voxels that are in a state."""
         return float(np.mean(self.state == state))
 
@@ -78,7 +79,7 @@ class StateGrid:
         """States at world points [m]; outside the grid all is unproven."""
         index = np.floor((points - self.lower) / self.voxel).astype(int)
         inside = ((index >= 0) & (index < self.state.shape)).all(-1)
-        found = np.full(len(points), VoxelState.UNPROVEN, np.uint8)
+        found = np.full(len(points), Occupancy.UNPROVEN, np.uint8)
         found[inside] = self.state[tuple(index[inside].T)]
         return found
 
@@ -90,7 +91,7 @@ class StateGrid:
         return self.state[..., min(int((height - low) / self.voxel), self.state.shape[2] - 1)]
 
 
-def voxel_states(field: Field, threshold: float, voxel: float | None = None) -> StateGrid:
+def compute_occupancy_grid(field: Field, threshold: float, voxel: float | None = None) -> OccupancyGrid:
     """What planners believe of a field, in voxels of an edge [m] (default: the distance of its nodes).
 
     The first voxel has its middle at the box's lowest corner, so that voxels stand around nodes where both are as
@@ -109,11 +110,11 @@ def voxel_states(field: Field, threshold: float, voxel: float | None = None) -> 
         )
     axes = [low + edge * np.arange(count) for low, count in zip(lower, counts, strict=True)]
     solid = _solid(field, threshold, axes, edge)
-    believed = planning_field(field, Unknown.OCCUPIED)
+    believed = planning_field(field, UnknownSpace.OCCUPIED)
     assert isinstance(believed, GridField)  # as the field is
     taken = solid if believed is field else _solid(believed, threshold, axes, edge)
-    state = np.where(solid, VoxelState.SOLID, np.where(taken, VoxelState.UNPROVEN, VoxelState.FREE))
-    return StateGrid(state.astype(np.uint8), lower - 0.5 * edge, edge)
+    state = np.where(solid, Occupancy.SOLID, np.where(taken, Occupancy.UNPROVEN, Occupancy.FREE))
+    return OccupancyGrid(state.astype(np.uint8), lower - 0.5 * edge, edge)
 
 
 def _solid(
@@ -141,7 +142,7 @@ _LAYERS = ("the floor", "what stands at half its height", "what is high up")
 """What photographs of the lowest, the middle and the highest third of a box show."""
 
 
-def unproven_in_words(field: Field) -> str:
+def describe_unproven(field: Field) -> str:
     """A sentence that says what is not proven, and what would help; empty where nearly everything is."""
     unproven = field.unproven_by_height if isinstance(field, GridField) else None
     if not isinstance(field, GridField) or unproven is None:

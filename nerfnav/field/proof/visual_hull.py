@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from nerfnav.geometry import Box, PosedImages, node_positions, outlines
+from nerfnav.geometry import Box, PosedImages, count_outside_silhouettes, node_positions
 
 _STRAY = 0.02
 """Share of the photographs that may show a node as clear although it is not: poses and outlines are never perfect."""
@@ -21,7 +21,7 @@ _NEAREST = 0.1
 """Distance of a camera from the box at which silhouettes are widened no further, in diagonals of the box."""
 
 
-def widened(photographs: PosedImages, box: Box, spacing: float) -> PosedImages:
+def widen_silhouettes(photographs: PosedImages, box: Box, spacing: float) -> PosedImages:
     """The photographs with silhouettes reaching as far as nodes `spacing` [m] apart do, to each side.
 
     Raises ValueError for photographs that are not cut out.
@@ -41,7 +41,7 @@ def widened(photographs: PosedImages, box: Box, spacing: float) -> PosedImages:
     return replace(photographs, silhouettes=torch.from_numpy(np.stack(wide)))
 
 
-def hull(photographs: PosedImages, box: Box, shape: tuple[int, int, int]) -> Bool[Tensor, "nx ny nz"]:
-    """Nodes that photographs with widened silhouettes (see `widened`) see, and do not show as clear."""
-    clear, seen = outlines(photographs, node_positions(box, shape).reshape(-1, 3))
+def compute_hull(photographs: PosedImages, box: Box, shape: tuple[int, int, int]) -> Bool[Tensor, "nx ny nz"]:
+    """Nodes that photographs with widened silhouettes (see `widen_silhouettes`) see, and do not show as clear."""
+    clear, seen = count_outside_silhouettes(photographs, node_positions(box, shape).reshape(-1, 3))
     return ((seen > 0) & (clear <= _STRAY * seen)).reshape(shape)

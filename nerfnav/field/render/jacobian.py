@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.core.protocol import Field
-from nerfnav.field.kernels.pose_descent import glance
+from nerfnav.field.kernels.pose_descent import probe
 from nerfnav.field.kernels.shells import Shells
 from nerfnav.field.render.volume_rendering import Rendering, render_rays
 
@@ -23,7 +23,7 @@ Colors = Float[Tensor, "n 3"]
 Jacobian = Float[Tensor, "n 3 6"]
 
 
-SightGrid = tuple[
+RayGrid = tuple[
     np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray,
     np.float32, np.ndarray, Shells, np.float32, np.float32,
 ]  # fmt: skip
@@ -32,14 +32,14 @@ kernels/light.py), distance of samples [m], background (3), what is around; leas
 below which a ray ends."""
 
 
-def sight_grid_of(field: Field) -> SightGrid | None:
+def get_ray_grid(field: Field) -> RayGrid | None:
     """The grid on which kernels follow whole descents of cameras; None where a field has none."""
-    return getattr(field, "sight_grid", None)
+    return getattr(field, "ray_grid", None)
 
 
-def glanced(grid: SightGrid, origins: Rays, directions: Rays) -> Rendering:
+def probe_rays(grid: RayGrid, origins: Rays, directions: Rays) -> Rendering:
     """What rays (origins [m], unit directions) see, as descents on that grid see it."""
-    seen = glance(grid, *(np.ascontiguousarray(rays.numpy(), np.float32) for rays in (origins, directions)))
+    seen = probe(grid, *(np.ascontiguousarray(rays.numpy(), np.float32) for rays in (origins, directions)))
     return Rendering(*(torch.from_numpy(part) for part in seen))
 
 

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.field.core.occupancy import EMPTY_RAW, State, states_of_unseen
+from nerfnav.field.core.occupancy import EMPTY_RAW, State, classify_unseen
 from nerfnav.field.render.surroundings import Surroundings
 from nerfnav.geometry import Box
 
@@ -66,4 +66,4 @@ def evidence_of(
     if "unknown" not in file or raw is None:
         return None
     flags = np.unpackbits(file["unknown"], count=math.prod(shape)).astype(bool)
-    return states_of_unseen(torch.from_numpy(flags.reshape(shape)), raw)
+    return classify_unseen(torch.from_numpy(flags.reshape(shape)), raw)

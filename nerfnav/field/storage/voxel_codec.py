@@ -9,10 +9,10 @@ import torch
 
 from nerfnav.field.core.codec import Encoded, FieldCodec
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.models.bricks import BrickField, Slab, bricks_of_slabs
+from nerfnav.field.models.bricks import BrickField, Slab, build_bricks
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.array_encoding import box_of, evidence_of, outside_of, quantised, values_of
-from nerfnav.geometry import with_neighbours
+from nerfnav.geometry import dilate_nodes
 
 MOST_DENSE_NODES = 60_000_000
 """Nodes that are held whole: a gigabyte of them."""
@@ -22,7 +22,7 @@ _VERSION = 3  # 2: surroundings and unseen nodes, both optional; 3: evidence in 
 def encode(field: VoxelField) -> Encoded:
     """See FieldCodec."""
     raw, color = quantised(field.values)
-    color[~with_neighbours(torch.from_numpy(raw > 0)).numpy()] = 0  # colours that nothing can show
+    color[~dilate_nodes(torch.from_numpy(raw > 0)).numpy()] = 0  # colours that nothing can show
     arrays = {
         "raw": raw,
         "color": color,
@@ -43,7 +43,7 @@ def decode(header: Mapping[str, Any], file: Mapping[str, np.ndarray]) -> VoxelFi
     background, info = torch.from_numpy(file["background"]), FieldInfo.of(header["info"])
     box, outside = box_of(file["box"]), outside_of(file)
     if raw.size > MOST_DENSE_NODES and "unknown" not in file:
-        made = bricks_of_slabs(box, raw.shape, _slabs(raw, color, file), background)
+        made = build_bricks(box, raw.shape, _slabs(raw, color, file), background)
         return replace(made, info=info, outside=outside)
     values = values_of(raw, color)
     return VoxelField(box, values, background, info, outside, evidence_of(file, values.shape[:3], values[..., 0]))

@@ -38,7 +38,7 @@ class TexturedMesh:
     """sRGB."""
 
 
-def texturing(field: Field, mesh: "trimesh.Trimesh", finest: float) -> Generator[None, None, TexturedMesh]:
+def texture_mesh(field: Field, mesh: "trimesh.Trimesh", finest: float) -> Generator[None, None, TexturedMesh]:
     """Return a mesh of a field with the field's colours, in texels of half of `finest` [m], what the field tells apart.
 
     Larger texels where there would be too many of them. Yields now and then, for this takes seconds. Raises

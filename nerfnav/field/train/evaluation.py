@@ -21,14 +21,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.field.core.info import FieldInfo
-from nerfnav.field.core.occupancy import states_of
+from nerfnav.field.core.occupancy import classify_nodes
 from nerfnav.field.core.protocol import Field
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.carving import carved
-from nerfnav.field.proof.fusion import Fused
+from nerfnav.field.proof.carving import carve_free_space
+from nerfnav.field.proof.fusion import FusedDepth
 from nerfnav.field.render.volume_rendering import render_image
-from nerfnav.field.train.exposure import common_gains
+from nerfnav.field.train.exposure import estimate_common_gains
 from nerfnav.geometry import PosedImages, psnr_db
 
 _DEVIATION_PER_MEDIAN = 1.4826
@@ -38,7 +38,7 @@ _SOMETHING = 0.5
 """Opacity above which a pixel shows the field and not the background, which has no residual."""
 
 
-def calibrated(info: FieldInfo, field: Field, held_out: PosedImages, exposure: bool = False) -> FieldInfo:
+def calibrate_noise(info: FieldInfo, field: Field, held_out: PosedImages, exposure: bool = False) -> FieldInfo:
     """`info` with what held-out photographs say about the field; unchanged where there are none.
 
     With `exposure`, these may be brighter or darker than the field.
@@ -49,7 +49,7 @@ def calibrated(info: FieldInfo, field: Field, held_out: PosedImages, exposure: b
     colors, opacity = torch.stack([view.color for view in seen]), torch.stack([view.opacity for view in seen])
     taken = held_out.images.float() / 255
     raw = _psnr_db(colors - taken)
-    gain = common_gains(taken, colors) if exposure else torch.ones(len(held_out))
+    gain = estimate_common_gains(taken, colors) if exposure else torch.ones(len(held_out))
     error = gain[:, None, None, None] * colors - taken
     shown = opacity > _SOMETHING
     told = error[shown] if shown.any() else error.reshape(-1, 3)
@@ -70,7 +70,7 @@ def _psnr_db(error: Float[Tensor, "n height width 3"]) -> float:
     return sum(each) / len(each)
 
 
-def info_of(photographs: PosedImages, generator: torch.Generator, iterations: int) -> FieldInfo:
+def describe_training(photographs: PosedImages, generator: torch.Generator, iterations: int) -> FieldInfo:
     """What is known of a field before it is judged: when it was made, of how many images, with which seed."""
     return FieldInfo(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -80,9 +80,9 @@ def info_of(photographs: PosedImages, generator: torch.Generator, iterations: in
     )
 
 
-def judged(
+def evaluate_grid(
     field: VoxelField,
-    told: Fused | None,
+    told: FusedDepth | None,
     photographs: PosedImages,
     held_out: PosedImages,
     exposure: bool,
@@ -91,15 +91,15 @@ def judged(
 
     `photographs` are of one exposure; where `exposure` is set, held-out ones need not be.
     """
-    free = carved(field, photographs) if told is None else told.free
-    trained = replace(field, evidence=states_of(free, field.values[..., 0]))
+    free = carve_free_space(field, photographs) if told is None else told.free
+    trained = replace(field, evidence=classify_nodes(free, field.values[..., 0]))
     taught, proven = ("pictures", "pictures") if told is None else ("pictures and depth", "depth")
     info = replace(field.info, learned_from=taught, proven_from=proven)
-    return replace(trained, info=calibrated(info, trained, held_out, exposure))
+    return replace(trained, info=calibrate_noise(info, trained, held_out, exposure))
 
 
-def judged_networks(trained: NeuralField, held_out: PosedImages) -> NeuralField:
+def evaluate_networks(trained: NeuralField, held_out: PosedImages) -> NeuralField:
     """The field on the CPU, with what views that it was not trained on say about it."""
     coarse, fine = trained.coarse.requires_grad_(False).cpu(), trained.fine.requires_grad_(False).cpu()
     trained = replace(trained, coarse=coarse, fine=fine)
-    return replace(trained, info=calibrated(trained.info, trained, held_out))
+    return replace(trained, info=calibrate_noise(trained.info, trained, held_out))

@@ -34,7 +34,7 @@ _FEWEST = 3
 Gains = Float[Tensor, "n 3"]
 
 
-def gains(taken: Float[Tensor, "n q p 3"], shown: Float[Tensor, "n q p 3"]) -> Gains:
+def estimate_gains(taken: Float[Tensor, "n q p 3"], shown: Float[Tensor, "n q p 3"]) -> Gains:
     """The gains of photographs against a field, of which `p` pixels in each of `q` parts are compared.
 
     The geometric mean of each channel is 1.
@@ -52,12 +52,12 @@ def gains(taken: Float[Tensor, "n q p 3"], shown: Float[Tensor, "n q p 3"]) -> G
     return (shrunk - shrunk.mean(0)).exp()
 
 
-def common_gains(taken: Float[Tensor, "n h w 3"], shown: Float[Tensor, "n h w 3"]) -> Float[Tensor, " n"]:
+def estimate_common_gains(taken: Float[Tensor, "n h w 3"], shown: Float[Tensor, "n h w 3"]) -> Float[Tensor, " n"]:
     """The gain of each whole picture against what a field shows, the same for all channels."""
-    return gains(_quarters(taken), _quarters(shown)).log().mean(-1).exp()
+    return estimate_gains(_quarters(taken), _quarters(shown)).log().mean(-1).exp()
 
 
-def corrected(photographs: PosedImages, gains: Gains) -> PosedImages:
+def correct_exposure(photographs: PosedImages, gains: Gains) -> PosedImages:
     """The photographs as they would be with gains of 1, as far as bytes can hold that."""
     images = [(image / gain).clamp(0, 255).round() for image, gain in zip(photographs.images, gains, strict=True)]
     return replace(photographs, images=torch.stack(images).to(torch.uint8)) if images else photographs
@@ -86,7 +86,7 @@ _RAYS = 128
 """Rays of each quarter of each photograph that are looked along."""
 
 
-class ExposureLooks:
+class ExposureCorrection:
     """Tells a sampler of training rays the gains of its photographs, as far as they are known by then."""
 
     def __init__(self, sampler: RaySampler, wanted: bool) -> None:
@@ -102,4 +102,4 @@ class ExposureLooks:
             batch = self._sampler.draw_quarters(_RAYS)
             colors = (torch.from_numpy(batch.targets), learner.colors(batch))
         taken, shown = (part.reshape(-1, QUARTERS, _RAYS, 3) for part in colors)
-        self._sampler.correct(gains(taken, shown))
+        self._sampler.correct(estimate_gains(taken, shown))

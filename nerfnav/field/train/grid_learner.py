@@ -13,11 +13,11 @@ from nerfnav.field.kernels import learn as parts
 from nerfnav.field.kernels.seen_points import seen_points_gradient
 from nerfnav.field.kernels.shells import whole_shells
 from nerfnav.field.models.voxel import VoxelField, occupied_blocks
-from nerfnav.field.proof.fusion import Fused
+from nerfnav.field.proof.fusion import FusedDepth
 from nerfnav.field.train.rays import PointBatch, RayBatch
 from nerfnav.field.train.trained_grid import TrainedGrid, all_blocks, clear, clear_around, refined, views_of
-from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finished_field
-from nerfnav.geometry import PosedImages, node_positions, spacing_of, with_neighbours
+from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finish_field
+from nerfnav.geometry import PosedImages, dilate_nodes, node_positions, spacing_of
 
 _START_DENSITY = 0.0814  # [1/unit]: the box is nearly clear at first
 _START_IN_HULL = 0.45  # [1/unit]: a fifth of the light is stopped in half a unit; what no ray teaches ends empty
@@ -90,7 +90,7 @@ class GridLearner:
 
     @classmethod
     def from_depth(
-        cls, place: Place, told: Fused, photographs: PosedImages, workers: int, outside: int = 0
+        cls, place: Place, told: FusedDepth, photographs: PosedImages, workers: int, outside: int = 0
     ) -> "GridLearner":
         """What depths tell, and keeps on saying: densities that they know rest, colours and all else are learned.
 
@@ -103,7 +103,7 @@ class GridLearner:
         values[..., 0] = torch.where(told.known, told.raw, values[..., 0])
         values[..., 1:] = told.color
         rates = torch.where(told.known, 0.0, seen)
-        near = with_neighbours(dense_blocks(values, place))
+        near = dilate_nodes(dense_blocks(values, place))
         inner = TrainedGrid(values, rates, near, VALUE_BOUNDS, workers)
         learner = cls(place, inner, clear_around(place, photographs, outside, workers))
         learner.occupied = _all_parts(near)
@@ -126,7 +126,7 @@ class GridLearner:
         """The same field on finer grids. What is empty, and not beside anything, stays so."""
         workers = self.inner.gradients.shape[0]
         values = self.inner.refined_values(shape)
-        near = with_neighbours(dense_blocks(values, self.place))
+        near = dilate_nodes(dense_blocks(values, self.place))
         inner = TrainedGrid(values, _refined_scale(self.inner, shape), near, VALUE_BOUNDS, workers)
         outer = self.outer
         if outside > outer.shape[0] > 0:
@@ -162,8 +162,8 @@ class GridLearner:
 
     def step(self, batch: RayBatch, rates: LearningRates, points: PointBatch | None = None) -> float:
         """Learn from a batch of rays, and from points; returns the mean squared colour error before the step."""
-        if looks_for_empty_parts(self._steps):
-            self.look_for_empty_parts()
+        if is_pruning_due(self._steps):
+            self.prune_empty_blocks()
         error = self.gradient(batch, rates.sparsity)
         if points is not None and rates.points:
             self.add_points(points, rates.points)
@@ -176,7 +176,7 @@ class GridLearner:
         self._steps += 1
         return error
 
-    def look_for_empty_parts(self) -> None:
+    def prune_empty_blocks(self) -> None:
         """Skip what has become empty; blocks without a slot have nothing to learn in."""
         threshold = np.float32(occupied_above(self.place))
         parts.parts_above(self.inner.values, self.inner.slots, threshold, self.occupied)
@@ -196,23 +196,23 @@ class GridLearner:
             return
         self._firm = True
         finish_densities(self.place, torch.from_numpy(self.inner.values), torch.from_numpy(self.occupied > 0), finish)
-        self.look_for_empty_parts()
+        self.prune_empty_blocks()
 
     def so_far(self, finish: Finish) -> VoxelField:
         """What is learned so far, finished; learning goes on."""
         values, outer = torch.from_numpy(self.inner.values.copy()), self.outer.values
         if not self._firm:
             finish_densities(self.place, values, torch.from_numpy(self.occupied > 0), finish)
-        return finished_field(self.place, values, torch.from_numpy(outer.copy()) if outer.size else None)
+        return finish_field(self.place, values, torch.from_numpy(outer.copy()) if outer.size else None)
 
     def field(self, finish: Finish) -> VoxelField:
         """What was learned, finished; blocks that are not looked at are empty. The learner is spent then."""
         self.firm(finish)
         outer = self.outer.released() if self.outer.values.size else None
-        return finished_field(self.place, self.inner.released(), outer)
+        return finish_field(self.place, self.inner.released(), outer)
 
 
-def looks_for_empty_parts(step: int) -> bool:
+def is_pruning_due(step: int) -> bool:
     """Whether it is time to see what has become empty, so many steps after the stage began."""
     return step >= _OCCUPANCY_FROM and step % _OCCUPANCY_EVERY == 0
 

@@ -22,11 +22,11 @@ from nerfnav.core import memory
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.jit import default_threads, threads
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.fusion import Fused, fused
-from nerfnav.field.proof.visual_hull import hull, widened
+from nerfnav.field.proof.fusion import FusedDepth, fuse_depth
+from nerfnav.field.proof.visual_hull import compute_hull, widen_silhouettes
 from nerfnav.field.train.config import TrainConfig
-from nerfnav.field.train.evaluation import info_of, judged
-from nerfnav.field.train.exposure import ExposureLooks, corrected
+from nerfnav.field.train.evaluation import describe_training, evaluate_grid
+from nerfnav.field.train.exposure import ExposureCorrection, correct_exposure
 from nerfnav.field.train.grid_learner import GridLearner
 from nerfnav.field.train.progress import Progress
 from nerfnav.field.train.rays import RaySampler, points_of
@@ -72,7 +72,7 @@ class FirstLearner(NamedTuple):
     """Kernels on the processor, torch elsewhere."""
     stage: int
     """The stage that it is for."""
-    told: Fused | None
+    told: FusedDepth | None
     """What depths tell of where things are; None without depths."""
     asked: Bool[Tensor, "n height width"] | None = None
     """Which pixels there is something to learn from; None: all."""
@@ -91,15 +91,15 @@ def first_learner(
     place = Place.of(box, background, config.voxel)
     if photographs.silhouettes is not None:
         shape = config.shape(box, 0)
-        wide = widened(photographs, box, config.voxel * config.stages[0])
-        learner = GridLearner.in_hull(place, hull(wide, box, shape), photographs, workers)
+        wide = widen_silhouettes(photographs, box, config.voxel * config.stages[0])
+        learner = GridLearner.in_hull(place, compute_hull(wide, box, shape), photographs, workers)
         return FirstLearner(_on_device(learner, config), 0, None, wide.silhouettes)
     if photographs.depth is None:
         shape, outside = config.shape(box, 0), config.nodes_outside(0)
         learner = GridLearner.start(place, shape, photographs, workers, outside)
         return FirstLearner(_on_device(learner, config), 0, None)
     # where things are is known: there is nothing to find out coarsely first
-    told = fused(photographs, box, config.shape(box, last))
+    told = fuse_depth(photographs, box, config.shape(box, last))
     learner = GridLearner.from_depth(place, told, photographs, workers, config.outside)
     return FirstLearner(_on_device(learner, config), last, told)
 
@@ -154,7 +154,7 @@ def train(
         learner, stage, told, asked = first_learner(photographs, box, background, config, workers)
     sampler, ends = RaySampler(photographs, generator, asked), config.stage_ends
     points = points_of(photographs, box, generator)
-    exposure, pictures = ExposureLooks(sampler, config.exposure), (photographs, held_out)
+    exposure, pictures = ExposureCorrection(sampler, config.exposure), (photographs, held_out)
     stop: bool | None = None
     next_field_s = config.field_every or math.inf
     while progress.fraction < 1 and not stop:
@@ -181,7 +181,7 @@ def train(
 
 def _judged(
     field: VoxelField,
-    told: Fused | None,
+    told: FusedDepth | None,
     pictures: tuple[PosedImages, PosedImages],
     sampler: RaySampler,
     training: tuple[Progress, TrainConfig, torch.Generator],
@@ -189,8 +189,8 @@ def _judged(
     """What was learned, with what the `pictures`, learned from and held out, say about it."""
     photographs, held_out = pictures
     progress, config, generator = training
-    told_so_far = replace(field, info=info_of(photographs, generator, progress.iteration))
+    told_so_far = replace(field, info=describe_training(photographs, generator, progress.iteration))
     if config.exposure:
-        photographs = corrected(photographs, sampler.gains)
-    trained = judged(told_so_far, told, photographs, held_out, config.exposure)
+        photographs = correct_exposure(photographs, sampler.gains)
+    trained = evaluate_grid(told_so_far, told, photographs, held_out, config.exposure)
     return replace(trained, info=replace(trained.info, train_s=progress.elapsed_s))

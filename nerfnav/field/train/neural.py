@@ -23,7 +23,7 @@ from nerfnav.field.core.protocol import RaySamples, box_interval
 from nerfnav.field.models.mlp import MlpConfig, RadianceMlp
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.render.volume_rendering import Rendering, composite
-from nerfnav.field.train.evaluation import info_of, judged_networks
+from nerfnav.field.train.evaluation import describe_training, evaluate_networks
 from nerfnav.field.train.progress import Progress
 from nerfnav.field.train.rays import RayBatch, RaySampler
 from nerfnav.geometry import PosedImages
@@ -173,7 +173,7 @@ def train_neural(
         progress.learned(learner.step(batch, config.rate * config.final_rate**progress.fraction), config.rays)
         if progress.is_due(config.report_every):
             stop = yield NeuralTrainStep.of(progress)
-    info = replace(info_of(photographs, generator, progress.iteration), train_s=progress.elapsed_s)
-    trained = judged_networks(replace(blank, info=info), held_out)
+    info = replace(describe_training(photographs, generator, progress.iteration), train_s=progress.elapsed_s)
+    trained = evaluate_networks(replace(blank, info=info), held_out)
     rate, psnr = progress.iteration * config.rays / info.train_s, trained.info.psnr_db or progress.psnr_db
     yield NeuralTrainStep(progress.iteration, progress.fraction, psnr, rate, 0.0, trained)

@@ -19,13 +19,13 @@ from nerfnav.field.train.grid_learner import (
     GridLearner,
     LearningRates,
     dense_blocks,
-    looks_for_empty_parts,
+    is_pruning_due,
     occupied_above,
 )
 from nerfnav.field.train.rays import PointBatch, RayBatch
 from nerfnav.field.train.trained_grid import TrainedGrid, refined
-from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finished_field
-from nerfnav.geometry import spacing_of, trilinear, with_neighbours
+from nerfnav.field.train.training_volume import VALUE_BOUNDS, Finish, Place, finish_densities, finish_field
+from nerfnav.geometry import dilate_nodes, spacing_of, trilinear
 
 Values = Float[Tensor, "nx ny nz 4"]
 _SHELL_JITTER = 0.98  # as the kernel: the last shell must stay this side of infinity
@@ -111,7 +111,7 @@ class TorchLearner:
         inner, outer = self.inner.refined(shape), self.outer
         if outer is not None and outside > outer.values.shape[0]:
             outer = outer.refined((outside, outside, outside))
-        return TorchLearner(self.place, inner, outer, with_neighbours(dense_blocks(inner.values, self.place)))
+        return TorchLearner(self.place, inner, outer, dilate_nodes(dense_blocks(inner.values, self.place)))
 
     def gradient(self, batch: RayBatch, sparsity: float) -> tuple[float, list[Tensor]]:
         """The mean squared colour error of a batch, and the gradients of its sum: of the box, of what is around it."""
@@ -143,8 +143,8 @@ class TorchLearner:
 
     def step(self, batch: RayBatch, rates: LearningRates, points: PointBatch | None = None) -> float:
         """Learn from a batch of rays, and from points; returns the mean squared colour error before the step."""
-        if looks_for_empty_parts(self._steps):
-            self.look_for_empty_parts()
+        if is_pruning_due(self._steps):
+            self.prune_empty_blocks()
         error, gradients = self.gradient(batch, rates.sparsity)
         if points is not None and rates.points:
             gradients[0] = gradients[0] + rates.points * self.points_gradient(points)
@@ -157,7 +157,7 @@ class TorchLearner:
         self._steps += 1
         return error
 
-    def look_for_empty_parts(self) -> None:
+    def prune_empty_blocks(self) -> None:
         """Skip what has become empty."""
         self.parts = occupied_blocks(self.inner.values[..., 0], occupied_above(self.place), 1) & self._allowed
 
@@ -171,7 +171,7 @@ class TorchLearner:
         """Give the densities their last values, once (see `GridLearner.firm`)."""
         if not self._firm:
             finish_densities(self.place, self.inner.values, self._blocks, finish)
-            self.look_for_empty_parts()
+            self.prune_empty_blocks()
         self._firm = True
 
     def so_far(self, finish: Finish) -> VoxelField:
@@ -179,7 +179,7 @@ class TorchLearner:
         values, outer = self.inner.values.cpu().clone(), None if self.outer is None else self.outer.values.cpu().clone()
         if not self._firm:
             finish_densities(self.place, values, self._blocks.cpu(), finish)
-        return finished_field(self.place, values, outer)
+        return finish_field(self.place, values, outer)
 
     def field(self, finish: Finish) -> VoxelField:
         """What was learned, finished, on the CPU (see `GridLearner.field`)."""

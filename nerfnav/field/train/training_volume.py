@@ -64,7 +64,7 @@ def finish_densities(
     raw.clamp_(max=float(VALUE_BOUNDS[1, 0]))
 
 
-def finished_field(
+def finish_field(
     place: Place, values: Float[Tensor, "nx ny nz 4"], outer: Float[Tensor, "m m m 4"] | None
 ) -> VoxelField:
     """A field of finished values; what is around it has its faintest shells emptied, in place."""

@@ -31,7 +31,7 @@ _DEPTH = 3
 """Folders under which the capture may lie in the archive."""
 
 
-def unpacked(archive: Path, into: Path) -> Path:
+def unpack_capture(archive: Path, into: Path) -> Path:
     """Unpack an archive into the folder `into`, and return the folder of the capture in it.
 
     Raises CaptureError as `extract` does, and where the archive holds no capture.

@@ -18,7 +18,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.geometry import Camera
 from nerfnav.importers.captures.pictures import undistortion
 from nerfnav.importers.captures.views import CaptureError, DepthFile, View
@@ -62,7 +62,7 @@ def _stored(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarray 
 
 def _unpacked(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarray | None:
     """Rows of a map of `size` (width, height) that LZFSE has compressed."""
-    lzfse: Any = from_extra("lzfse", _EXTRA, _USER)
+    lzfse: Any = import_extra("lzfse", _EXTRA, _USER)
     if size is None:
         raise CaptureError(f"{path} does not tell how large it is: its capture's metadata lack dw and dh, in pixels")
     if path.stat().st_size > _MOST_PACKED:
@@ -80,7 +80,7 @@ def _unpacked(path: Path, size: tuple[int, int] | None, kind: type) -> np.ndarra
 
 def _exr(path: Path) -> np.ndarray | None:
     """The one channel of an OpenEXR file, or the first of several that are alike."""
-    exr: Any = from_extra("OpenEXR", _EXTRA, _USER)
+    exr: Any = import_extra("OpenEXR", _EXTRA, _USER)
     try:
         lower, upper = exr.File(str(path), header_only=True).header()["dataWindow"]
         if max(high - low for low, high in zip(lower, upper, strict=True)) >= _LONGEST:

@@ -20,7 +20,7 @@ from nerfnav.importers.captures import depths, pictures
 from nerfnav.importers.captures.config import CaptureReport, ImportConfig, ImportedCapture, ImportStep
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.pictures import Picture
-from nerfnav.importers.captures.placement import CameraWorld, guessed_box, world_of
+from nerfnav.importers.captures.placement import CameraWorld, guessed_box, place_cameras
 from nerfnav.importers.captures.views import CaptureError, Tracks, View, Views
 from nerfnav.importers.core.placement import Placement
 
@@ -109,7 +109,7 @@ def assembled(
     downscale: int,
 ) -> ImportedCapture:
     views, shots, maps = read
-    world = world_of(views, config.placement)
+    world = place_cameras(views, config.placement)
     known, camera = _depths(views, shots, maps, world), _camera(shots[0])
     photographs = photographs_of(shots, world.poses)
     if known is not None:

@@ -19,9 +19,9 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from nerfnav.geometry import Box, PosedImages, Similarity, node_positions, outlines
+from nerfnav.geometry import Box, PosedImages, Similarity, count_outside_silhouettes, node_positions
 from nerfnav.importers.captures import depths
-from nerfnav.importers.captures.triangulation import agreed_points
+from nerfnav.importers.captures.triangulation import triangulate_points
 from nerfnav.importers.captures.views import View
 from nerfnav.importers.core.placement import Placement, rotation_to_z
 
@@ -127,7 +127,7 @@ def box_of_silhouettes(photographs: PosedImages, around: Box) -> Box | None:
     box = around
     for _ in range(2):
         points = node_positions(box, (_NODES, _NODES, _NODES)).reshape(-1, 3)
-        clear, seen = outlines(photographs, points)
+        clear, seen = count_outside_silhouettes(photographs, points)
         inside = points[(clear <= _STRAY * seen) & (seen >= _WATCHED * seen.max())]
         if len(inside) < 2:
             return None
@@ -156,7 +156,7 @@ def guessed_box(photographs: PosedImages, poses: Float[np.ndarray, "n 4 4"]) -> 
     if cut is not None:
         return cut, "what the pictures do not leave clear"
     found = photographs.sightings
-    points = agreed_points(photographs) if found is None else found.points.double().numpy()
+    points = triangulate_points(photographs) if found is None else found.points.double().numpy()
     if len(points) < _ENOUGH:
         return cameras, "the cameras and what they look at"
     held = float(cameras.contains(torch.from_numpy(points).float()).float().mean())
@@ -182,7 +182,7 @@ class CameraWorld:
         return Similarity(rotation, -torch.from_numpy(self.origin).double(), self.scale)
 
 
-def world_of(views: list[View], placement: Placement) -> CameraWorld:
+def place_cameras(views: list[View], placement: Placement) -> CameraWorld:
     guesses: list[str] = []
     if placement.up is not None:
         up = np.array(placement.up) / np.linalg.norm(placement.up)

@@ -50,7 +50,7 @@ class _Seen:
     """Of the rays through them, in the world."""
 
 
-def agreed_points(photographs: PosedImages, config: TriangulationConfig | None = None) -> Float[np.ndarray, "m 3"]:
+def triangulate_points(photographs: PosedImages, config: TriangulationConfig | None = None) -> Float[np.ndarray, "m 3"]:
     """Points of the place [m], in the world; none where photographs show nothing in common."""
     config = config or TriangulationConfig()
     index = np.unique(np.linspace(0, len(photographs) - 1, min(config.pictures, len(photographs))).astype(int))

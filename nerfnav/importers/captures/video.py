@@ -46,7 +46,7 @@ class VideoStep:
     """Share that is done, 0 to 1."""
 
 
-def capture_of_video(video: Path, folder: Path, config: VideoConfig | None = None) -> Iterator[VideoStep]:
+def make_capture_of_video(video: Path, folder: Path, config: VideoConfig | None = None) -> Iterator[VideoStep]:
     """Write frames into `folder`/images and COLMAP's model into `folder`/sparse, which make it a capture.
 
     Raises CaptureError, in one sentence, where the video cannot be read or no poses can be found.

@@ -15,7 +15,7 @@ class WrongKindError(InvalidInputError):
     """A source of another kind than a command takes; the message says which it is and what takes it."""
 
 
-def wrong_kind(what: str | Path, kind: SourceKind, wanted: str) -> WrongKindError:
+def wrong_kind_error(what: str | Path, kind: SourceKind, wanted: str) -> WrongKindError:
     """The error for a source of another kind than is `wanted` ("a field"), which names what takes it."""
     path = Path(what)
     if kind is SourceKind.MISSING:

@@ -52,7 +52,7 @@ class SourceKind(Enum):
 _DESCRIPTIONS = ("meta.json", "transforms.json", "config.yml")
 
 
-def own_folder(source: Path) -> Path | None:
+def folder_of_source(source: Path) -> Path | None:
     """The folder that a source is, or that a file describes which is called as in all such folders; else None."""
     if source.is_dir():
         return source
@@ -62,6 +62,6 @@ def own_folder(source: Path) -> Path | None:
 def field_name(what: str | Path) -> str:
     """What a field that is made of a source is called."""
     path = Path(what)
-    folder = own_folder(path)
+    folder = folder_of_source(path)
     stem = path.name.split(".")[0] if folder is None else folder.resolve().name
     return f"{stem or 'place'}{FIELD}"

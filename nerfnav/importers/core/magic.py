@@ -55,7 +55,7 @@ def head_of(path: Path) -> bytes:
         return file.read(LONGEST)
 
 
-def unlike(path: Path, expected: str, head: bytes | None = None) -> str:
+def describe_mismatch(path: Path, expected: str, head: bytes | None = None) -> str:
     """A sentence: the file is not what its ending says, and what it is instead as far as its first bytes tell."""
     named = magic_of(head_of(path) if head is None else head)
     return f"{path} is no {expected}: it is {named or 'of another kind'}"

@@ -23,7 +23,7 @@ LOWER = 0.03
 """And where the middle of what is there lies lower along the other axis, by this share of its height."""
 _ABOUT = {"up": ("up is", "up:"), "scale": ("lengths", "scale:", "this place would be"), "box": ("box:",)}
 """How importers' sentences about guesses begin."""
-ONE_UNIT = "lengths: nothing says how long a unit is, so one is taken for 1 m"
+UNIT_ASSUMED = "lengths: nothing says how long a unit is, so one is taken for 1 m"
 """The beginning of a sentence about what nobody knows."""
 _DOWN = 1e-24
 """Squared sine of the angle between straight down and what is taken for it: its heading is lost in rounding."""
@@ -88,7 +88,7 @@ def is_flatter(size: Float[np.ndarray, " 3"], own: int, other: int) -> bool:
     return bool(size[own] > FLATTER * size[other] and size[other] <= FLATTER * size.min())
 
 
-def length_in_words(meters: float) -> str:
+def format_length(meters: float) -> str:
     """A length as people say it: in km, m, cm or mm."""
     for unit, name in ((1000.0, "km"), (1.0, "m"), (0.01, "cm")):
         if meters >= unit:
@@ -96,17 +96,17 @@ def length_in_words(meters: float) -> str:
     return f"{1000 * meters:.3g} mm"
 
 
-def still_guessed(guesses: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:
+def drop_answered_guesses(guesses: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:
     """Sentences about what was guessed without those about what is `known` by now: "up", "scale", "box"."""
     told = tuple(words for name in known for words in _ABOUT[name])
     return tuple(guess for guess in guesses if not guess.startswith(told))
 
 
-def size_doubt(longest: float) -> str | None:
+def warn_implausible_size(longest: float) -> str | None:
     """What to say of a place whose longest edge [m] nobody gave and no place has; None where it is plausible."""
     if PLAUSIBLE[0] <= longest <= PLAUSIBLE[1]:
         return None
     return (
-        f"this place would be {length_in_words(longest)} long: measure something (nerfnav place FILE --measure X Y Z "
+        f"this place would be {format_length(longest)} long: measure something (nerfnav place FILE --measure X Y Z "
         "X Y Z DISTANCE takes two points and how far they are apart in truth [m], and so does the page)"
     )

@@ -17,7 +17,7 @@ from typing import Any
 
 import trimesh
 
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.importers.core.errors import MeshFileError, first_sentence
 from nerfnav.importers.core.kinds import MESHES as SUFFIXES
 from nerfnav.importers.meshes import gltf
@@ -181,9 +181,9 @@ def read_mesh(path: Path) -> MeshFile:
 def _require_reader(suffix: str, data: bytes) -> None:
     """Import what trimesh reads a file with: without it, it gives zeros (Draco) or a long complaint (Collada)."""
     if suffix == ".dae":
-        from_extra("collada", "meshes", "a Collada mesh (.dae)")
+        import_extra("collada", "meshes", "a Collada mesh (.dae)")
     elif _DRACO in data:
-        from_extra("DracoPy", "meshes", "a mesh with Draco compression")
+        import_extra("DracoPy", "meshes", "a mesh with Draco compression")
 
 
 def _is_one_point(part: object) -> bool:

@@ -19,8 +19,8 @@ import torch
 import trimesh
 
 from nerfnav.core.errors import FieldFileError
-from nerfnav.core.files import replacing
-from nerfnav.geometry import Box, picture_file
+from nerfnav.core.files import replace_file
+from nerfnav.geometry import Box, encode_image
 from nerfnav.world import Image, Paint, Scene, Vantage
 
 FORMAT, VERSION = "nerfnav-ground-truth", 1
@@ -44,7 +44,7 @@ def arrays_of(scene: Scene) -> dict[str, np.ndarray]:
         "image_of_face": scene.paint.image_of_face,
         "uv": scene.paint.uv,
         "tint": scene.paint.tint,
-        **{f"image_{index}": _bytes(picture_file(image)) for index, image in enumerate(scene.paint.images)},
+        **{f"image_{index}": _bytes(encode_image(image)) for index, image in enumerate(scene.paint.images)},
         **_packed("mesh", [scene.mesh]),
         **_packed("solids", scene.solids),
         **_packed("sheets", scene.sheets),
@@ -112,7 +112,7 @@ def truth_path(field: Path) -> Path:
 
 
 @contextmanager
-def truth_beside(scene: Scene, field: Path) -> Iterator[TruthLink]:
+def write_truth_beside(scene: Scene, field: Path) -> Iterator[TruthLink]:
     """Write a scene with its own paint beside the field file that is written within the block.
 
     It takes the place of an older one only when the block ends well: both files belong together, or neither changes.
@@ -120,7 +120,7 @@ def truth_beside(scene: Scene, field: Path) -> Iterator[TruthLink]:
     """
     path = truth_path(field)
     try:
-        with replacing(path) as stream:
+        with replace_file(path) as stream:
             np.savez_compressed(stream, **arrays_of(scene))  # type: ignore[arg-type] # none is called allow_pickle
             stream.flush()
             yield TruthLink(path.name, _digest(Path(stream.name)))

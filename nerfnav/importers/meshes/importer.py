@@ -18,9 +18,9 @@ from jaxtyping import Float, UInt8
 from nerfnav.geometry import Box
 from nerfnav.importers.meshes.config import SceneConfig
 from nerfnav.importers.meshes.files import MeshFile, read_mesh
-from nerfnav.importers.meshes.parts import Parts, parts_of
-from nerfnav.importers.meshes.placement import Placed, place
-from nerfnav.importers.meshes.solids import Pieces, pieces_of
+from nerfnav.importers.meshes.parts import Parts, join_parts
+from nerfnav.importers.meshes.placement import Placed, place_mesh
+from nerfnav.importers.meshes.solids import Pieces, split_solids
 from nerfnav.world import Paint, Scene, Vantage, guess_vantage
 
 
@@ -152,9 +152,9 @@ def import_mesh(path: Path, config: SceneConfig | None = None) -> Generator[Impo
     yield ImportStep("reading the mesh", 0.0)
     file = read_mesh(path)
     yield ImportStep("joining its parts", 0.3)
-    placed = place(parts_of(file), file.declared, config.placement, config.options.units, path)
+    placed = place_mesh(join_parts(file), file.declared, config.placement, config.options.units, path)
     yield ImportStep("finding what is solid", 0.5)
-    pieces = pieces_of(placed.parts)
+    pieces = split_solids(placed.parts)
     yield ImportStep("looking around", 0.8)
     scene = scene_of(file, placed, pieces, config)
     yield ImportStep("looking around", 1.0, Imported(scene, report_of(file, placed, pieces, scene, config)))

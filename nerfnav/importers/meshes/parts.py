@@ -106,7 +106,7 @@ class Parts:
         return np.array([self.vertices.min(0), self.vertices.max(0)])
 
 
-def parts_of(file: MeshFile) -> Parts:
+def join_parts(file: MeshFile) -> Parts:
     """Join what a file holds. Raises MeshFileError for vertices that are no numbers and for no face of any area."""
     palette = Palette(file)
     pieces, corners = [], 0

@@ -37,7 +37,7 @@ class Placed:
     """Sentences for the user."""
 
 
-def place(parts: Parts, declared: Declared, placement: Placement, units: str | None, path: Path) -> Placed:
+def place_mesh(parts: Parts, declared: Declared, placement: Placement, units: str | None, path: Path) -> Placed:
     """Turn, scale and, where it is far off, move a mesh. Raises MeshFileError for sizes that nothing can be."""
     guesses: list[str] = []
     if placement.up is not None:

@@ -51,7 +51,7 @@ class Pieces:
     """How many of the solids are not watertight."""
 
 
-def pieces_of(parts: Parts) -> Pieces:
+def split_solids(parts: Parts) -> Pieces:
     """Divide a mesh in the world [m] into solids and sheets."""
     where = _places(parts)
     rest = np.ones(len(parts.faces), bool)

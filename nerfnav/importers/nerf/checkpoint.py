@@ -66,7 +66,7 @@ def is_checkpoint(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES
 
 
-def newest(folder: Path) -> Path:
+def newest_checkpoint(folder: Path) -> Path:
     found = [entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
     if not found:
         raise InvalidInputError(f"{folder} holds no checkpoint; a trained NeRF is a file ending in {listed(SUFFIXES)}")

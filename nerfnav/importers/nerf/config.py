@@ -32,7 +32,7 @@ class NerfPytorchConfig:
     """Whether what nothing stops is white, else black, where the configuration says nothing."""
 
 
-def configured(folder: Path, config: NerfPytorchConfig) -> NerfPytorchConfig:
+def merge_run_config(folder: Path, config: NerfPytorchConfig) -> NerfPytorchConfig:
     """`config` with what the run's own configuration says, as far as that is plausible."""
     sections = _sections(folder)
     said, dataset = _flat(sections), sections.get("dataset")

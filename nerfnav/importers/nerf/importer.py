@@ -20,8 +20,8 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import FieldInfo, NeuralConfig, NeuralField
 from nerfnav.geometry import Box, Pose, node_positions, shape_for
 from nerfnav.importers.core.placement import rotation_to_z
-from nerfnav.importers.nerf.checkpoint import newest, state_dicts
-from nerfnav.importers.nerf.config import NerfPytorchConfig, configured
+from nerfnav.importers.nerf.checkpoint import newest_checkpoint, state_dicts
+from nerfnav.importers.nerf.config import NerfPytorchConfig, merge_run_config
 from nerfnav.importers.nerf.networks import network_of
 
 _SEARCH_CELLS = 56
@@ -53,8 +53,8 @@ out, few cameras saw, and networks make up fog there."""
 def load_nerf_pytorch(path: Path, config: NerfPytorchConfig | None = None) -> NeuralField:
     """Read a checkpoint, or the newest one of a folder; raises InvalidInputError, in one sentence, for all else."""
     config = NerfPytorchConfig() if config is None else config
-    file = newest(path) if path.is_dir() else path
-    config, states = configured(file.parent, config), state_dicts(file)
+    file = newest_checkpoint(path) if path.is_dir() else path
+    config, states = merge_run_config(file.parent, config), state_dicts(file)
     coarse, fine = (network_of(state, str(file), config.octaves) for state in states)
     place = config.placement
     unit = place.meters_per_unit or 1.0

@@ -16,8 +16,8 @@ import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.core.kinds import OWN_SPLATS, SPLATS
-from nerfnav.importers.core.magic import unlike
-from nerfnav.importers.splats.gaussians import Splats, cleaned, rgb_of, saved_splats
+from nerfnav.importers.core.magic import describe_mismatch
+from nerfnav.importers.splats.gaussians import Splats, clean_splats, load_saved_splats, rgb_of
 from nerfnav.importers.splats.ksplat import read_ksplat
 from nerfnav.importers.splats.ply import columns_of, compressed, ply_columns, read_ply
 from nerfnav.importers.splats.sog import META, is_sog, read_sog
@@ -36,10 +36,12 @@ def read_dot_splat(path: Path) -> Splats:
     # text and other files read as numbers, too, but as numbers that no place has
     sane = (np.abs(rows["center"]) < 1e6).all(1) & (rows["scale"] >= 0).all(1) & (rows["scale"] < 1e6).all(1)
     if 2 * np.count_nonzero(sane) < len(rows):
-        raise InvalidInputError(f"{unlike(path, '.splat file')}: most of its positions and sizes make no sense")
+        raise InvalidInputError(
+            f"{describe_mismatch(path, '.splat file')}: most of its positions and sizes make no sense"
+        )
     rgba = rows["rgba"].astype(np.float64) / 255
     wxyzs = (rows["wxyz"].astype(np.float64) - 128) / 128
-    return cleaned(rows["center"], rows["scale"], wxyzs, rgba[:, :3], rgba[:, 3])
+    return clean_splats(rows["center"], rows["scale"], wxyzs, rgba[:, :3], rgba[:, 3])
 
 
 _NEEDED = (
@@ -62,7 +64,7 @@ def load_splats(path: Path) -> Splats:
     if path.stat().st_size == 0:
         raise InvalidInputError(f"{path} is empty: splats were expected")
     if path.name.lower().endswith(OWN_SPLATS):
-        return saved_splats(path)
+        return load_saved_splats(path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise InvalidInputError(f"{path} is no file of splats: those end in {', '.join(SPLATS)}, or are a {META}")
@@ -103,7 +105,7 @@ def _ply(path: Path) -> Splats:
         raise InvalidInputError(f"{path} is a PLY file without splats: its vertices have no {', '.join(missing)}")
     with np.errstate(over="ignore"):
         logit = vertices["opacity"].astype(np.float64).clip(-_LARGEST_OPACITY_LOGIT, _LARGEST_OPACITY_LOGIT)
-        return cleaned(
+        return clean_splats(
             columns_of(vertices, "x", "y", "z"),
             np.exp(columns_of(vertices, "scale_0", "scale_1", "scale_2")),
             columns_of(vertices, "rot_0", "rot_1", "rot_2", "rot_3"),

@@ -72,7 +72,7 @@ class Splats:
         return self.opacities * np.sqrt(squares[:, 1] * squares[:, 2])
 
 
-def cleaned(
+def clean_splats(
     centers: np.ndarray, scales: np.ndarray, wxyzs: np.ndarray, rgbs: np.ndarray, opacities: np.ndarray
 ) -> Splats:
     """Splats of what a file says: standard deviations (n, 3), quaternions (n, 4) of any length.
@@ -113,7 +113,7 @@ def save_splats(splats: Splats, path: Path) -> Path:
     return path
 
 
-def saved_splats(path: Path) -> Splats:
+def load_saved_splats(path: Path) -> Splats:
     """Read a file that `save_splats` wrote. Raises InvalidInputError for anything else."""
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -128,7 +128,7 @@ def saved_splats(path: Path) -> Splats:
     return Splats(centers, covariances, rgbs * share, opacities * share, count)
 
 
-def splats_beside(field_file: Path) -> Path:
+def splats_path(field_file: Path) -> Path:
     """Where the splats lie that a field was made of: castle.npz has them in castle.splats.npz."""
     return field_file.with_name(field_file.stem + OWN_SPLATS)
 
@@ -166,7 +166,7 @@ def in_half_precision(covariances: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarr
     return thick.astype(np.float32)
 
 
-def extent(
+def robust_extent(
     centers: Float[np.ndarray, "n 3"], masses: Float[np.ndarray, " n"] | None = None
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Lower and upper corner (3) of where nearly all points (n, 3) are, each counting as `masses` says, by default 1.
@@ -205,7 +205,7 @@ def _core(along: np.ndarray, masses: np.ndarray) -> tuple[float, float]:
 def _reach(centers: np.ndarray) -> float:
     if len(centers) == 0:
         return 0.0
-    lower, upper = extent(centers)
+    lower, upper = robust_extent(centers)
     reach = float((upper - lower).max())
     return reach if reach > 0 else np.inf  # a single point says nothing about what is large
 

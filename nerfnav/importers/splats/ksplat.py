@@ -16,7 +16,7 @@ import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.core.magic import magic_of
-from nerfnav.importers.splats.gaussians import Splats, cleaned
+from nerfnav.importers.splats.gaussians import Splats, clean_splats
 
 _HEADER, _SECTION = 4096, 1024
 _RANGE = 32767
@@ -72,7 +72,7 @@ def read_ksplat(path: Path) -> Splats:
         columns.append(_rows(data, section, level, path))
         first += section.size
     centers, scales, wxyzs, rgba = (np.concatenate(parts)[:count] for parts in zip(*columns, strict=True))
-    return cleaned(centers, scales, wxyzs, rgba[:, :3] / 255, rgba[:, 3] / 255)
+    return clean_splats(centers, scales, wxyzs, rgba[:, :3] / 255, rgba[:, 3] / 255)
 
 
 def _section(data: bytes, index: int, first: int, level: int, path: Path) -> _Section:

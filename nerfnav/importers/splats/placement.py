@@ -11,8 +11,16 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from nerfnav.importers.core.placement import LOWER, ONE_UNIT, Placement, Vector, is_flatter, length_in_words, size_doubt
-from nerfnav.importers.splats.gaussians import Splats, extent
+from nerfnav.importers.core.placement import (
+    LOWER,
+    UNIT_ASSUMED,
+    Placement,
+    Vector,
+    format_length,
+    is_flatter,
+    warn_implausible_size,
+)
+from nerfnav.importers.splats.gaussians import Splats, robust_extent
 
 _HABITS: dict[str, Vector] = {".spz": (0.0, 1.0, 0.0)}
 _HABIT: Vector = (0.0, -1.0, 0.0)
@@ -21,7 +29,7 @@ _AT_ORIGIN = 0.03
 
 
 @dataclass(frozen=True)
-class Upright:
+class SplatPlacement:
     """How splats are to be placed, and what was guessed for it."""
 
     up: Vector
@@ -34,26 +42,26 @@ class Upright:
     """Sentences for the user."""
 
 
-def upright(splats: Splats, placement: Placement, path: Path) -> Upright:
+def place_splats(splats: Splats, placement: Placement, path: Path) -> SplatPlacement:
     """Up and scale of splats as they were read from `path`: as told, else guessed."""
     guesses: list[str] = []
-    lower, upper = extent(splats.centers, splats.masses)
+    lower, upper = robust_extent(splats.centers, splats.masses)
     up, scale = placement.up, placement.meters_per_unit
     longest = float((upper - lower).max()) * (scale or 1.0)
     if up is None:
         up, why = guessed_up(splats, _HABITS.get(path.suffix.lower(), _HABIT))
         guesses.append(f"up is {_name(up)} {why}")
     if scale is None:
-        guesses.append(f"{ONE_UNIT}, and the place is {length_in_words(longest)} long")
-        if (doubt := size_doubt(longest)) is not None:
+        guesses.append(f"{UNIT_ASSUMED}, and the place is {format_length(longest)} long")
+        if (doubt := warn_implausible_size(longest)) is not None:
             guesses.append(doubt)
-    return Upright(up, scale or 1.0, longest, tuple(guesses))
+    return SplatPlacement(up, scale or 1.0, longest, tuple(guesses))
 
 
 def guessed_up(splats: Splats, habit: Vector = _HABIT) -> tuple[Vector, str]:
     """The direction that is up, and why."""
     masses = splats.masses
-    lower, upper = extent(splats.centers, masses)
+    lower, upper = robust_extent(splats.centers, masses)
     size, own, z = upper - lower, int(np.abs(habit).argmax()), 2
     ends = (lower[own], upper[own]) if habit[own] > 0 else (-upper[own], -lower[own])
     standing = np.abs(ends) < _AT_ORIGIN * size[own]

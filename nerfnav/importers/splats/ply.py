@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.splats.gaussians import Splats, cleaned, from_smallest_three
+from nerfnav.importers.splats.gaussians import Splats, clean_splats, from_smallest_three
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "<i1"),
@@ -123,7 +123,7 @@ def compressed(path: Path, chunks: np.ndarray, vertices: np.ndarray) -> Splats:
 
     color = _unpacked(vertices["packed_color"], (24, 8), (16, 8), (8, 8), (0, 8))
     log_scales = between(_unpacked(vertices["packed_scale"], *_11_10_11), "scale_x", "scale_y", "scale_z")
-    return cleaned(
+    return clean_splats(
         between(_unpacked(vertices["packed_position"], *_11_10_11), "x", "y", "z"),
         np.exp(log_scales.clip(None, 30)),
         _quaternions(vertices["packed_rotation"]),

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.core.magic import head_of, unlike
-from nerfnav.importers.splats.gaussians import Splats, cleaned, from_smallest_three, rgb_of
+from nerfnav.importers.core.magic import describe_mismatch, head_of
+from nerfnav.importers.splats.gaussians import Splats, clean_splats, from_smallest_three, rgb_of
 
 MOST_BYTES = 1 << 28
 """Bytes of one file in a .sog that are unpacked."""
@@ -52,7 +52,7 @@ def read_sog(path: Path) -> Splats:
         head = head_of(path)
         if head[:4] == b"PK\x03\x04":
             raise InvalidInputError(f"{path} is truncated: it is a zip archive whose end is missing")
-        raise InvalidInputError(unlike(path, ".sog file of splats", head))
+        raise InvalidInputError(describe_mismatch(path, ".sog file of splats", head))
     with zipfile.ZipFile(path) as archive:
         names = {entry.filename: entry for entry in archive.infolist()}
         found = min((name for name in names if PurePosixPath(name).name == META), key=len, default=None)
@@ -119,7 +119,7 @@ def _decoded(path: Path, read: Read, name: str) -> Splats:
         color, opacity = color[:, :3], 1 / (1 + np.exp(-color[:, 3]))
     with np.errstate(over="ignore"):
         size = np.exp(_looked_up(path, meta["scales"], scales)[:, :3])
-    return cleaned(np.sign(t) * np.expm1(np.abs(t)), size, wxyzs, rgb_of(color[:, :3]), opacity)
+    return clean_splats(np.sign(t) * np.expm1(np.abs(t)), size, wxyzs, rgb_of(color[:, :3]), opacity)
 
 
 def _plane(path: Path, read: Read, file: str, count: int) -> np.ndarray:

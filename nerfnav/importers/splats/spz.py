@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.importers.core.magic import LONGEST, unlike
-from nerfnav.importers.splats.gaussians import XYZW, Splats, cleaned, from_smallest_three, rgb_of
+from nerfnav.importers.core.magic import LONGEST, describe_mismatch
+from nerfnav.importers.splats.gaussians import XYZW, Splats, clean_splats, from_smallest_three, rgb_of
 
 MOST_SPLATS = 20_000_000
 """More are refused before memory is taken for them."""
@@ -45,7 +45,7 @@ def read_spz(path: Path) -> Splats:
         return _decoded(path, *_gzipped(path, data))
     if data[:4] == _MAGIC:
         return _decoded(path, *_zstandard(path, data))
-    raise InvalidInputError(unlike(path, ".spz file of splats", data[:LONGEST]))
+    raise InvalidInputError(describe_mismatch(path, ".spz file of splats", data[:LONGEST]))
 
 
 def _gzipped(path: Path, data: bytes) -> tuple[int, int, int, list[bytes]]:
@@ -133,7 +133,7 @@ def _decoded(path: Path, version: int, count: int, bits: int, parts: list[bytes]
     words = np.zeros((3 * count, 4), np.uint8)
     words[:, 1:] = positions.reshape(-1, 3)  # into the upper bytes, which hold the sign
     centers = (words.view("<i4")[:, 0] >> 8).reshape(count, 3) / float(1 << bits)
-    return cleaned(
+    return clean_splats(
         centers,
         np.exp(scales.reshape(count, 3) / 16 - 10.0),
         _first_three(rotations) if version == 2 else _smallest_three(rotations),

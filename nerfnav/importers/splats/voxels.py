@@ -25,7 +25,7 @@ from nerfnav.core.jit import default_threads, threads
 from nerfnav.field import FieldInfo, VoxelField
 from nerfnav.field.edit.bake import fitted
 from nerfnav.geometry import Box, shape_for, spacing_of
-from nerfnav.importers.splats.gaussians import Splats, extent
+from nerfnav.importers.splats.gaussians import Splats, robust_extent
 from nerfnav.importers.splats.kernels.splatting import REACH, splat
 
 MOST_NODES = 60_000_000
@@ -86,7 +86,7 @@ def _voxel_for(box: Box) -> float:
 
 def _box_of(splats: Splats, config: VoxelizeConfig) -> Box:
     """Where nearly all of the opacity is, and a little more."""
-    lower, upper = extent(splats.centers, splats.masses)
+    lower, upper = robust_extent(splats.centers, splats.masses)
     widest = float((upper - lower).max()) or 6 * float(np.sqrt(np.trace(splats.covariances.mean(0))))
     margin = _MARGIN * (widest / _NODES_ALONG if config.voxel is None else config.voxel)
     flat = 0.05 * widest  # a sheet still needs a box that is not flat

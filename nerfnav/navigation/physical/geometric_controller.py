@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nerfnav.navigation.physical.reference_trajectory import Wanted
+from nerfnav.navigation.physical.reference_trajectory import ReferenceState
 from nerfnav.navigation.physical.rigid_body import BodyState, cross, hat
 
 _UPRIGHT = 1e-6
@@ -41,8 +41,8 @@ class TrackingGains:
     """How far corrections may take the thrust to the side, for what it is along the plan's: by 22 degrees."""
 
 
-def wrench_for(
-    wanted: Wanted, believed: BodyState, disturbance: np.ndarray, inertia: np.ndarray, gains: TrackingGains
+def compute_wrench(
+    wanted: ReferenceState, believed: BodyState, disturbance: np.ndarray, inertia: np.ndarray, gains: TrackingGains
 ) -> np.ndarray:
     """Thrust for each kg [m/s^2] and torque [N m] that lead from the believed state to the wanted one.
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.geometry import so3
-from nerfnav.inertial import ImuConfig, Increments, advanced
+from nerfnav.inertial import ImuConfig, Increments, integrate_step
 from nerfnav.inertial.preintegrated import ACCEL, GYRO, PLACE, SPEED, TURN, Preintegrated
 from nerfnav.navigation.physical.config import PhysicalConfig
 from nerfnav.navigation.physical.rigid_body import BodyState, rotation_of
@@ -51,7 +51,7 @@ class InertialUnit:
         return body_rate + off[:3], specific_force + off[3:]
 
 
-def mechanised(
+def integrate_imu(
     state: BodyState, measured: tuple[np.ndarray, np.ndarray], turning: np.ndarray, gravity: float, dt: float
 ) -> BodyState:
     """The state `dt` [s] later by a measured angular velocity [rad/s] and specific force [m/s^2] in the body.
@@ -65,12 +65,12 @@ def mechanised(
     body_rate, force = measured
     at = state.rotation, state.velocity, state.position
     turns = rotation_of(0.5 * dt * body_rate), rotation_of(dt * body_rate)
-    rotation, velocity, position = advanced(at, turns, force, np.array([0.0, 0.0, -gravity]), dt)
+    rotation, velocity, position = integrate_step(at, turns, force, np.array([0.0, 0.0, -gravity]), dt)
     return BodyState(position, velocity, rotation, body_rate + 0.5 * dt * turning)
 
 
 @dataclass(frozen=True)
-class Felt:
+class InertialInterval:
     """What the unit has measured over an interval, biases and all."""
 
     increments: Increments
@@ -81,7 +81,9 @@ class Felt:
     """Time between two measurements [s]."""
 
     @classmethod
-    def between(cls, before: BodyState, after: BodyState, gravity: float, times: tuple[float, float]) -> "Felt":
+    def between(
+        cls, before: BodyState, after: BodyState, gravity: float, times: tuple[float, float]
+    ) -> "InertialInterval":
         """What has moved one state to the other; `times` are the duration and the tick [s]."""
         duration, tick = times
         fall = np.array([0.0, 0.0, -gravity]) * duration

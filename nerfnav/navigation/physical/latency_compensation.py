@@ -16,17 +16,17 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Belief, Corrector, FilterStep
 from nerfnav.inertial import ImuConfig, inertial_motion
 from nerfnav.inertial.inertial_motion import InertialBelief
-from nerfnav.navigation.physical.inertial import Felt
+from nerfnav.navigation.physical.inertial import InertialInterval
 from nerfnav.robots import MeasuredNoise, ProcessNoise
 
 
 @dataclass
-class LatePictures:
+class LatencyCompensation:
     """An estimator by another one, for pictures that are late by less than a time step."""
 
     estimator: Corrector
     """Knows nothing of it."""
-    felt: Callable[[], tuple[Felt, Felt]]
+    felt: Callable[[], tuple[InertialInterval, InertialInterval]]
     """What was measured in the last time step until its picture was taken, and after that."""
     delay_s: float
     """By how much pictures are late [s]."""
@@ -66,13 +66,13 @@ class LatePictures:
         """A belief with what is known of the biases."""
         if self._last is None:
             return InertialBelief.begin(belief, self.unit)
-        return self._last if self._last.belief is belief else self._last.begun_again(belief)  # doubted, or found anew
+        return self._last if self._last.belief is belief else self._last.restart_with(belief)  # doubted, or found anew
 
     def _corrected(self, then: InertialBelief, posterior: Belief) -> InertialBelief:
         """With what a picture has told; of biases it tells nothing where the prediction was the start alone."""
-        return then.corrected(posterior) if self.estimator.trust_dynamics else then.begun_again(posterior)
+        return then.corrected(posterior) if self.estimator.trust_dynamics else then.restart_with(posterior)
 
-    def _moved(self, last: InertialBelief, felt: Felt) -> tuple[InertialBelief, Tensor]:
+    def _moved(self, last: InertialBelief, felt: InertialInterval) -> tuple[InertialBelief, Tensor]:
         """The belief after what was felt, and the noise in it."""
         if felt.duration == 0:
             return last, torch.zeros_like(last.belief.covariance)

@@ -29,7 +29,7 @@ _SAME_M = 0.01
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ReferenceState:
     """What the robot should do at one time."""
 
     position: np.ndarray
@@ -43,7 +43,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Flown:
+class TrackedWaypoints:
     """Waypoints (x, y, z [m], yaw [rad]) that were tracked, and where the plan led that was tracked last."""
 
     waypoints: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
@@ -51,14 +51,14 @@ class Flown:
     led: RigidState | None = None
     """None before the first plan."""
 
-    def along(self, plan: Motion, ticks: int, gravity: float) -> tuple[list[Wanted], "Flown"]:
+    def along(self, plan: Motion, ticks: int, gravity: float) -> tuple[list[ReferenceState], "TrackedWaypoints"]:
         """What to do at `ticks` times of a plan's first step, and what was flown after it."""
         ahead, past = _waypoints(plan.states), self.waypoints
         if self.led is None or not _same(self.led, plan.states[0]):
             past = _straight_back(ahead)
         ahead[:, 3] += 2 * np.pi * np.round((past[-1, 3] - ahead[0, 3]) / (2 * np.pi))
         wanted = _flat(np.concatenate([past, ahead]), len(past), (ticks, plan.dt), gravity)
-        return wanted, Flown(np.concatenate([past, ahead[:1]])[-_PAST:], plan.states[1])
+        return wanted, TrackedWaypoints(np.concatenate([past, ahead[:1]])[-_PAST:], plan.states[1])
 
 
 def _waypoints(states: RigidState) -> np.ndarray:
@@ -80,7 +80,7 @@ def _same(led: RigidState, start: RigidState) -> bool:
     return bool((led.position - start.position).norm() < _SAME_M)
 
 
-def _flat(waypoints: np.ndarray, now: int, timing: tuple[int, float], gravity: float) -> list[Wanted]:
+def _flat(waypoints: np.ndarray, now: int, timing: tuple[int, float], gravity: float) -> list[ReferenceState]:
     """By differential flatness, at times of the step after waypoint `now`: `timing` has their count and the step."""
     ticks, dt = timing
     control = waypoints[1:-1] - 0.25 * np.diff(waypoints, 2, axis=0)
@@ -93,6 +93,6 @@ def _flat(waypoints: np.ndarray, now: int, timing: tuple[int, float], gravity: f
     rate = (so3.local(rotation[:-1], rotation[1:]) / tick).numpy()  # in the middle between two times
     turning, rotations = np.diff(rate, axis=0) / tick, rotation.numpy()
     return [
-        Wanted(at[i, :3], velocity[i, :3], pull[i], rotations[i], 0.5 * (rate[i - 1] + rate[i]), turning[i - 1])
+        ReferenceState(at[i, :3], velocity[i, :3], pull[i], rotations[i], 0.5 * (rate[i - 1] + rate[i]), turning[i - 1])
         for i in range(1, ticks + 1)
     ]

@@ -17,10 +17,10 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Pose
 from nerfnav.inertial import ImuConfig
 from nerfnav.navigation.physical.config import PhysicalConfig
-from nerfnav.navigation.physical.geometric_controller import TrackingGains, wrench_for
-from nerfnav.navigation.physical.inertial import Felt, InertialUnit, mechanised
+from nerfnav.navigation.physical.geometric_controller import TrackingGains, compute_wrench
+from nerfnav.navigation.physical.inertial import InertialInterval, InertialUnit, integrate_imu
 from nerfnav.navigation.physical.powertrain import Powertrain
-from nerfnav.navigation.physical.reference_trajectory import Flown, Wanted
+from nerfnav.navigation.physical.reference_trajectory import ReferenceState, TrackedWaypoints
 from nerfnav.navigation.physical.rigid_body import Airframe, BodyState, integrate, turning
 from nerfnav.navigation.physical.wind import Wind
 from nerfnav.navigation.simulator import Simulator
@@ -38,9 +38,9 @@ class PhysicalSimulator(Simulator):
     """Its parameters."""
     gains: TrackingGains = field(default_factory=TrackingGains)
     """Of the loop that tracks the plan."""
-    felt: tuple[Felt, Felt] = field(init=False)
+    felt: tuple[InertialInterval, InertialInterval] = field(init=False)
     """What the inertial unit measured in the last time step until its picture was taken, and after that."""
-    _flown: Flown = field(default_factory=Flown, init=False)
+    _flown: TrackedWaypoints = field(default_factory=TrackedWaypoints, init=False)
     _disturbance: np.ndarray = field(default_factory=lambda: np.zeros(3), init=False)
 
     def __post_init__(self) -> None:
@@ -75,8 +75,8 @@ class PhysicalSimulator(Simulator):
             self._push(gust.sample(self.generator))
         pictured = pictured if late else self._estimate
         self.felt = (
-            Felt.between(began, pictured, gravity, ((count - late) * tick, tick)),
-            Felt.between(pictured, self._estimate, gravity, (late * tick, tick)),
+            InertialInterval.between(began, pictured, gravity, ((count - late) * tick, tick)),
+            InertialInterval.between(pictured, self._estimate, gravity, (late * tick, tick)),
         )
         return touched
 
@@ -107,10 +107,10 @@ class PhysicalSimulator(Simulator):
         self._body = self._seen[-1] = exact(self.state)
         self._estimate = exact(_rounded(self._estimate).retract(by))
 
-    def _tick(self, wanted: Wanted, dt: float) -> None:
+    def _tick(self, wanted: ReferenceState, dt: float) -> None:
         body, frame, believed = self._body, self._frame, self._estimate
         wrench = self._motors.spin(
-            wrench_for(wanted, believed, self._disturbance, self._thought.inertia, self.gains), dt
+            compute_wrench(wanted, believed, self._disturbance, self._thought.inertia, self.gains), dt
         )
         airspeed = body.rotation.T @ (body.velocity - self._wind.blow(dt))
         drag = -self._thought.mass * np.array(self.world.drag_per_s) * airspeed
@@ -121,7 +121,7 @@ class PhysicalSimulator(Simulator):
         surplus = believed.rotation @ (felt - (0.0, 0.0, wrench[0] / self._thought.mass))
         self._disturbance += (1 - np.exp(-dt * self.gains.observer)) * (surplus - self._disturbance)
         turned = turning(self._thought.inertia, rate, wrench[1:])
-        self._estimate = mechanised(believed, (rate, felt), turned, frame.gravity, dt)
+        self._estimate = integrate_imu(believed, (rate, felt), turned, frame.gravity, dt)
 
     @property
     def _late(self) -> int:

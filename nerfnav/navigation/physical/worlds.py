@@ -7,9 +7,9 @@ from typing import Literal, TypeVar
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator import Corrector
-from nerfnav.navigation.flight import NavigateConfig, Pilot
+from nerfnav.navigation.flight import NavigateConfig, NavigationStack
 from nerfnav.navigation.physical.config import LEASH_M, UNSEEN_M, PhysicalConfig
-from nerfnav.navigation.physical.latency_compensation import LatePictures
+from nerfnav.navigation.physical.latency_compensation import LatencyCompensation
 from nerfnav.navigation.physical.simulator import PhysicalSimulator
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.robots import Quadrotor, Robot
@@ -25,7 +25,7 @@ def _unchanged(thing: T) -> T:
     return thing
 
 
-def in_physical_world(simulator: Simulator, world: PhysicalConfig | None = None) -> PhysicalSimulator:
+def make_physical_simulator(simulator: Simulator, world: PhysicalConfig | None = None) -> PhysicalSimulator:
     """The same robot in the physical world. Raises InvalidInputError for other robots than quadrotors."""
     return PhysicalSimulator(
         simulator.robot, simulator.state, simulator.camera, simulator.generator, simulator.mount,
@@ -33,14 +33,14 @@ def in_physical_world(simulator: Simulator, world: PhysicalConfig | None = None)
     )  # fmt: skip
 
 
-def expecting_physics(config: NavigateConfig) -> NavigateConfig:
+def configure_for_physics(config: NavigateConfig) -> NavigateConfig:
     """A flight whose plans are tracked, by a robot that soon holds where it sees nothing."""
     most = min(config.recovery.widest, UNSEEN_M)
     recovery = replace(config.recovery, widest=most, sure=min(config.recovery.sure, most))
     return replace(config, leash_m=config.leash_m or LEASH_M, recovery=recovery)
 
 
-def with_reserve(robot: Robot) -> Robot:
+def reserve_control_authority(robot: Robot) -> Robot:
     """The robot as planners take it that leave it something to fight the wind and to turn with.
 
     That is two thirds of its speed and tilt, half of its body rate, five sixths of its thrust and twice the floor of
@@ -60,7 +60,7 @@ def with_reserve(robot: Robot) -> Robot:
     return careful
 
 
-def with_late_pictures(pilot: Pilot, simulator: Simulator) -> Pilot:
+def compensate_latency(pilot: NavigationStack, simulator: Simulator) -> NavigationStack:
     """A pilot with an inertial unit, who knows that pictures are late in the physical world; the same one in the
     paper's. Raises InvalidInputError for an estimator whose beliefs nothing else can move.
     """
@@ -71,7 +71,7 @@ def with_late_pictures(pilot: Pilot, simulator: Simulator) -> Pilot:
             f"{type(pilot.estimator).__name__} has no `correct` and `trust_dynamics` (nerfnav.estimator.Corrector), "
             "and in the physical world inertial measurements move beliefs: fly it in the paper's world"
         )
-    late = LatePictures(pilot.estimator, lambda: simulator.felt, simulator.world.delay_s, simulator.unit)
+    late = LatencyCompensation(pilot.estimator, lambda: simulator.felt, simulator.world.delay_s, simulator.unit)
     return replace(pilot, estimator=late)
 
 
@@ -89,6 +89,6 @@ class World:
 
 WORLDS: dict[WorldName, World] = {
     "paper": World(),
-    "physical": World(expecting_physics, with_reserve, in_physical_world),
+    "physical": World(configure_for_physics, reserve_control_authority, make_physical_simulator),
 }
 """Name to world."""

@@ -19,11 +19,19 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.planner.baselines.waypoint_following import step_along
+from nerfnav.planner.baselines.waypoint_following import plan_along
 from nerfnav.planner.objective.problem import PlanProblem, map_for
 from nerfnav.planner.polynomials import PiecewisePolynomial, derivative_rows, squared_derivative
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.space.astar import SearchConfig, as_way, ease, find_paths, late_steps, lengths, waypoints_along
+from nerfnav.planner.space.astar import (
+    SearchConfig,
+    ease,
+    find_paths,
+    late_steps,
+    lengths,
+    scale_headings,
+    waypoints_along,
+)
 from nerfnav.planner.space.ends import check_ends
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep
@@ -96,7 +104,7 @@ def through(
     if points.shape[1] == 3:
         yaw = waypoints_along(points, start, problem.goal, problem.steps)[:, 3:]
         waypoints = torch.cat([waypoints, yaw], -1)
-    return step_along(problem, waypoints, config.weights, outcome)
+    return plan_along(problem, waypoints, config.weights, outcome)
 
 
 def _with_no_turn(velocity: Float[Tensor, "3"], points: Float[Tensor, "knots c"]) -> Float[Tensor, " c"]:
@@ -185,7 +193,7 @@ def turning_points(path: Float[Tensor, "n c"], tolerance: float) -> Float[Tensor
     """
     if len(path) <= 2:
         return path
-    way = as_way(path)
+    way = scale_headings(path)
     line = way[-1] - way[0]
     share = ((way - way[0]) @ line / line.square().sum().clamp_min(1e-12)).clamp(0, 1)
     distance = (way - way[0] - share[:, None] * line).norm(dim=-1)

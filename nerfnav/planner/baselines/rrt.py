@@ -18,13 +18,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.extras import from_extra
+from nerfnav.core.extras import import_extra
 from nerfnav.field import Field, field_mesh
 from nerfnav.geometry import Box
 from nerfnav.planner.baselines.geometric_controller import Reference, TrackingConfig, track
-from nerfnav.planner.baselines.waypoint_following import step_along
+from nerfnav.planner.baselines.waypoint_following import plan_along
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.objective.safety import honest
+from nerfnav.planner.objective.safety import downgrade_outcome
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.astar import smooth_path, waypoints_along
 from nerfnav.planner.space.ends import check_ends
@@ -139,7 +139,7 @@ def plan_rrt(
     if path is None:
         straight = torch.stack([problem.start.position, problem.goal.position])
         waypoints = waypoints_along(straight, problem.start, problem.goal, problem.steps)
-        yield step_along(problem, waypoints, config.weights, PlanOutcome.TIME_LIMIT)
+        yield plan_along(problem, waypoints, config.weights, PlanOutcome.TIME_LIMIT)
         return
     yield fly_along(problem, path, config)
 
@@ -150,11 +150,11 @@ def fly_along(problem: PlanProblem, path: Float[Tensor, "n 3"], config: RRTConfi
     Around the bare corners of a tree the controller would need 20 times the effort.
     """
     waypoints = waypoints_along(smooth_path(path), problem.start, problem.goal, problem.steps)
-    planned = step_along(problem, waypoints, config.weights, PlanOutcome.CONVERGED)
+    planned = plan_along(problem, waypoints, config.weights, PlanOutcome.CONVERGED)
     flown = follow(problem.robot, problem, waypoints, config.tracking)
     with torch.no_grad():
         cost = problem.cost(flown, config.weights).numbers()
-    return replace(planned, motion=flown, cost=cost, outcome=honest(problem, flown, PlanOutcome.CONVERGED))
+    return replace(planned, motion=flown, cost=cost, outcome=downgrade_outcome(problem, flown, PlanOutcome.CONVERGED))
 
 
 @singledispatch
@@ -251,4 +251,4 @@ def require_ompl() -> None:
 
 
 def _ompl(part: str) -> Any:
-    return from_extra(f"ompl.{part}", "baselines", "the planner rrt")
+    return import_extra(f"ompl.{part}", "baselines", "the planner rrt")

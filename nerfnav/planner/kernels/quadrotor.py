@@ -5,8 +5,8 @@ through `motion` and `adjoint` of robots/kernels/quadrotor.py.
 
 `task` is (ends, attitudes, constants, bounds, gamma), see `QuadrotorMap`; `body` (points, fractions of a step at
 which densities are taken); `space` (values, leaps, lower, per_meter, scale, lower and upper corner of the box, what
-`chance_at` asks for, its `by_way`, and the body's half edges for `outside`); `weights` those of collision, limits,
-leaving the box and risk.
+`interpolate_chance` asks for, its `by_way`, and the body's half edges for `outside`); `weights` those of collision,
+limits, leaving the box and risk.
 """
 
 import math

@@ -235,7 +235,7 @@ def costs_to(prices, goal):
 
 
 @kernel()
-def make_dearer(prices, path, reach, factor):
+def raise_prices(prices, path, reach, factor):
     """Multiply prices (m, nx, ny, nz) by `factor` within `reach` voxels of a path (n, 4), the surroundings of its ends
     left out."""
     _, nx, ny, nz = prices.shape

@@ -134,7 +134,7 @@ def _between(chances, i, j, k, x, y, z):
 
 
 @kernel(inline=True)
-def chance_at(danger, step, x, y, z, heading):
+def interpolate_chance(danger, step, x, y, z, heading):
     """The chance at a point of the world with a heading in a step, its gradient [1/m], and by the heading [1/rad]."""
     layers, lower, per_meter = danger
     chances = layers[min(step, layers.shape[0] - 1)]
@@ -189,7 +189,9 @@ def endangered(position, rotation, fractions, danger, by_way, weight, by_positio
         met = sx = sy = sz = sh = tx = ty = tz = th = 0.0
         for k in range(parts):
             f = fractions[k]
-            chance, gx, gy, gz, gh = chance_at(danger, t, x + f * dx, y + f * dy, z + f * dz, heading + f * turn)
+            chance, gx, gy, gz, gh = interpolate_chance(
+                danger, t, x + f * dx, y + f * dy, z + f * dz, heading + f * turn
+            )
             met += chance / parts
             sx, sy, sz, sh = sx + gx / parts, sy + gy / parts, sz + gz / parts, sh + gh / parts
             tx, ty, tz, th = tx + f * gx / parts, ty + f * gy / parts, tz + f * gz / parts, th + f * gh / parts

@@ -15,14 +15,14 @@ from jaxtyping import Float
 
 from nerfnav.field import Field, density_and_gradient
 from nerfnav.geometry import so3
-from nerfnav.planner.risk.tracking_error import PAPERS_NOISE
+from nerfnav.planner.risk.tracking_error import PAPER_NOISE
 from nerfnav.planner.space.astar import SearchConfig, find_paths, lengths, resample
 from nerfnav.planner.space.border import holds_level
 from nerfnav.planner.space.ends import fits
 from nerfnav.planner.space.occupancy import OccupancyMap, dense_at
 from nerfnav.planner.space.regions import Region, free_regions, ground_regions
 from nerfnav.planner.space.scales import threshold_of
-from nerfnav.planner.visibility import seen_from
+from nerfnav.planner.visibility import measure_visibility
 from nerfnav.robots import RigidState, Robot
 
 Pair = tuple[RigidState, RigidState]
@@ -42,7 +42,7 @@ _PUSHED = 3.0
 
 
 @dataclass(frozen=True)
-class FirstEndsConfig:
+class ProposedEndsConfig:
     """What suits a robot."""
 
     longest: float = 25.0
@@ -61,16 +61,16 @@ class FirstEndsConfig:
     """Of the draw."""
 
 
-def first_ends(
+def propose_ends(
     field: Field, matter: Field, robot: Robot, map_at: Callable[[float], OccupancyMap],
-    config: FirstEndsConfig | None = None,
+    config: ProposedEndsConfig | None = None,
 ) -> Pair | None:  # fmt: skip
     """Two states at rest that a robot can plan between; None where it has no room.
 
     `field` is the one to plan in, `matter` the same as it was learned; `map_at` gives the map of free space, of one
     height [m] for a robot on the ground and of any for others.
     """
-    config = FirstEndsConfig() if config is None else config
+    config = ProposedEndsConfig() if config is None else config
     regions = ground_regions(matter, robot.body, map_at) if robot.planar else free_regions(map_at(0.0))
     best, least = None, _LIKELY
     for region in regions:
@@ -84,7 +84,7 @@ def first_ends(
     return best
 
 
-def way_between(occupancy: OccupancyMap, pair: Pair) -> Float[torch.Tensor, "n c"] | None:
+def path_between(occupancy: OccupancyMap, pair: Pair) -> Float[torch.Tensor, "n c"] | None:
     """The shortest way that a search finds between two states, its rows as of `find_paths`; None where there is none.
     """
     ways = find_paths(occupancy, *pair, SearchConfig.single())
@@ -92,7 +92,7 @@ def way_between(occupancy: OccupancyMap, pair: Pair) -> Float[torch.Tensor, "n c
 
 
 def _pair_in(
-    region: Region, field: Field, matter: Field, robot: Robot, config: FirstEndsConfig
+    region: Region, field: Field, matter: Field, robot: Robot, config: ProposedEndsConfig
 ) -> tuple[Pair | None, float]:
     """The best pair of a region that fits, with its headings, and what the way between them risks."""
     occupancy, rounding = region.occupancy, 10**region.occupancy.scales.decimals
@@ -106,7 +106,7 @@ def _pair_in(
     points = points[holds_level(field.box, robot.body, points)]
     if len(points) < 2:
         return None, np.inf
-    seen = seen_from(matter, points, torch.arange(config.headings) * (2 * torch.pi / config.headings))
+    seen = measure_visibility(matter, points, torch.arange(config.headings) * (2 * torch.pi / config.headings))
     apart = _distance_wanted(region, field, robot, config)
     best: Pair | None = None
     least = np.inf
@@ -125,14 +125,14 @@ def _pair_in(
 
 def _risk_at(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
     """Share of the pushes along the axes, forth and back, that bring the body into something at either end."""
-    away = _PUSHED * PAPERS_NOISE.noise[0] * torch.eye(3)[: 2 if robot.planar else 3]
+    away = _PUSHED * PAPER_NOISE.noise[0] * torch.eye(3)[: 2 if robot.planar else 3]
     pushed = [replace(end, position=end.position + push) for end in pair for push in torch.cat([away, -away])]
     return sum(not fits(field, robot.body, state, occupancy.scales.threshold) for state in pushed) / len(pushed)
 
 
 def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMap) -> float:
     """Bound on the probability of a collision along the way that is found (Eq. 1), turning as the way does."""
-    way = way_between(occupancy, pair)
+    way = path_between(occupancy, pair)
     assert way is not None, "only pairs with a way between them are compared"
     pieces = lengths(way[:, :3])
     count = int(pieces.sum() / occupancy.scales.path_step) + 2
@@ -144,7 +144,7 @@ def _risk_between(pair: Pair, field: Field, robot: Robot, occupancy: OccupancyMa
     return float((density.reshape(len(ahead), -1).sum(-1) * ahead.norm(dim=-1).numpy()).sum())
 
 
-def _distance_wanted(region: Region, field: Field, robot: Robot, config: FirstEndsConfig) -> float:
+def _distance_wanted(region: Region, field: Field, robot: Robot, config: ProposedEndsConfig) -> float:
     """[m]"""
     length = max(robot.body.extents[:2])
     diagonal = float(field.box.size[:2].norm())
@@ -153,7 +153,7 @@ def _distance_wanted(region: Region, field: Field, robot: Robot, config: FirstEn
 
 def _ranked(
     points: Float[torch.Tensor, "n 3"], seen: Float[np.ndarray, "n h"], matter: Field, apart: float,
-    config: FirstEndsConfig,
+    config: ProposedEndsConfig,
 ) -> list[tuple[int, int]]:  # fmt: skip
     """Pairs of candidates, the best first."""
     first, second = np.triu_indices(len(points), 1)
@@ -181,12 +181,12 @@ def _with_headings(
     """The two points with headings, if there is a way: along it for a robot on the ground, else to where most is seen.
     """
     level = RigidState.at_rest(_tuple(start), 0.0), RigidState.at_rest(_tuple(goal), 0.0)
-    way = way_between(occupancy, level)
+    way = path_between(occupancy, level)
     if way is None:
         return None
     yaws = _along(way[:, :3], occupancy.scales.width) if robot.planar else _toward_most(*seen)
     pair = RigidState.at_rest(_tuple(start), yaws[0]), RigidState.at_rest(_tuple(goal), yaws[1])
-    return pair if not robot.planar or way_between(occupancy, pair) is not None else None
+    return pair if not robot.planar or path_between(occupancy, pair) is not None else None
 
 
 def _along(way: Float[torch.Tensor, "n 3"], width: float) -> tuple[float, float]:

@@ -26,12 +26,12 @@ from torch import Tensor
 from nerfnav.planner.kernels import quadrotor as kernels
 from nerfnav.planner.kernels.bfgs import newton_steps
 from nerfnav.planner.space.border import reach_of
-from nerfnav.planner.steps import OWN, PlanCost, TermCost
+from nerfnav.planner.steps import COST_FIELDS, PlanCost, TermCost
 from nerfnav.planner.terms.collision import COLLISION
 from nerfnav.planner.terms.control import CONTROL
 from nerfnav.planner.terms.limits import LIMITS
 from nerfnav.planner.terms.outside import OUTSIDE
-from nerfnav.planner.terms.risk import RISK, danger_of
+from nerfnav.planner.terms.risk import RISK, chance_grid_of
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
 from nerfnav.planner.trajectory import Route, motion_of
 from nerfnav.robots import FlatMap, Motion, RigidState
@@ -164,7 +164,7 @@ class FusedObjective:
         fractions = (np.arange(weights.samples_per_step) + 0.5) / weights.samples_per_step
         body = (context.body.points_body.double().cpu().numpy(), fractions)
         weighed = tuple(float(term.weighed(weights)) for term in (COLLISION, LIMITS, OUTSIDE, RISK))
-        space = (*field.density_grid, *danger_of(context), reach_of(context.body))
+        space = (*field.density_grid, *chance_grid_of(context), reach_of(context.body))
         return cls(((*flat.constants, gamma), body, space, weighed))
 
     def __call__(self, free: np.ndarray) -> Evaluation:
@@ -239,8 +239,8 @@ class Objective:
         self._cheap: list[Kernel] = []
         for term in terms:
             kernel = _kernel_of(term, context, route)
-            if term.name in OWN:
-                self._own.append((OWN[term.name], kernel))
+            if term.name in COST_FIELDS:
+                self._own.append((COST_FIELDS[term.name], kernel))
             else:
                 self._added.append(_Timed(term.name, kernel))
             if term.preconditions:

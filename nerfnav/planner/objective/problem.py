@@ -10,9 +10,9 @@ from torch import Tensor
 
 from nerfnav.field import Field
 from nerfnav.planner import terms
-from nerfnav.planner.risk.collision_map import DangerMap, dearer_by
+from nerfnav.planner.risk.collision_map import CollisionMap, relative_cost
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.risk.tracking_error import PAPERS_NOISE, Disturbance, Outlook
+from nerfnav.planner.risk.tracking_error import PAPER_NOISE, NoiseModel, RiskContext
 from nerfnav.planner.space.astar import TURN, SearchConfig, find_paths, lengths, smooth_path, waypoints_along
 from nerfnav.planner.space.ends import check_ends, check_finite
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
@@ -47,7 +47,7 @@ class PlanProblem:
     """Length of a step [s]; 0.1 in the paper."""
     terms: tuple[CostTerm, ...] = dataclass_field(default_factory=terms.counted)
     """What J is the sum of: those of Eq. 2 and all that were registered, unless others are given."""
-    disturbance: Disturbance = PAPERS_NOISE
+    disturbance: NoiseModel = PAPER_NOISE
     """What will disturb the robot, for plans that count risk."""
     overdue: bool = False
     """Whether the arrival is put off at each step, see terms/risk.py."""
@@ -61,15 +61,15 @@ class PlanProblem:
 
     def context(self, weights: CostWeights) -> TermContext:
         """What the terms are told."""
-        return TermContext(self.field, self.robot, weights, self.outlook)
+        return TermContext(self.field, self.robot, weights, self.risk_context)
 
     @property
-    def outlook(self) -> Outlook:
+    def risk_context(self) -> RiskContext:
         """What is known of the flight."""
         apart = (self.goal.position - self.start.position).norm().item()
         pace = max(apart, self.robot.body.radius) / self.steps if self.overdue else None
         height = self.start.position[2].item() if self.robot.planar else None
-        return Outlook(self.dt, self.disturbance, pace, height)
+        return RiskContext(self.dt, self.disturbance, pace, height)
 
     def cost(self, motion: Motion, weights: CostWeights) -> Evaluated:
         """The terms of J for a motion."""
@@ -108,10 +108,10 @@ def first_guesses(
     problem.robot.check_ends(problem.start, problem.goal)
     occupancy = map_for(problem, occupancy)
     check_ends(problem.field, problem.robot.body, problem.start, problem.goal, occupancy)
-    return ways_between(problem, initial, occupancy, search)
+    return paths_between(problem, initial, occupancy, search)
 
 
-def ways_between(
+def paths_between(
     problem: PlanProblem, initial: InitialGuess, occupancy: OccupancyMap, search: SearchConfig
 ) -> FirstGuesses:
     """The same for ends that are taken as they are, such as a robot's that finds itself next to a wall."""
@@ -128,7 +128,7 @@ def ways_between(
     return FirstGuesses(tuple(_along(problem, path, scales.turn) for path in paths), True)
 
 
-def way_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> float:
+def path_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> float:
     """Length of the best way from start to goal [m], turns included; of the straight line where there is none."""
     found = _paths(problem, occupancy, search)
     if found:
@@ -140,8 +140,8 @@ def way_length(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConf
 def _paths(problem: PlanProblem, occupancy: OccupancyMap, search: SearchConfig) -> list[Float[Tensor, "_ c"]]:
     dearer = None
     if search.danger:
-        danger = DangerMap.of(problem.field, problem.robot, problem.outlook)
-        dearer = dearer_by(danger, occupancy, search.danger)
+        danger = CollisionMap.of(problem.field, problem.robot, problem.risk_context)
+        dearer = relative_cost(danger, occupancy, search.danger)
     return find_paths(occupancy, problem.start, problem.goal, search, dearer)
 
 

@@ -21,10 +21,10 @@ from nerfnav.field import Field, GridField, density_and_gradient
 from nerfnav.field.core.occupancy import raw_of
 from nerfnav.planner.kernels.nearest import nearest_dense
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.risk.costs import collision_per_step, point_exposure
-from nerfnav.planner.space.border import density_within, known_density, room_to_border
+from nerfnav.planner.risk.costs import collision_per_step, expected_hits
+from nerfnav.planner.space.border import bordered_density, density_within, room_to_border
 from nerfnav.planner.space.scales import scales_of
-from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome
+from nerfnav.planner.steps import FLYABLE, PlanCost, PlanOutcome
 from nerfnav.robots import Body, Motion, limit_uses
 
 _CERTAIN = 1.0
@@ -72,17 +72,17 @@ class Safety:
     """The step with the largest bound."""
 
 
-def safety_of(field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None) -> Safety:
+def assess_safety(field: Field, motion: Motion, body: Body, config: SafetyConfig | None = None) -> Safety:
     """Judge one motion on the field."""
     config = SafetyConfig() if config is None else config
     with torch.no_grad():
         steps = collision_per_step(field, motion, body, config.samples_per_step)
-        clearance = clearance_of(field, motion, body, config)
+        clearance = measure_clearance(field, motion, body, config)
     return Safety(steps, min(1.0, steps.sum().item()), clearance, int(steps.argmax()))
 
 
 @torch.no_grad()
-def clearance_of(field: Field, motion: Motion, body: Body, config: SafetyConfig) -> float | None:
+def measure_clearance(field: Field, motion: Motion, body: Body, config: SafetyConfig) -> float | None:
     """Smallest distance of body points from the level set rho = threshold or the border of the field's box [m], None
     where none is within reach."""
     threshold, reach, voxel = config.lengths(field, body)
@@ -141,23 +141,23 @@ def _nearest_samples(
     return torch.from_numpy(distance).to(points), dense[found]
 
 
-def verdict(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanOutcome) -> PlanOutcome:
+def judge_search(problem: PlanProblem, motion: Motion, cost: PlanCost, outcome: PlanOutcome) -> PlanOutcome:
     """`outcome`, or what is wrong with a plan that a search has ended with."""
     if not np.isfinite(cost.total):
         return PlanOutcome.DIVERGED
-    told = honest(problem, motion, outcome)
+    told = downgrade_outcome(problem, motion, outcome)
     if told is not PlanOutcome.IN_COLLISION and any(use.violated for use in limit_uses(problem.robot, motion)):
         return PlanOutcome.OVER_LIMITS
     return told
 
 
-def honest(problem: PlanProblem, motion: Motion, outcome: PlanOutcome) -> PlanOutcome:
+def downgrade_outcome(problem: PlanProblem, motion: Motion, outcome: PlanOutcome) -> PlanOutcome:
     """`outcome`, or what is wrong where that says that a plan is good and the field says that it is not.
 
     A plan that is as likely as not to collide has not converged, nor is it worth more iterations.
     """
     # the bound is a sum over body points: where it is small, none of them is hit for certain
-    if outcome not in GOOD or _expected_hits(problem, motion) < NEAR_CERTAIN:
+    if outcome not in FLYABLE or _expected_hits(problem, motion) < NEAR_CERTAIN:
         return outcome
     return PlanOutcome.IN_COLLISION if meets_density(problem, motion) else PlanOutcome.LIKELY_COLLISION
 
@@ -180,6 +180,6 @@ def meets_density(problem: PlanProblem, motion: Motion) -> bool:
     One point alone, not the sum of Eq. 1: specks and light fog that all of them pass through bring that above 1 too.
     """
     points = problem.robot.body.points_at(motion.states)
-    if (known_density(problem.field, points) <= scales_of(problem.field, problem.robot.body).threshold).all():
+    if (bordered_density(problem.field, points) <= scales_of(problem.field, problem.robot.body).threshold).all():
         return False
-    return point_exposure(problem.field, motion, problem.robot.body).max().item() >= _CERTAIN
+    return expected_hits(problem.field, motion, problem.robot.body).max().item() >= _CERTAIN

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_risk
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.solvers.warm_start import MovedEndsConfig, carry_on, follow_ends
+from nerfnav.planner.solvers.warm_start import MovedEndsConfig, replan_from, replan_moved_ends
 from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.trajectory import Route
@@ -30,11 +30,11 @@ class FastPlanner(FieldPlanner):
 
     def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
         """See Planner."""
-        return carry_on(self.rest(last, route), last, executed, self.again, self.occupancy)
+        return replan_from(self.rest(last, route), last, executed, self.again, self.occupancy)
 
     def follow(self, last: Motion, route: Route) -> Iterator[PlanStep]:
-        """See FollowingPlanner."""
-        return follow_ends(self.problem(route), last, MovedEndsConfig(self.first), self.occupancy)
+        """See InteractivePlanner."""
+        return replan_moved_ends(self.problem(route), last, MovedEndsConfig(self.first), self.occupancy)
 
 
 FAST = PlannerEntry("fast", FastPlanner, FastPlanConfig, with_risk, real_time=True, color=(70, 84, 255))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from nerfnav.planner.baselines.minsnap import MinSnapConfig, plan_minimum_snap
-from nerfnav.planner.baselines.waypoint_following import carried_on
+from nerfnav.planner.baselines.waypoint_following import replan_rest
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanStep
@@ -30,7 +30,7 @@ class MinSnapPlanner(FieldPlanner):
 
     def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
         """See Planner."""
-        return carried_on(self.rest(last, route), last, executed, self.again.weights)
+        return replan_rest(self.rest(last, route), last, executed, self.again.weights)
 
 
 MINSNAP = PlannerEntry("minsnap", MinSnapPlanner, MinSnapConfig, color=(250, 204, 21))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry, with_room
 from nerfnav.planner.solvers.adam import PlanConfig, plan, replan
-from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.trajectory import Route
@@ -31,7 +31,7 @@ class PaperPlanner(FieldPlanner):
     def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
         """See Planner."""
         problem = self.rest(last, route)
-        trajectory = hot_start(
+        trajectory = shift_warm_start(
             last, problem.start, problem.goal, self.robot, executed=executed, steps=problem.steps
         )
         return replan(problem, trajectory, self.again)

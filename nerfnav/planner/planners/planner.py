@@ -9,7 +9,7 @@ from nerfnav.field import Field
 from nerfnav.planner import terms
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.risk.tracking_error import PAPERS_NOISE, Disturbance
+from nerfnav.planner.risk.tracking_error import PAPER_NOISE, NoiseModel
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanStep
 from nerfnav.planner.terms.term import CostTerm
@@ -45,7 +45,7 @@ class Planner(Protocol):
 
 
 @runtime_checkable
-class FollowingPlanner(Planner, Protocol):
+class InteractivePlanner(Planner, Protocol):
     """A planner that is quick enough to plan again while a hand still holds an end."""
 
     def follow(self, last: Motion, route: Route) -> Iterator[PlanStep]:
@@ -88,7 +88,7 @@ class FieldPlanner:
     """Who."""
     terms: tuple[CostTerm, ...] = dataclasses.field(default_factory=terms.counted, kw_only=True)
     """What J is the sum of, see PlanProblem."""
-    disturbance: Disturbance = dataclasses.field(default=PAPERS_NOISE, kw_only=True)
+    disturbance: NoiseModel = dataclasses.field(default=PAPER_NOISE, kw_only=True)
     """What will disturb the robot, for plans that count risk."""
 
     def problem(self, route: Route) -> PlanProblem:

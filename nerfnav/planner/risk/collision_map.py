@@ -20,8 +20,8 @@ import scipy
 from jaxtyping import Bool, Float
 
 from nerfnav.field import Field
-from nerfnav.planner.risk.configuration_space import CSpace, require_room
-from nerfnav.planner.risk.tracking_error import Outlook, position_spreads
+from nerfnav.planner.risk.configuration_space import CSpace, require_map_memory
+from nerfnav.planner.risk.tracking_error import RiskContext, tracking_deviations
 from nerfnav.planner.space.occupancy import OccupancyMap
 from nerfnav.robots import Robot
 
@@ -34,14 +34,14 @@ _STILL = 1e-6
 _BEYOND = 10
 """Nodes of the map beyond each border of the field's box, as dangerous as the border: nobody knows what is there."""
 
-Danger = tuple[np.ndarray, np.ndarray, np.ndarray]
+ChanceGrid = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Chances (k, h, nx, ny, nz), lower corner (3) [m] and nodes per metre (3), as kernels take them."""
-NONE: Danger = (np.zeros((1, 1, 2, 2, 2), np.float32), np.zeros(3), np.ones(3))
+NONE: ChanceGrid = (np.zeros((1, 1, 2, 2, 2), np.float32), np.zeros(3), np.ones(3))
 """Nowhere a chance."""
 
 
 @dataclass(frozen=True, eq=False)
-class DangerMap:
+class CollisionMap:
     """Chances at the nodes of a grid, trilinear between them and 0 outside, and linear between headings. Each map is
     made once."""
 
@@ -54,24 +54,26 @@ class DangerMap:
     """Nodes per metre."""
 
     @classmethod
-    def of(cls, field: Field, robot: Robot, outlook: Outlook) -> "DangerMap":
+    def of(cls, field: Field, robot: Robot, risk_context: RiskContext) -> "CollisionMap":
         """The map of a robot in a field; made once for each spread and kept.
 
         Raises InvalidInputError where the memory cannot hold it.
         """
-        return _blurred(field, robot, outlook.height, position_spreads(robot, outlook.dt, outlook.disturbance))
+        return _blurred(
+            field, robot, risk_context.height, tracking_deviations(robot, risk_context.dt, risk_context.disturbance)
+        )
 
     @property
-    def parts(self) -> Danger:
+    def parts(self) -> ChanceGrid:
         """What kernels ask for."""
         return self.chances, self.lower, self.per_meter
 
     @property
-    def later(self) -> Danger:
+    def later(self) -> ChanceGrid:
         """The same, with chances as they are once noise has grown, from the first step on."""
         return self.chances[-1:], self.lower, self.per_meter
 
-    def at_states_of(self, occupancy: OccupancyMap) -> Float[np.ndarray, "m nx ny nz"]:
+    def sample_voxels(self, occupancy: OccupancyMap) -> Float[np.ndarray, "m nx ny nz"]:
         """The chances at the centres of a map's voxels with each of its headings, once noise has grown; with the best
         one where it does not tell them apart."""
         first, spacing = occupancy.box.lower.double().cpu().numpy(), occupancy.spacing.double().numpy()
@@ -93,16 +95,16 @@ class DangerMap:
 
 
 @lru_cache(maxsize=8)
-def dearer_by(danger: DangerMap, occupancy: OccupancyMap, weight: float) -> Float[np.ndarray, "m nx ny nz"]:
+def relative_cost(danger: CollisionMap, occupancy: OccupancyMap, weight: float) -> Float[np.ndarray, "m nx ny nz"]:
     """What a metre costs more in each voxel of a map with each of its headings, for a search to whom a metre among
     certain hits is as dear as `weight` metres in the open; made once."""
-    return weight * danger.at_states_of(occupancy)
+    return weight * danger.sample_voxels(occupancy)
 
 
 @lru_cache(maxsize=8)
 def _blurred(
     field: Field, robot: Robot, height: float | None, spreads: tuple[tuple[float, float], ...]
-) -> DangerMap:
+) -> CollisionMap:
     space = _c_space(field, robot, height)
     if height is None and len(space.by_heading) > 1:
         spreads = spreads[-1:]  # headings take memory enough; in the first steps that is too careful
@@ -115,7 +117,7 @@ def _blurred(
         places.append(np.arange(math.ceil(((count - 1) * step + 2 * beyond) / node) + 1) * node - beyond)
     lower[:blurred] -= _BEYOND * spacing[:blurred]
     shape = (len(spreads), headings, *map(len, places[:blurred]), *counts[blurred:])
-    require_room(
+    require_map_memory(
         np.dtype(np.float32).itemsize * math.prod(shape),
         f"at {math.prod(shape[2:]):,} points in {len(spreads)} steps with {headings} headings",
     )
@@ -129,7 +131,7 @@ def _blurred(
             turned[:] = _layer(blocked, weights)
     if height is not None:  # the same at whatever height
         chances, lower[2] = np.repeat(chances, 3, -1), lower[2] - spacing[2]
-    return DangerMap(chances, lower, 1 / spacing)
+    return CollisionMap(chances, lower, 1 / spacing)
 
 
 def _layer(

@@ -19,10 +19,10 @@ from nerfnav.field import Field, GridField
 from nerfnav.planner.space.occupancy import (
     OccupancyConfig,
     OccupancyMap,
+    build_levels,
     covered,
     dense_at,
     headings_of,
-    levels_of,
     pooled,
 )
 from nerfnav.planner.space.scales import Scales, grain_of
@@ -81,10 +81,10 @@ class CSpace:
             for first, edge, step in zip(lower.tolist(), size.tolist(), spacing.tolist(), strict=True)
         ]
         if height is not None:
-            lower[2], axes[2] = height, levels_of(body, height).double()
+            lower[2], axes[2] = height, build_levels(body, height).double()
         headings = headings_of(OccupancyConfig(), scales)
         count = math.prod(len(axis) for axis in axes)
-        require_room(count * (_BYTES + len(headings)), f"at {count:,} points {side:.3g} m apart")
+        require_map_memory(count * (_BYTES + len(headings)), f"at {count:,} points {side:.3g} m apart")
         columns = _dense(field, axes, scales)
         if height is None:
             columns = pooled(columns, round(0.5 * body.extents[2] / tall))
@@ -113,7 +113,7 @@ def _outlines(body: Body, headings: list[float], spacing: Float[np.ndarray, "3"]
     return np.array([[*(spacing[:2] * np.round(half / spacing[:2])), heading] for heading in headings])
 
 
-def require_room(needed: float, what: str) -> None:
+def require_map_memory(needed: float, what: str) -> None:
     """Refuse chances, or obstacles to make them of, that the memory cannot hold: `needed` bytes, for `what` of them."""
     require_memory(
         needed, f"the chance that noise pushes a robot into something, {what},", "plan without risk (--risk 0)"

@@ -71,7 +71,7 @@ def collision(field: Field, motion: Motion, body: Body, samples_per_step: int = 
     return _met(field, motion, body, samples_per_step, False).sum((-2, -1))
 
 
-def point_exposure(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> Float[Tensor, "*batch b"]:
+def expected_hits(field: Field, motion: Motion, body: Body, samples_per_step: int = 3) -> Float[Tensor, "*batch b"]:
     """sum_t rho(x_b) s(b) of every body point: the optical depth along its way, the hits to be expected; what is beyond
     the field's box counts as solid."""
     return _met(field, motion, body, samples_per_step, True).sum(-2)

@@ -31,7 +31,7 @@ _REACHES = 1e-9
 
 
 @dataclass(frozen=True)
-class Disturbance:
+class NoiseModel:
     """What is expected to disturb a robot: standard deviations of position [m], velocity [m/s], attitude [rad] and body
     rate [rad/s], on each axis."""
 
@@ -41,17 +41,17 @@ class Disturbance:
     """Of the estimate that a plan starts from: as wide as flights by camera alone have it."""
 
 
-PAPERS_NOISE = Disturbance()
+PAPER_NOISE = NoiseModel()
 """What disturbs the robot in the paper."""
 
 
 @dataclass(frozen=True)
-class Outlook:
+class RiskContext:
     """What a plan is told of the flight that it is made for."""
 
     dt: float = 0.1
     """Length of a step [s]."""
-    disturbance: Disturbance = PAPERS_NOISE
+    disturbance: NoiseModel = PAPER_NOISE
     """What will disturb it."""
     pace: float | None = None
     """Way of a step [m] on which risk counts once, for plans whose arrival is put off; None: once for each step."""
@@ -59,12 +59,12 @@ class Outlook:
     """At which a robot stays that never leaves it [m]."""
 
 
-PAPERS_OUTLOOK = Outlook()
+PAPER_RISK_CONTEXT = RiskContext()
 """Of a plan in the paper's steps and noise."""
 
 
 @lru_cache(maxsize=32)
-def position_spreads(robot: Robot, dt: float, disturbance: Disturbance) -> tuple[tuple[float, float], ...]:
+def tracking_deviations(robot: Robot, dt: float, disturbance: NoiseModel) -> tuple[tuple[float, float], ...]:
     """Standard deviations [m] of the position around a plan after its first steps, one by one, the last also after all
     later ones: level, on the worse of two axes, and in height.
 

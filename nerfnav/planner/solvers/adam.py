@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import torch
 
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guess
-from nerfnav.planner.objective.safety import honest
+from nerfnav.planner.objective.safety import downgrade_outcome
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.ends import check_finite
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
@@ -68,7 +68,7 @@ def plan(
 
 
 def replan(problem: PlanProblem, trajectory: Trajectory, config: PlanConfig | None = None) -> Iterator[PlanStep]:
-    """Improve a trajectory that is already near a good one, such as `hot_start` gives; yields as `plan` does.
+    """Improve a trajectory that is already near a good one, such as `shift_warm_start` gives; yields as `plan` does.
 
     Start and goal are those of `trajectory`, and are not checked against the field: a robot must get away from
     wherever it finds itself.
@@ -97,7 +97,7 @@ def descend(problem: PlanProblem, trajectory: Trajectory, config: PlanConfig) ->
         if iteration == config.iterations - 1:
             settled = settling - best.cost.total <= config.settled_change * best.cost.control
             outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
-            yield replace(best, iteration=iteration, outcome=honest(problem, best.motion, outcome))
+            yield replace(best, iteration=iteration, outcome=downgrade_outcome(problem, best.motion, outcome))
             return
         yield now
         adam.zero_grad()

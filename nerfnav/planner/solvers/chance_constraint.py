@@ -17,15 +17,15 @@ from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import CostWeights, collision_probability_bound
 from nerfnav.planner.solvers.fast import FastPlanConfig, improve, plan_fast
 from nerfnav.planner.space.occupancy import OccupancyMap
-from nerfnav.planner.steps import GOOD, PlanOutcome, PlanStep, last_step
+from nerfnav.planner.steps import FLYABLE, PlanOutcome, PlanStep, last_step
 from nerfnav.planner.terms.risk import RISK
 
-_TO_REFINE = (*GOOD, PlanOutcome.LIKELY_COLLISION)
+_TO_REFINE = (*FLYABLE, PlanOutcome.LIKELY_COLLISION)
 """Outcomes of plans that can be made safer."""
 
 
 @dataclass(frozen=True)
-class ChanceConfig:
+class ChanceConstraintConfig:
     """How a plan is made safer."""
 
     improving: tuple[float, ...] = (10.0, 100.0, 1000.0)
@@ -34,7 +34,7 @@ class ChanceConfig:
     """The same for the rounds that look for another way then."""
 
 
-def within_chance(
+def enforce_chance_constraint(
     problem: PlanProblem,
     planned: PlanStep,
     config: FastPlanConfig,
@@ -44,10 +44,10 @@ def within_chance(
     """Yield the safest plan so far after each round, the last with the outcome; costs keep the weights of `config`.
 
     `planned` is the last step of any planner. The outcome is TOO_RISKY where the bound stays above `most`:
-    `risk_of` says by how much.
+    `bound_risk` says by how much.
     """
-    chance, best = ChanceConfig(), planned
-    risk, weighed = risk_of(problem, best, config.weights), (*chance.improving, *chance.anew)
+    chance, best = ChanceConstraintConfig(), planned
+    risk, weighed = bound_risk(problem, best, config.weights), (*chance.improving, *chance.anew)
     for turn, factor in enumerate(weighed, 1):
         if risk <= most or best.outcome not in _TO_REFINE:
             break
@@ -58,14 +58,14 @@ def within_chance(
         found = last_step(
             improve(problem, (best.trajectory,), careful) if improving else plan_fast(problem, careful, occupancy)
         )
-        if found.outcome in _TO_REFINE and (now := risk_of(problem, found, config.weights)) < risk:
+        if found.outcome in _TO_REFINE and (now := bound_risk(problem, found, config.weights)) < risk:
             best, risk = _restated(problem, found, config.weights, planned.iteration + turn), now
         yield replace(best, iteration=planned.iteration + turn, outcome=None)
     missed = best.outcome in _TO_REFINE and risk > most
     yield replace(best, outcome=PlanOutcome.TOO_RISKY if missed else best.outcome)
 
 
-def risk_of(problem: PlanProblem, step: PlanStep, weights: CostWeights) -> float:
+def bound_risk(problem: PlanProblem, step: PlanStep, weights: CostWeights) -> float:
     """What is bounded, at most 1: Eq. 1 and, where the weights count risk, the collisions to be expected of noise."""
     bound = collision_probability_bound(problem.field, step.motion, problem.robot.body)
     if weights.risk == 0:

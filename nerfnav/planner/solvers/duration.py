@@ -56,7 +56,7 @@ class Timing:
         return DurationConfig(fewest=self.steps, most=most, impossible=self.impossible)
 
 
-def timing_of(robot: Robot, length: float, dt: float, longest_dt: float | None = None) -> Timing:
+def estimate_timing(robot: Robot, length: float, dt: float, longest_dt: float | None = None) -> Timing:
     """How long a way of a length [m] should take a robot in steps of `dt` [s].
 
     Steps may be up to `longest_dt` long (default: see `longest_step`) where there would be very many of them.
@@ -92,7 +92,7 @@ def longest_step(robot: Robot, speed: float) -> float:
     return _SAMPLES * min(robot.body.extents[:2]) / speed
 
 
-def shortest_plan(
+def find_shortest_plan(
     plan: Callable[[int], Iterator[PlanStep]], robot: Robot, config: DurationConfig | None = None
 ) -> Iterator[PlanStep]:
     """Plans of growing length until one keeps the robot's limits, then the shortest such by bisection.

@@ -18,7 +18,7 @@ import torch
 
 from nerfnav.planner.objective.objective import Evaluation, Objective
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem, first_guesses
-from nerfnav.planner.objective.safety import verdict
+from nerfnav.planner.objective.safety import judge_search
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.bfgs import NewtonConfig, minimise, preconditioner
 from nerfnav.planner.space.astar import SearchConfig
@@ -109,7 +109,8 @@ def plan_fast(
 def replan_fast(
     problem: PlanProblem, trajectory: Trajectory, config: FastPlanConfig | None = None
 ) -> Iterator[PlanStep]:
-    """Improve a trajectory that is already near a good one, such as `hot_start` gives; yields as `plan_fast` does."""
+    """Improve a trajectory that is already near a good one, such as `shift_warm_start` gives; yields as `plan_fast`
+    does."""
     check_finite("start", trajectory.start)
     config = FastPlanConfig() if config is None else config
     yield from improve(problem, (trajectory,), replace(config, newton=config.newton.nearby()))
@@ -139,7 +140,7 @@ def improve(
     best, settled = desk.within_limits(*latest[winner])
     outcome = PlanOutcome.CONVERGED if settled else PlanOutcome.ITERATION_LIMIT
     last = desk.record(winner, best)
-    yield replace(last, outcome=verdict(problem, last.motion, last.cost, outcome))
+    yield replace(last, outcome=judge_search(problem, last.motion, last.cost, outcome))
 
 
 class _Desk:

@@ -1,11 +1,11 @@
 """Warm start: begin an optimisation with the last plan, shifted in time, drawn back to the robot, or moved to new ends.
 
-- `hot_start`: the rest of a plan whose first actions were flown, as seen from where the robot turned out to be;
-- `carry_on`: plan again in flight from that rest, unless it no longer leads to the goal;
-- `follow_ends`: move a plan along with its ends and improve it a little, many times a second.
+- `shift_warm_start`: the rest of a plan whose first actions were flown, as seen from where the robot turned out to be;
+- `replan_from`: plan again in flight from that rest, unless it no longer leads to the goal;
+- `replan_moved_ends`: move a plan along with its ends and improve it a little, many times a second.
 
 An optimiser that only ever improves the last plan follows it wherever it goes. Before and after the search of
-`carry_on` it is therefore asked whether the plan still ends at the goal, stays clear and is not much costlier than
+`replan_from` it is therefore asked whether the plan still ends at the goal, stays clear and is not much costlier than
 what was left of it; where not, paths are searched anew from where the robot is, and the better one is flown.
 """
 
@@ -18,8 +18,8 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import so3
 from nerfnav.planner.objective.objective import FusedObjective
-from nerfnav.planner.objective.problem import FirstGuesses, PlanProblem, map_for, way_length, ways_between
-from nerfnav.planner.solvers.duration import timing_of
+from nerfnav.planner.objective.problem import FirstGuesses, PlanProblem, map_for, path_length, paths_between
+from nerfnav.planner.solvers.duration import estimate_timing
 from nerfnav.planner.solvers.fast import FastPlanConfig, improve, plan_fast, replan_fast
 from nerfnav.planner.space.ends import check_ends, check_finite
 from nerfnav.planner.space.occupancy import OccupancyMap
@@ -27,13 +27,13 @@ from nerfnav.planner.space.scales import scales_of
 from nerfnav.planner.steps import PlanOutcome, PlanStep, Restart
 from nerfnav.planner.terms.delay import DELAY
 from nerfnav.planner.trajectory import Route, Trajectory
-from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrapped
+from nerfnav.robots import ATTITUDE, POSITION, Motion, RigidState, Robot, unwrap_angles
 
 _RECOVERY_S = 1.2
 """Time over which a robot returns to its plan [s]: sooner takes sharp turns, later drifts into what is near."""
 
 
-def hot_start(
+def shift_warm_start(
     motion: Motion, start: RigidState, goal: RigidState, robot: Robot, *, executed: int = 1, steps: int | None = None
 ) -> Trajectory:
     """The rest of a motion, as seen from a new start.
@@ -51,11 +51,11 @@ def hot_start(
     back = (torch.arange(left + 1) * motion.dt / min(_RECOVERY_S, max(left, 1) * motion.dt)).clamp_max(1)
     away = 1 - back.square() * (3 - 2 * back)
     astray = int((away > 0).sum())  # steps from which nothing of the drift is left need no rolling out
-    rolled = robot.way_under(start, motion.actions[executed:][: astray - 1], motion.dt)
+    rolled = robot.roll_out_positions(start, motion.actions[executed:][: astray - 1], motion.dt)
     positions = planned.position.clone()
     positions[:astray] += away[:astray, None] * (rolled - positions[:astray])
     index = torch.arange(steps + 1).clamp_max(left)
-    yaws = unwrapped(so3.yaw_of(planned.rotation))[index]
+    yaws = unwrap_angles(so3.yaw_of(planned.rotation))[index]
     turn = so3.yaw_of(goal.rotation @ planned.rotation[-1].mT)  # by which the goal has turned since
     yaws = yaws + turn * torch.arange(steps + 1) / max(steps, 1)
     waypoints = torch.cat([positions[index], yaws[:, None]], -1)
@@ -76,7 +76,7 @@ class WarmStartConfig:
     """By how much it may be dearer in any case [J]: noise pushes a robot further off than a cheap plan is worth."""
 
 
-def carry_on(
+def replan_from(
     problem: PlanProblem,
     last: Motion,
     executed: int,
@@ -140,10 +140,10 @@ def _ways(
 ) -> tuple[PlanProblem, FirstGuesses]:
     """Ways from where the robot is, and the problem with the time that the first takes where that is more."""
     occupancy = occupancy.remembering()
-    length = way_length(problem, occupancy, config.ways)
-    steps = timing_of(problem.robot, length, problem.dt, problem.dt).steps
+    length = path_length(problem, occupancy, config.ways)
+    steps = estimate_timing(problem.robot, length, problem.dt, problem.dt).steps
     problem = replace(problem, steps=max(problem.steps, steps))
-    return problem, ways_between(problem, config.initial, occupancy, config.ways)
+    return problem, paths_between(problem, config.initial, occupancy, config.ways)
 
 
 def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> tuple[bool, bool]:
@@ -157,7 +157,7 @@ def _goal_left(problem: PlanProblem, last: Motion, warm: WarmStartConfig) -> tup
 def _rest(problem: PlanProblem, last: Motion, executed: int) -> Trajectory | None:
     """What is left of the last plan; None where it cannot be carried on."""
     try:
-        trajectory = hot_start(
+        trajectory = shift_warm_start(
             last, problem.start, problem.goal, problem.robot, executed=executed, steps=problem.steps
         )
     except InvalidInputError:  # the horizon is too short for what is left
@@ -210,7 +210,7 @@ class MovedEndsConfig:
         return replace(self.plan, newton=newton, scout=replace(self.plan.scout, iterations=self.plan.scout.heat))
 
 
-def with_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
+def move_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
     """A motion's waypoints between the ends of `problem`, each moved by its share of what the ends have moved.
 
         p_k + (1 - s_k) (p'_0 - p_0) + s_k (p'_n - p_n),    s_k = x^2 (3 - 2 x),  x = k / n
@@ -219,7 +219,7 @@ def with_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
     """
     start, goal, states = problem.start, problem.goal, motion.states
     problem.robot.check_ends(start, goal)
-    waypoints = torch.cat([states.position, unwrapped(so3.yaw_of(states.rotation))[:, None]], -1)
+    waypoints = torch.cat([states.position, unwrap_angles(so3.yaw_of(states.rotation))[:, None]], -1)
     ends = torch.stack([torch.cat([end.position, so3.yaw_of(end.rotation)[None]]) for end in (start, goal)])
     moved = ends - waypoints[[0, -1]]
     moved[:, 3] = torch.remainder(moved[:, 3] + torch.pi, 2 * torch.pi) - torch.pi
@@ -229,7 +229,7 @@ def with_ends(motion: Motion, problem: PlanProblem) -> Trajectory:
     return Trajectory(problem.robot.encode(carried, start, goal, problem.dt), problem.route)
 
 
-def follow_ends(
+def replan_moved_ends(
     problem: PlanProblem,
     last: Motion,
     config: MovedEndsConfig | None = None,
@@ -243,7 +243,7 @@ def follow_ends(
     config = MovedEndsConfig() if config is None else config
     known = map_for(problem, occupancy or config.plan.occupancy)
     check_ends(problem.field, problem.robot.body, problem.start, problem.goal, known)
-    carried = with_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
+    carried = move_ends(last, problem) if last.actions.shape[-2] == problem.steps else None
     count = 0
     if carried is not None and torch.isfinite(carried.free).all():
         for step in improve(problem, (carried,), config.improving):

@@ -11,7 +11,7 @@ from torch import Tensor
 from nerfnav.geometry import so3
 from nerfnav.planner.kernels import search
 from nerfnav.planner.space.occupancy import OccupancyMap
-from nerfnav.robots import RigidState, unwrapped
+from nerfnav.robots import RigidState, unwrap_angles
 
 _CALMNESS = 2.0
 """Weight of squared third differences against squared distances from the path: at 2 m/s, turns of a few decimetres."""
@@ -111,7 +111,7 @@ def _searched(
         if len(nodes) == 0:
             break
         found.append(nodes)
-        search.make_dearer(prices, nodes, max(1, round(berth / spacing)), config.detour)
+        search.raise_prices(prices, nodes, max(1, round(berth / spacing)), config.detour)
     return found
 
 
@@ -155,7 +155,7 @@ def _path(
         return positions
     yaw = torch.from_numpy(nodes[:, 0]) * (torch.pi / len(occupancy.by_heading))
     first, last = so3.yaw_of(start.rotation)[None], so3.yaw_of(goal.rotation)[None]
-    return torch.cat([positions, unwrapped(torch.cat([first, yaw.to(first), last]))[:, None]], -1)
+    return torch.cat([positions, unwrap_angles(torch.cat([first, yaw.to(first), last]))[:, None]], -1)
 
 
 def smooth_path(
@@ -189,7 +189,7 @@ def _at_shares(
     return np.stack([np.interp(wanted, reached, column) for column in points.T], -1).astype(points.dtype)
 
 
-def as_way(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:
+def scale_headings(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c"]:
     """The path with its headings, where it has some, in metres."""
     if path.shape[-1] < 4:
         return path
@@ -198,7 +198,7 @@ def as_way(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, "n c
 
 def lengths(path: Float[Tensor, "n c"], turn: float = TURN) -> Float[Tensor, " pieces"]:
     """How far each point of a path is from the one before it [m]; to turn is to go some way too."""
-    return as_way(path, turn).diff(dim=0).norm(dim=-1)
+    return scale_headings(path, turn).diff(dim=0).norm(dim=-1)
 
 
 def late_steps(steps: int) -> int:
@@ -223,7 +223,7 @@ def waypoints_along(
     positions = calm(along[:, :3])
     if path.shape[-1] == 4:
         return torch.cat([positions, along[:, 3:]], -1)
-    ends = unwrapped(torch.stack([so3.yaw_of(start.rotation), so3.yaw_of(goal.rotation)]))
+    ends = unwrap_angles(torch.stack([so3.yaw_of(start.rotation), so3.yaw_of(goal.rotation)]))
     return torch.cat([positions, (ends[0] + (ends[1] - ends[0]) * share)[:, None]], -1)
 
 

@@ -41,7 +41,7 @@ def density_within(
     return torch.where(is_beyond(box, points), torch.full_like(density, SOLID_BEYOND), density)
 
 
-def known_density(field: Field, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+def bordered_density(field: Field, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
     """`density_within` of a field, differentiable as the field is."""
     return density_within(field.box, points, field.density(points))
 

@@ -32,7 +32,7 @@ def check_ends(field: Field, body: Body, start: RigidState, goal: RigidState, oc
         if body_density(field, body, state) > occupancy.scales.threshold:
             nearest = nearest_free_pose(field, body, state, occupancy)
             raise OccupiedError(
-                f"the {name} {_words(state.position)} {unfit_words(field, body, state)}; "
+                f"the {name} {_words(state.position)} {explain_unfit(field, body, state)}; "
                 f"{_advice(state, nearest, occupancy.scales)}",
                 None if nearest is None else (
                     nearest.position[0].item(), nearest.position[1].item(), nearest.position[2].item()
@@ -47,7 +47,7 @@ def fits(field: Field, body: Body, state: RigidState, threshold: float | None = 
     return body_density(field, body, state) <= threshold
 
 
-def unfit_words(field: Field, body: Body, state: RigidState) -> str:
+def explain_unfit(field: Field, body: Body, state: RigidState) -> str:
     """What is wrong with a state in which a body does not fit, to go on after its name."""
     if reaches_beyond(field.box, body, state):
         return "is so near the border of the field that the robot would reach beyond it"

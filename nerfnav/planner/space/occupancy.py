@@ -28,7 +28,7 @@ from nerfnav.field import Field, GridField
 from nerfnav.field.core.occupancy import raw_of
 from nerfnav.geometry import Box, node_positions, shape_for, spacing_of
 from nerfnav.planner.kernels import maps
-from nerfnav.planner.space.border import known_density, mark_beyond
+from nerfnav.planner.space.border import bordered_density, mark_beyond
 from nerfnav.planner.space.scales import PAPERS_GRAIN, Scales, scales_of
 from nerfnav.robots import Body, RigidState
 
@@ -63,13 +63,13 @@ def layer_columns(field: Field, body: Body, scales: Scales, parts: int, height: 
     """Whether a column is dense at one height [m], exactly over the height of the body's points."""
     box = field.box.to("cpu")
     nx, ny, _ = ((count - 1) * parts + 1 for count in shape_for(box, scales.voxel))
-    levels = levels_of(body, height)
+    levels = build_levels(body, height)
     flat = node_positions(flat_box(box, 0.0), (nx, ny, 1)).expand(nx, ny, len(levels), 3).clone()
     flat[..., 2] = levels
     return dense_at(field, flat, scales.threshold).amax(-1, keepdim=True).numpy()
 
 
-def levels_of(body: Body, height: float) -> Float[Tensor, " levels"]:
+def build_levels(body: Body, height: float) -> Float[Tensor, " levels"]:
     """The heights of a body's points [m], of one whose middle is at `height` [m]."""
     return height + body.points_body[:, 2].unique()
 
@@ -271,7 +271,7 @@ class OccupancyMap:
 def body_density(field: Field, body: Body, state: RigidState) -> float:
     """The largest density at any point of the body [1/m]; what is beyond the field's box is as dense as solid space."""
     with torch.no_grad():
-        return known_density(field, body.points_at(state)).max().item()
+        return bordered_density(field, body.points_at(state)).max().item()
 
 
 def _is_exact(field: Field, config: OccupancyConfig) -> TypeGuard[GridField]:

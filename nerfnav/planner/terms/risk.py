@@ -19,22 +19,22 @@ from torch import Tensor
 
 from nerfnav.geometry import so3
 from nerfnav.planner.kernels import terms as kernels
-from nerfnav.planner.risk.collision_map import NONE, Danger, DangerMap
+from nerfnav.planner.risk.collision_map import NONE, ChanceGrid, CollisionMap
 from nerfnav.planner.terms.term import Adjoint, CostTerm, Kernel, TermContext
-from nerfnav.robots import FlatMap, Motion, wrapped
+from nerfnav.robots import FlatMap, Motion, wrap_angle
 
 
 def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
     """Collisions to be expected [1]."""
     if context.weights.risk == 0:
         return motion.actions.new_zeros(motion.actions.shape[:-2])
-    position, parts, pace = motion.states.position, context.weights.samples_per_step, context.outlook.pace
+    position, parts, pace = motion.states.position, context.weights.samples_per_step, context.risk_context.pace
     fractions = ((torch.arange(parts) + 0.5) / parts).to(position)
-    danger = DangerMap.of(context.field, context.robot, context.outlook)
+    danger = CollisionMap.of(context.field, context.robot, context.risk_context)
     turns, way = danger.chances.shape[1] > 1, position.diff(dim=-2)
     heading = so3.yaw_of(motion.states.rotation) if turns else torch.zeros_like(position[..., 0])
     along = position[..., :-1, None, :] + fractions[:, None] * way[..., None, :]
-    turned = heading[..., :-1, None] + fractions * wrapped(heading.diff(dim=-1))[..., None]
+    turned = heading[..., :-1, None] + fractions * wrap_angle(heading.diff(dim=-1))[..., None]
     first = len(danger.chances) - 1  # steps of their own chances
     steps = [*along[..., :first, :, :].unbind(-3), along[..., first:, :, :]]
     headings = [*turned[..., :first, :].unbind(-2), turned[..., first:, :]]
@@ -46,7 +46,7 @@ def risk(context: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
 
 
 def _chance(
-    danger: DangerMap, step: int, points: Float[Tensor, "*batch 3"], headings: Float[Tensor, "*batch"]
+    danger: CollisionMap, step: int, points: Float[Tensor, "*batch 3"], headings: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch"]:
     """c_t at points of the world [m] with headings [rad]."""
     layers, lower, per_meter = (torch.from_numpy(part).to(points) for part in danger.parts)
@@ -63,18 +63,18 @@ def _chance(
     return torch.where(inside, chance, torch.zeros_like(at[..., 0]))
 
 
-def danger_of(context: TermContext) -> tuple[Danger, float]:
+def chance_grid_of(context: TermContext) -> tuple[ChanceGrid, float]:
     """What the compiled twin asks for: the map, and 1 / pace, or 0 where each step counts once."""
     if context.weights.risk == 0:
         return NONE, 0.0
-    pace = context.outlook.pace
-    danger = DangerMap.of(context.field, context.robot, context.outlook).parts
+    pace = context.risk_context.pace
+    danger = CollisionMap.of(context.field, context.robot, context.risk_context).parts
     return danger, 0.0 if pace is None else 1 / pace
 
 
 def risk_kernel(context: TermContext, weight: float) -> Kernel:
     """The compiled twin."""
-    danger, by_way = danger_of(context)
+    danger, by_way = chance_grid_of(context)
     fractions = (np.arange(context.weights.samples_per_step) + 0.5) / context.weights.samples_per_step
 
     def weighed(flat: FlatMap, by: Adjoint) -> float:

@@ -21,7 +21,7 @@ from torch import Tensor
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.field import Field
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.risk.tracking_error import PAPERS_OUTLOOK, Outlook
+from nerfnav.planner.risk.tracking_error import PAPER_RISK_CONTEXT, RiskContext
 from nerfnav.planner.steps import PlanCost, TermCost
 from nerfnav.robots import Body, FlatMap, Motion, Robot
 
@@ -36,7 +36,7 @@ class TermContext:
     """What moves."""
     weights: CostWeights
     """What the terms of Eq. 2 weigh, how densely they sample, and the room around the body."""
-    outlook: Outlook = PAPERS_OUTLOOK
+    risk_context: RiskContext = PAPER_RISK_CONTEXT
     """What is known of the flight: time steps, and the noise to come."""
     points: int | None = None
     """How many well spread body points stand for the body; None: all of them."""

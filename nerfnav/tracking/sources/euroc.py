@@ -22,9 +22,9 @@ import torch
 import yaml
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.geometry import Camera, Pose, camera_of_matrices
-from nerfnav.tracking.frame import Frame, ImuNoise, Inertial, mount_of
-from nerfnav.tracking.sources.pictures import after, decoded
+from nerfnav.geometry import Camera, Pose, parse_camera
+from nerfnav.tracking.frame import Frame, ImuMeasurements, ImuNoise, mount_of
+from nerfnav.tracking.sources.pictures import decode_picture, require_later
 
 _MODELS = {"radial-tangential": "plumb_bob", "equidistant": "equidistant"}
 """Lens models to the words of ROS."""
@@ -46,7 +46,7 @@ def camera_of(file: Path) -> Camera | None:
         fx, fy, cx, cy = map(float, told["intrinsics"])
         model = str(told.get("distortion_model", ""))
         width, height = told["resolution"]
-        return camera_of_matrices({
+        return parse_camera({
             "image_width": width, "image_height": height, "camera_matrix": [fx, 0, cx, 0, fy, cy, 0, 0, 1],
             "distortion_model": _MODELS.get(model, model),
             "distortion_coefficients": told.get("distortion_coefficients"),
@@ -124,7 +124,7 @@ class EurocSource:
     """Time [s] and file of each picture."""
     camera: Camera | None
     """What took them, where sensor.yaml says so."""
-    inertial: Inertial | None
+    inertial: ImuMeasurements | None
     """What mav0/imu0 says, where it is there."""
 
     @property
@@ -136,9 +136,9 @@ class EurocSource:
         """Each picture. Raises InvalidInputError where one cannot be read, or where time runs backwards."""
         last = None
         for time, name in self.rows:
-            last, file = after(time, last, f"{name} of {self.folder}"), self.folder / "data" / name
+            last, file = require_later(time, last, f"{name} of {self.folder}"), self.folder / "data" / name
             try:
-                picture = decoded(file.read_bytes(), aspect=None if self.camera is None else self.camera.aspect)
+                picture = decode_picture(file.read_bytes(), aspect=None if self.camera is None else self.camera.aspect)
             except FileNotFoundError as error:
                 raise InvalidInputError(f"{self.folder / _TABLE} lists {name}, which is not there") from error
             except InvalidInputError as error:
@@ -191,7 +191,7 @@ def _number(folder: Path, cell: str) -> float:
         raise InvalidInputError(f"{folder / _TABLE} has {cell!r} where a number should be") from error
 
 
-def _inertial(folder: Path, camera: Path) -> Inertial | None:
+def _inertial(folder: Path, camera: Path) -> ImuMeasurements | None:
     if not (folder / _TABLE).is_file():
         return None
     rows = np.array([[_number(folder, cell) for cell in row[:7]] for row in _table(folder, 7)], dtype=np.float64)
@@ -199,8 +199,8 @@ def _inertial(folder: Path, camera: Path) -> Inertial | None:
         return None
     times = 1e-9 * rows[:, 0]
     for index in np.flatnonzero(~(np.diff(times) > 0)):
-        after(float(times[index + 1]), float(times[index]), f"measurement {index + 1} of {folder / _TABLE}")
+        require_later(float(times[index + 1]), float(times[index]), f"measurement {index + 1} of {folder / _TABLE}")
     measured = torch.from_numpy(rows[:, 1:]).float()
     mount, noise = mount_between(folder, camera), noise_of(folder / "sensor.yaml")
-    told = Inertial(torch.from_numpy(times), measured[:, :3], measured[:, 3:], mount, noise)
+    told = ImuMeasurements(torch.from_numpy(times), measured[:, :3], measured[:, 3:], mount, noise)
     return told.finite(str(folder / _TABLE))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
-from nerfnav.tracking.frame import Frame, Inertial
+from nerfnav.tracking.frame import Frame, ImuMeasurements
 from nerfnav.tracking.sources.pictures import SUFFIXES, pictures_of
 
 _NANOSECONDS = 16
@@ -25,7 +25,7 @@ class FolderSource:
     """Time [s] and file of each, in order."""
     camera: Camera | None = None
     """Unknown."""
-    inertial: Inertial | None = None
+    inertial: ImuMeasurements | None = None
     """There is none."""
     aspect: float | None = None
     """Width over height of the camera, where that is known after all."""

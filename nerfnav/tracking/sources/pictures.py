@@ -14,7 +14,7 @@ from nerfnav.importers import read_picture
 from nerfnav.tracking.frame import Frame
 
 
-def after(time: float, last: float | None, what: str) -> float:
+def require_later(time: float, last: float | None, what: str) -> float:
     """`time` [s], if it is a number after `last`; `what` was taken then, for people. Raises InvalidInputError."""
     if not (time > float("-inf") if last is None else time > last):
         before = "no earlier one" if last is None else f"{last:.6f} s"
@@ -26,7 +26,7 @@ GREY = "fields are compared in colour: record rgb8 or bgr8"
 """What is said of pictures without colours."""
 
 
-def decoded(data: Any, swapped: bool = False, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
+def decode_picture(data: Any, swapped: bool = False, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
     """The picture in the bytes of a JPEG or PNG file, RGB; `swapped`: whoever wrote it took red for blue.
 
     `aspect` is the width over the height of its camera, where that is known: see importers/core/stored_picture.py.
@@ -44,15 +44,15 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp")
 
 
 def pictures_of(listed: Sequence[tuple[float, Path]], aspect: float | None) -> Iterator[Frame]:
-    """Read pictures one at a time: time [s] and file of each, in order; `aspect` as `decoded` has it.
+    """Read pictures one at a time: time [s] and file of each, in order; `aspect` as `decode_picture` has it.
 
     Raises InvalidInputError where a time does not go on, or a file is missing or no picture.
     """
     last: float | None = None
     for seconds, path in listed:
-        last = after(seconds, last, path.name)
+        last = require_later(seconds, last, path.name)
         try:
-            yield Frame(seconds, decoded(path.read_bytes(), aspect=aspect), path.name)
+            yield Frame(seconds, decode_picture(path.read_bytes(), aspect=aspect), path.name)
         except OSError as error:
             raise InvalidInputError(f"the picture {path} cannot be read: {error.strerror}") from error
         except InvalidInputError as error:

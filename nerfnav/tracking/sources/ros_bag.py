@@ -22,10 +22,10 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.extras import from_extra
-from nerfnav.geometry import Camera, Pose, camera_of_matrices, so3
-from nerfnav.tracking.frame import Frame, Inertial, mount_of
-from nerfnav.tracking.sources.pictures import GREY, after, decoded
+from nerfnav.core.extras import import_extra
+from nerfnav.geometry import Camera, Pose, parse_camera, so3
+from nerfnav.tracking.frame import Frame, ImuMeasurements, mount_of
+from nerfnav.tracking.sources.pictures import GREY, decode_picture, require_later
 
 Tree = dict[str, tuple[str, np.ndarray]]
 """Of each frame, its parent and T_parent_frame (4, 4)."""
@@ -76,13 +76,13 @@ _RECTIFIED = "image_rect"
 
 
 def picture_of(message: Any, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
-    """The picture of an Image or CompressedImage, RGB; `aspect` as `decoded` has it.
+    """The picture of an Image or CompressedImage, RGB; `aspect` as `decode_picture` has it.
 
     Grey pictures are refused: fields are compared in colour. Raises InvalidInputError, which does not name the file.
     """
     if hasattr(message, "encoding"):
         return _raw(message)
-    return decoded(message.data, "compressed rgb" in message.format, aspect)
+    return decode_picture(message.data, "compressed rgb" in message.format, aspect)
 
 
 def _raw(message: Any) -> UInt8[Tensor, "height width 3"]:
@@ -113,7 +113,7 @@ def camera_of(message: Any, topic: str) -> Camera | None:
     told = {"image_width": message.width, "image_height": message.height, "camera_matrix": np.ravel(matrix).tolist()}
     if not rectified:
         told |= {"distortion_model": message.distortion_model, "distortion_coefficients": list(map(float, message.d))}
-    return camera_of_matrices(told)
+    return parse_camera(told)
 
 
 _USER = "reading a recording of ROS"
@@ -140,7 +140,7 @@ def read(path: Path, topic: str) -> Iterator[tuple[int, Message]]:
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
     """A reader of the recording, which turns what it complains about into one sentence."""
-    rosbag2 = from_extra("rosbags.rosbag2", "ros", _USER)
+    rosbag2 = import_extra("rosbags.rosbag2", "ros", _USER)
     try:
         with rosbag2.Reader(path) as reader:
             yield reader
@@ -152,7 +152,7 @@ def opened(path: Path) -> Iterator[Any]:
 @cache
 def _typestore() -> Any:
     """Message types of ROS 2."""
-    typesys = from_extra("rosbags.typesys", "ros", _USER)
+    typesys = import_extra("rosbags.typesys", "ros", _USER)
     return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
 
@@ -208,11 +208,11 @@ class BagSource:
         last = None
         for index, (time, message) in enumerate(messages(self.path, self.topic)):
             name = f"frame {index}"
-            last = after(time, last, f"{name} of {self.topic} in {self.path}")
+            last = require_later(time, last, f"{name} of {self.topic} in {self.path}")
             yield Frame(time, _picture(self.path, name, message, self.camera), name)
 
     @property
-    def inertial(self) -> Inertial | None:
+    def inertial(self) -> ImuMeasurements | None:
         """What an inertial measurement unit said; read when it is first asked for, which goes through the whole file.
 
         Raises InvalidInputError where time runs backwards, and for what is no number.
@@ -220,21 +220,21 @@ class BagSource:
         return self._measured
 
     @cached_property
-    def _measured(self) -> Inertial | None:
+    def _measured(self) -> ImuMeasurements | None:
         if self.imu is None:
             return None
         times, rates, forces, frame = [], [], [], ""
         for time, message in messages(self.path, self.imu):
             frame = message.header.frame_id
             last = times[-1] if times else None
-            times.append(after(time, last, f"measurement {len(times)} of {self.imu} in {self.path}"))
+            times.append(require_later(time, last, f"measurement {len(times)} of {self.imu} in {self.path}"))
             rate, force = message.angular_velocity, message.linear_acceleration
             rates.append((rate.x, rate.y, rate.z))
             forces.append((force.x, force.y, force.z))
         if not times:
             return None
         taken = torch.tensor(times, dtype=torch.float64)
-        measured = Inertial(taken, torch.tensor(rates), torch.tensor(forces), self._mount(frame))
+        measured = ImuMeasurements(taken, torch.tensor(rates), torch.tensor(forces), self._mount(frame))
         return measured.finite(f"{self.imu} of {self.path}")
 
     def _mount(self, unit: str) -> Pose | None:

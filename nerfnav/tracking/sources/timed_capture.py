@@ -8,7 +8,7 @@ from typing import Any
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, read_camera
 from nerfnav.importers.captures.transforms import head_and_frames
-from nerfnav.tracking.frame import Frame, Inertial
+from nerfnav.tracking.frame import Frame, ImuMeasurements
 from nerfnav.tracking.sources.pictures import pictures_of
 
 _NAME = "transforms.json"
@@ -22,7 +22,7 @@ class PosedSource:
     """Time [s] and file of each, in order."""
     camera: Camera | None
     """What the head of transforms.json says of it."""
-    inertial: Inertial | None = None
+    inertial: ImuMeasurements | None = None
     """There is none."""
 
     @classmethod

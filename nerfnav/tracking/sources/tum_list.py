@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
-from nerfnav.tracking.frame import Frame, Inertial
+from nerfnav.tracking.frame import Frame, ImuMeasurements
 from nerfnav.tracking.sources.pictures import pictures_of
 
 _NAME = "rgb.txt"
@@ -24,7 +24,7 @@ class ListSource:
     """Time [s] and file of each, as they are listed."""
     camera: Camera | None = None
     """Unknown."""
-    inertial: Inertial | None = None
+    inertial: ImuMeasurements | None = None
     """There is none."""
     aspect: float | None = None
     """Width over height of the camera, where that is known after all."""

@@ -10,8 +10,8 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera
 from nerfnav.importers.core.kinds import VIDEOS
-from nerfnav.tracking.frame import Frame, Inertial
-from nerfnav.tracking.sources.pictures import after
+from nerfnav.tracking.frame import Frame, ImuMeasurements
+from nerfnav.tracking.sources.pictures import require_later
 
 _WHOLE = 0.9
 """Share of the declared frames of which a whole video has more: containers count roughly."""
@@ -29,7 +29,7 @@ class VideoSource:
     """Frames in a second [1/s]; None: as the container says for each."""
     camera: Camera | None = None
     """Unknown."""
-    inertial: Inertial | None = None
+    inertial: ImuMeasurements | None = None
     """There is none."""
 
     @classmethod
@@ -53,7 +53,7 @@ class VideoSource:
                     break
                 seconds = 1e-3 * reader.get(cv2.CAP_PROP_POS_MSEC) if self.fps is None else index / self.fps
                 name = f"frame {index}"
-                last = after(seconds, last, f"{name} of {self.path.name}")
+                last = require_later(seconds, last, f"{name} of {self.path.name}")
                 yield Frame(seconds, torch.from_numpy(pixels[..., ::-1].copy()), name)
                 index += 1
         finally:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav_app.cli.progress import follow, tell
+from nerfnav_app.cli.progress import run_and_print, run_with_progress
 from nerfnav_app.cli.terminal import show
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from tests.waiting import PATIENCE_S
@@ -38,13 +38,13 @@ def counting(total: int, interrupt_at: int | None = None) -> JobEvents:
 
 
 def test_a_job_is_followed_to_its_end() -> None:
-    assert follow(counting(3)).summary == {"done": 3}
+    assert run_with_progress(counting(3)).summary == {"done": 3}
 
 
 def test_a_job_is_told_under_its_title_when_it_ends(capsys: pytest.CaptureFixture[str]) -> None:
-    assert tell("count", counting(3), as_json=False).summary == {"done": 3}
+    assert run_and_print("count", counting(3), as_json=False).summary == {"done": 3}
     assert [line.split() for line in capsys.readouterr().out.splitlines()] == [["count"], ["done", "3"]]
-    tell("count", counting(2), as_json=True)
+    run_and_print("count", counting(2), as_json=True)
     assert json.loads(capsys.readouterr().out) == {"done": 2}
 
 
@@ -55,14 +55,14 @@ def test_rows_of_numbers_are_told_one_by_one(capsys: pytest.CaptureFixture[str])
 
 
 def test_an_interrupt_asks_a_job_that_can_stop_early_to_do_so(capsys: pytest.CaptureFixture[str]) -> None:
-    assert follow(counting(9, interrupt_at=2), can_stop_early=True).summary == {"done": 3}
+    assert run_with_progress(counting(9, interrupt_at=2), can_stop_early=True).summary == {"done": 3}
     assert "keeping what was done so far" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_an_interrupt_ends_a_job_that_cannot_stop_early() -> None:
     with pytest.raises(KeyboardInterrupt):
-        follow(counting(9, interrupt_at=2))
+        run_with_progress(counting(9, interrupt_at=2))
 
 
 def test_a_second_interrupt_ends_every_job() -> None:
@@ -74,7 +74,7 @@ def test_a_second_interrupt_ends_every_job() -> None:
         return JobResult()
 
     with pytest.raises(KeyboardInterrupt):
-        follow(stubborn(), can_stop_early=True)
+        run_with_progress(stubborn(), can_stop_early=True)
 
 
 def test_what_is_no_number_becomes_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:

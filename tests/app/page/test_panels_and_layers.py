@@ -9,23 +9,30 @@ import trimesh
 
 from nerfnav.core.glb import parts
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.geometry import so3, to_linear, to_srgb, tone_mapped
+from nerfnav.geometry import so3, to_linear, to_srgb, tone_map
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost
 from nerfnav.robots.state import RigidState
 from nerfnav_app.page.kit.html import table
 from nerfnav_app.page.kit.theme import branded, linear
-from nerfnav_app.page.layers.camera_modes import sight
+from nerfnav_app.page.layers.camera_modes import compute_view
 from nerfnav_app.page.layers.flight import FlightLayer, arrows
 from nerfnav_app.page.layers.nodes import dashes, drops, quaternions, segments
 from nerfnav_app.page.layers.shapes import Shape, ball, cone, ellipsoids, robot_shape
 from nerfnav_app.page.panels.flight import flight as fly_panel
 from nerfnav_app.page.panels.plan import ends as ends_panel
 from nerfnav_app.page.panels.plan import plan
-from nerfnav_app.page.panels.status.status import activity
+from nerfnav_app.page.panels.status.status import describe_activity
 from nerfnav_app.places.ends import End, Ends
-from nerfnav_app.places.surface_glb import BRIGHTEST, colored_glb, dressed, simplified, unlit_glb, without_specks
-from nerfnav_app.state.export_subject import recording_of, subject
+from nerfnav_app.places.surface_glb import (
+    BRIGHTEST,
+    clip_and_fade,
+    encode_colored_glb,
+    encode_textured_glb,
+    remove_specks,
+    simplified,
+)
+from nerfnav_app.state.export_subject import make_recording, name_subject
 from nerfnav_app.state.job import Job, JobKind
 from nerfnav_app.state.records import CostHistory, FlightRecord, PlanRecord
 from nerfnav_app.state.session import Session
@@ -120,7 +127,7 @@ def _mesh(shape: Shape) -> trimesh.Trimesh:
 def test_the_surface_reads_back_as_the_same_mesh_with_a_picture_that_is_displayed_in_its_colours() -> None:
     mesh = trimesh.creation.box((1, 2, 3))
     colors = np.random.default_rng(0).integers(60, 190, (8, 3), dtype=np.uint8)
-    glb = unlit_glb(painted(mesh, colors))
+    glb = encode_textured_glb(painted(mesh, colors))
     back = trimesh.load(trimesh.util.wrap_as_stream(glb), file_type="glb", force="mesh", process=False)
     np.testing.assert_allclose(back.vertices, mesh.vertices, atol=1e-6)
     assert sorted(back.faces.tolist()) == sorted(mesh.faces.tolist())
@@ -128,7 +135,7 @@ def test_the_surface_reads_back_as_the_same_mesh_with_a_picture_that_is_displaye
     u, v = back.visual.uv.T / 65535
     v = (65537 - 65535 * v) % 65536 / 65535  # which trimesh has turned over within 16 bits
     row, column = (v * picture.shape[0]).astype(int), (u * picture.shape[1]).astype(int)
-    displayed = to_srgb(tone_mapped(BRIGHTEST * to_linear(picture[row, column] / 255)))
+    displayed = to_srgb(tone_map(BRIGHTEST * to_linear(picture[row, column] / 255)))
     np.testing.assert_allclose(255 * displayed, colors, atol=6)
     assert b"KHR_materials_unlit" in glb and len(glb) % 4 == 0
 
@@ -137,24 +144,24 @@ def test_a_surface_without_a_texture_is_displayed_in_the_colours_of_its_corners(
     mesh = trimesh.creation.box((1, 2, 3))
     colors = np.random.default_rng(0).integers(60, 190, (8, 3), dtype=np.uint8)
     mesh.visual.vertex_colors = colors
-    document, binary = parts(colored_glb(mesh, ([0, 0, 0], [1, 2, 3])))
+    document, binary = parts(encode_colored_glb(mesh, ([0, 0, 0], [1, 2, 3])))
     view = document["bufferViews"][1]
     light = np.frombuffer(binary, "<u2", 32, view["byteOffset"]).reshape(8, 4) / 65535
-    displayed = to_srgb(tone_mapped(BRIGHTEST * light[:, :3]))
+    displayed = to_srgb(tone_map(BRIGHTEST * light[:, :3]))
     np.testing.assert_allclose(255 * displayed, colors, atol=1)
     assert (light[:, 3] == 1).all() and document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][0] == 2
-    assert dressed(colored_glb(mesh), 0.5, 0.5)
+    assert clip_and_fade(encode_colored_glb(mesh), 0.5, 0.5)
 
 
 def test_a_surface_can_be_cut_at_a_height_and_made_transparent() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
-    glb = unlit_glb(painted(mesh, np.full((len(mesh.vertices), 3), 200, np.uint8)))
-    half = trimesh.load(trimesh.util.wrap_as_stream(dressed(glb, 0.5, 0.5)), file_type="glb", force="mesh")
+    glb = encode_textured_glb(painted(mesh, np.full((len(mesh.vertices), 3), 200, np.uint8)))
+    half = trimesh.load(trimesh.util.wrap_as_stream(clip_and_fade(glb, 0.5, 0.5)), file_type="glb", force="mesh")
     assert half.vertices[half.faces, 2].max() <= 1e-6
     assert len(half.faces) == (mesh.vertices[mesh.faces, 2].max(1) <= 1e-6).sum()
-    whole = trimesh.load(trimesh.util.wrap_as_stream(dressed(glb, 1.0, 1.0)), file_type="glb", force="mesh")
+    whole = trimesh.load(trimesh.util.wrap_as_stream(clip_and_fade(glb, 1.0, 1.0)), file_type="glb", force="mesh")
     assert len(whole.faces) == len(mesh.faces)
-    thin = parts(dressed(glb, 0.5, 1.0))[0]["materials"][0]
+    thin = parts(clip_and_fade(glb, 0.5, 1.0))[0]["materials"][0]
     assert thin["alphaMode"] == "BLEND" and thin["pbrMetallicRoughness"]["baseColorFactor"][3] == 0.5
     assert "baseColorTexture" in thin["pbrMetallicRoughness"]
 
@@ -164,10 +171,10 @@ def test_specks_are_left_out_of_the_surface_and_large_parts_stay_as_they_are() -
     speck.apply_translation((3, 0, 0))
     both = trimesh.util.concatenate([speck, large])
     both.visual.vertex_colors = np.random.default_rng(0).integers(0, 256, (len(both.vertices), 3), dtype=np.uint8)
-    kept = without_specks(both, least_faces=50)
+    kept = remove_specks(both, least_faces=50)
     np.testing.assert_allclose(kept.vertices, large.vertices)
     np.testing.assert_array_equal(kept.visual.vertex_colors, both.visual.vertex_colors[len(speck.vertices) :])
-    assert len(without_specks(trimesh.Trimesh(), 50).faces) == 0
+    assert len(remove_specks(trimesh.Trimesh(), 50).faces) == 0
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
@@ -203,14 +210,14 @@ def test_panels_say_what_to_do_while_there_is_nothing_to_show() -> None:
     session = Session.opening("balls")
     assert "press Plan" in plan.describe(None, stale=False, planning=False)
     assert "press Fly" in fly_panel.describe(None, stale=False, flying=False)
-    assert "Opening" in activity(session)
-    assert subject(session) is None and recording_of(session) is None
+    assert "Opening" in describe_activity(session)
+    assert name_subject(session) is None and make_recording(session) is None
     assert "Checking" in ends_panel.describe(session)
 
 
 @pytest.mark.parametrize("kind", JobKind)
 def test_every_kind_of_job_is_said_in_a_line(kind: JobKind) -> None:
-    assert len(activity(replace(Session.opening("balls"), job=Job(1, kind)))) > 5
+    assert len(describe_activity(replace(Session.opening("balls"), job=Job(1, kind)))) > 5
 
 
 def test_numbers_of_a_flight_carry_their_units() -> None:
@@ -225,8 +232,8 @@ def test_numbers_of_a_flight_carry_their_units() -> None:
 def test_the_flight_is_taken_away_where_there_is_one_and_else_the_plan() -> None:
     place = balls_place()
     session = Session("balls", place=place, ends=ENDS, plan=PlanRecord(ENDS).with_step(plan_step(ENDS, 0)))
-    made = recording_of(session)
-    assert subject(session) == "plan" and made is not None and len(made.times) == 9
+    made = make_recording(session)
+    assert name_subject(session) == "plan" and made is not None and len(made.times) == 9
     np.testing.assert_allclose(made.position[-1], ENDS.goal.position, atol=1e-6)
 
 
@@ -304,7 +311,7 @@ def test_drop_lines_are_vertical_and_end_on_the_floor() -> None:
 def test_cameras_look_where_the_robot_is_or_goes(mode: CameraMode) -> None:
     place = balls_place()
     state = End((0.2, 0.1, 0.5), yaw=0.7).state()
-    eye, target = sight(mode, state, place.robot, place.field.box)
+    eye, target = compute_view(mode, state, place.robot, place.field.box)
     at, ahead = state.position.double().numpy(), state.rotation.double().numpy()[:, 0]
     assert np.isfinite(eye).all() and np.linalg.norm(target - eye) > 0.1
     if mode is CameraMode.TOP:

@@ -17,7 +17,7 @@ from nerfnav.planner.steps import PlanOutcome
 from nerfnav_app.jobs.events import JobResult, PlaceOpened, Progress, SurfaceShaped
 from nerfnav_app.page.layers.field_surface import FieldSurfaceLayer
 from nerfnav_app.page_server import page_server
-from nerfnav_app.places.surface_glb import unlit_glb
+from nerfnav_app.places.surface_glb import encode_textured_glb
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import StartFlight, StartPlan, Tick
 from nerfnav_app.state.job import JobKind
@@ -132,7 +132,7 @@ def test_large_nodes_are_not_sent_again_while_a_robot_flies(app: App, go_on: thr
 def test_a_surface_that_was_shown_before_is_there_at_once_and_not_sent_again_when_the_place_opens() -> None:
     place = balls_place()
     box = place.field.box.lower.tolist(), place.field.box.upper.tolist()
-    surface = unlit_glb(painted(mesh := trimesh.creation.icosphere(), np.zeros((len(mesh.vertices), 3))), box)
+    surface = encode_textured_glb(painted(mesh := trimesh.creation.icosphere(), np.zeros((len(mesh.vertices), 3))), box)
     port = free_port()
     server = page_server("127.0.0.1", port)
     sent: list[viser_messages.Message] = []

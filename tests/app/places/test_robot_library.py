@@ -7,7 +7,7 @@ import trimesh
 from trimesh.exchange.stl import export_stl
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.robots import described, load, names, to_yaml
+from nerfnav.robots import describe_robot, load, names, to_yaml
 from nerfnav_app.places.robot_library import RobotLibrary
 from nerfnav_app.places.uploads import UploadError
 
@@ -16,7 +16,7 @@ _MESH = b"name: hull\nkind: quadrotor\nmass: 1\nbody: {mesh: hull.stl}\n"
 
 @pytest.mark.parametrize("name", names())
 def test_a_described_robot_is_the_same_robot_again(tmp_path: Path, name: str) -> None:
-    told, meshes = described(name)
+    told, meshes = describe_robot(name)
     again, own = load(str(RobotLibrary(tmp_path).keep(told, meshes))), load(name)
     assert again.bounds == own.bounds and again.camera == own.camera
     assert again.body.points_body.equal(own.body.points_body)
@@ -24,7 +24,7 @@ def test_a_described_robot_is_the_same_robot_again(tmp_path: Path, name: str) ->
 
 def test_a_robot_keeps_its_file_though_another_of_its_name_comes(tmp_path: Path) -> None:
     library = RobotLibrary(tmp_path)
-    told, meshes = described("crazyflie")
+    told, meshes = describe_robot("crazyflie")
     first = library.keep(told, meshes)
     told.limits = {**told.limits, "speed": 0.5}
     second = library.keep(told, meshes)
@@ -39,7 +39,7 @@ def test_a_mesh_is_brought_before_the_robot_that_names_it(tmp_path: Path) -> Non
     assert library.brought("hull.stl", hull) is None
     file = library.brought("own.yaml", _MESH)
     assert file is not None and load(str(file)).body.solid is not None
-    told, meshes = described(str(file))
+    told, meshes = describe_robot(str(file))
     told.name = "other"
     assert load(str(library.keep(told, meshes))).body.solid is not None, "the mesh has not come along"
 
@@ -64,6 +64,6 @@ def test_what_is_no_robot_is_refused_and_leaves_nothing(
 
 
 def test_yaml_leaves_out_what_is_not_told(tmp_path: Path) -> None:
-    told, _ = described("diffdrive")
+    told, _ = describe_robot("diffdrive")
     text = to_yaml(told).decode()
     assert "mass" not in text and "null" not in text and "kind: diffdrive" in text

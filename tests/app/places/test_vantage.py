@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nerfnav_app.places.vantage import View, shows, view_of_box, view_of_ends
+from nerfnav_app.places.vantage import View, is_visible, view_of_box, view_of_ends
 
 _BOX = ((-5.0, -5.0, 0.0), (5.0, 5.0, 3.0))
 
@@ -45,4 +45,4 @@ def test_where_everything_is_hidden_there_is_a_view_all_the_same() -> None:
 )
 def test_a_view_shows_a_place_of_which_more_than_a_speck_is_in_the_page(view: View, seen: bool, scale: float) -> None:
     (eye, target), corners = scale * np.array(view), scale * np.array(_BOX)
-    assert shows((tuple(eye.tolist()), tuple(target.tolist())), *corners.tolist()) is seen
+    assert is_visible((tuple(eye.tolist()), tuple(target.tolist())), *corners.tolist()) is seen

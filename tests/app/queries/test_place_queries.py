@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.core.occupancy import states_of_unseen
+from nerfnav.field.core.occupancy import classify_unseen
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.queries.click_landing import ClickLandingQuery
@@ -37,11 +37,11 @@ def partly_seen() -> tuple[Place, np.ndarray, np.ndarray]:
     unseen[UNSEEN] = True
     corners = np.array([[part.start for part in UNSEEN], [part.stop - 1 for part in UNSEEN]])
     lower, upper = field.box.lower.numpy() + corners * field.spacing.numpy()
-    return replace(PLACE, field=replace(field, evidence=states_of_unseen(unseen, field.values[..., 0]))), lower, upper
+    return replace(PLACE, field=replace(field, evidence=classify_unseen(unseen, field.values[..., 0]))), lower, upper
 
 
 def test_an_end_in_a_ball_is_refused_and_the_offer_is_free() -> None:
-    report = EndFitQuery(Which.GOAL, End((0.0, 0.0, 0.3))).answer(Resources(PLACE))
+    report = EndFitQuery(EndRole.GOAL, End((0.0, 0.0, 0.3))).answer(Resources(PLACE))
     assert report.problem is not None and "the goal is in occupied space" in report.problem
     assert report.offer is not None
     assert fits(PLACE.field, PLACE.robot.body, report.offer.state())
@@ -49,12 +49,12 @@ def test_an_end_in_a_ball_is_refused_and_the_offer_is_free() -> None:
 
 
 def test_a_free_end_is_no_problem_and_there_is_no_offer() -> None:
-    report = EndFitQuery(Which.START, End((-0.7, 0.6, 0.5))).answer(Resources(PLACE))
+    report = EndFitQuery(EndRole.START, End((-0.7, 0.6, 0.5))).answer(Resources(PLACE))
     assert report.problem is None and report.offer is None
 
 
 def test_a_click_on_a_ball_puts_the_robot_on_top_of_it() -> None:
-    landed = ClickLandingQuery(Click(Which.START, (0.0, 0.0, 2.0), (0.0, 0.0, -3.0))).answer(Resources(PLACE))
+    landed = ClickLandingQuery(Click(EndRole.START, (0.0, 0.0, 2.0), (0.0, 0.0, -3.0))).answer(Resources(PLACE))
     assert landed is not None
     x, y, z = landed
     assert (x, y) == (0.0, 0.0)
@@ -62,14 +62,14 @@ def test_a_click_on_a_ball_puts_the_robot_on_top_of_it() -> None:
 
 
 def test_a_click_on_a_side_puts_the_robot_beside_it_where_it_fits() -> None:
-    landed = ClickLandingQuery(Click(Which.START, (-0.9, 0.0, 0.3), (1.0, 0.0, 0.0))).answer(Resources(PLACE))
+    landed = ClickLandingQuery(Click(EndRole.START, (-0.9, 0.0, 0.3), (1.0, 0.0, 0.0))).answer(Resources(PLACE))
     assert landed is not None
     assert fits(PLACE.field, PLACE.robot.body, End(landed).state())
     assert math.dist(landed, (-0.2, 0.0, 0.3)) < 0.3, "it is far from what was clicked"
 
 
 def test_a_click_into_the_sky_lands_nowhere() -> None:
-    click = Click(Which.START, (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
+    click = Click(EndRole.START, (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
     assert ClickLandingQuery(click).answer(Resources(PLACE)) is None
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from nerfnav.core.glb import parts
-from nerfnav_app.jobs.export.surface import shaping
+from nerfnav_app.jobs.export.surface import shape_surface
 from nerfnav_app.jobs.open.opening import run
 from nerfnav_app.places.place import open_place
 from nerfnav_app.queries.query import Resources
@@ -62,4 +62,4 @@ def test_plans_do_not_wait_for_the_texture(seen: Session) -> None:
 def test_a_texture_of_another_place_is_not_taken(seen: Session) -> None:
     (query,) = SurfaceTextureQuery.pending(seen)
     elsewhere = replace(seen, surface=b"another")
-    assert after(elsewhere, m.QueryAnswered(query, Baking(shaping(balls_place()), b"late"))).surface == b"another"
+    assert after(elsewhere, m.QueryAnswered(query, Baking(shape_surface(balls_place()), b"late"))).surface == b"another"

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav_app.page.panels.status.status import status
-from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.click_landing import ClickLandingQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.actions import Redo, Undo
@@ -21,8 +21,8 @@ THERE, FARTHER = End((0.5, -0.5, 0.4)), End((0.4, -0.5, 0.4))
 
 def dragged(session: Session, *ends: End) -> Session:
     """The session after a hand has moved the goal through some places and let go."""
-    moves = [m.MoveEnd(Which.GOAL, end, held=True) for end in ends]
-    return after(session, *moves, m.MoveEnd(Which.GOAL, ends[-1]))
+    moves = [m.MoveEnd(EndRole.GOAL, end, held=True) for end in ends]
+    return after(session, *moves, m.MoveEnd(EndRole.GOAL, ends[-1]))
 
 
 def test_a_drag_is_undone_as_one_step_and_done_again(opened: Session) -> None:
@@ -42,7 +42,7 @@ def test_a_drag_is_undone_as_one_step_and_done_again(opened: Session) -> None:
         m.Adjust(m.Settings.WEIGHTS, "collision", 5.0),
         m.Adjust(m.Settings.FLIGHT, "seed", 7),
         m.Adjust(m.Settings.VIEW, "clearance", True),
-        m.TypeEnd(Which.START, THERE),
+        m.TypeEnd(EndRole.START, THERE),
     ],
 )
 def test_each_setting_and_typed_end_is_undone(opened: Session, change: m.Command) -> None:
@@ -62,7 +62,7 @@ def test_a_slider_that_moves_on_is_one_step_and_another_setting_is_another(opene
 
 
 def test_a_click_that_puts_an_end_down_is_undone(opened: Session) -> None:
-    aimed = after(opened, m.Aim(Which.GOAL), m.Point((0.0, 0.0, 1.0), (0.0, 0.0, -1.0)))
+    aimed = after(opened, m.Aim(EndRole.GOAL), m.Point((0.0, 0.0, 1.0), (0.0, 0.0, -1.0)))
     assert aimed.clicked is not None
     landed = after(aimed, m.QueryAnswered(ClickLandingQuery(aimed.clicked), THERE.position))
     assert landed.ends.goal.position == THERE.position
@@ -92,32 +92,32 @@ def test_another_robot_is_undone_with_its_ends(opened: Session) -> None:
 def test_a_new_step_forgets_what_was_undone_and_old_ones_are_forgotten_in_the_end(opened: Session) -> None:
     branch = after(dragged(opened, THERE), Undo(), m.Adjust(m.Settings.FLIGHT, "seed", 1))
     assert not branch.history.future
-    many = after(opened, *(m.TypeEnd(Which.GOAL, End((0.001 * k, -0.5, 0.4))) for k in range(MOST + 20)))
+    many = after(opened, *(m.TypeEnd(EndRole.GOAL, End((0.001 * k, -0.5, 0.4))) for k in range(MOST + 20)))
     assert len(many.history.past) == MOST
 
 
 def test_numbers_outside_of_the_place_are_said_and_stay_until_they_are_put_right(opened: Session) -> None:
-    typed = after(opened, m.TypeEnd(Which.GOAL, End((5.0, 0.0, 5.0))))
-    assert typed.ends == opened.ends and typed.outside == {Which.GOAL: End((5.0, 0.0, 5.0))}
+    typed = after(opened, m.TypeEnd(EndRole.GOAL, End((5.0, 0.0, 5.0))))
+    assert typed.ends == opened.ends and typed.outside == {EndRole.GOAL: End((5.0, 0.0, 5.0))}
     said = status(typed).text
     assert said.startswith("The goal cannot be at 5, 0, 5: ") and "x from -0.93 to 0.93 and z from 0.07 to 0.73" in said
     still = after(typed, m.Adjust(m.Settings.FLIGHT, "seed", 3))
     assert status(still).text == said, "it is forgotten though it is not put right"
-    for right in (m.TypeEnd(Which.GOAL, THERE), m.MoveEnd(Which.GOAL, THERE), m.Reset()):
+    for right in (m.TypeEnd(EndRole.GOAL, THERE), m.MoveEnd(EndRole.GOAL, THERE), m.Reset()):
         assert not after(typed, right).outside
-    assert after(typed, m.TypeEnd(Which.GOAL, THERE)).ends.goal == THERE
+    assert after(typed, m.TypeEnd(EndRole.GOAL, THERE)).ends.goal == THERE
 
 
 def test_numbers_a_hair_outside_are_meant_to_be_inside(opened: Session) -> None:
-    typed = after(opened, m.TypeEnd(Which.GOAL, End((0.93, 0.0, 0.4))))
+    typed = after(opened, m.TypeEnd(EndRole.GOAL, End((0.93, 0.0, 0.4))))
     assert not typed.outside and typed.ends.goal.position[0] == pytest.approx(0.93, abs=0.005)
 
 
 def test_where_unseen_space_is_free_the_ends_are_looked_at_again_also_after_undo(opened: Session) -> None:
-    known = replace(opened, problems=dict.fromkeys(Which))
-    free = after(known, m.Adjust(m.Settings.PLAN, "unknown", Unknown.FREE))
+    known = replace(opened, problems=dict.fromkeys(EndRole))
+    free = after(known, m.Adjust(m.Settings.PLAN, "unknown", UnknownSpace.FREE))
     assert not free.problems
-    assert not after(replace(free, problems=dict.fromkeys(Which)), Undo()).problems
+    assert not after(replace(free, problems=dict.fromkeys(EndRole)), Undo()).problems
 
 
 def test_an_accepted_risk_that_is_no_share_is_refused(opened: Session) -> None:

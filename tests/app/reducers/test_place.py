@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import nerfnav_scenes as scenes
-from nerfnav.field import Unknown, planning_field
+from nerfnav.field import UnknownSpace, planning_field
 from nerfnav.planner import fits
 from nerfnav.robots import load
 from nerfnav.world.scene import Task
 from nerfnav_app.jobs.events import JobFinished, PlaceOpened
-from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.places.place import Place, Truth
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import EndFitQuery
@@ -47,17 +47,17 @@ def test_without_a_task_ends_are_sought_and_fit() -> None:
     assert session.place is not None and pending_queries(session)[0] == query, "nothing is more urgent"
     session = after(session, m.QueryAnswered(query, query.answer(Resources(session.place))))
     assert not session.seeking and session.plan_settings.shortest and session.view is not None
-    field, robot = planning_field(balls_place().field, Unknown.OCCUPIED), load("quadrotor")
-    for which in Which:
+    field, robot = planning_field(balls_place().field, UnknownSpace.OCCUPIED), load("quadrotor")
+    for which in EndRole:
         assert fits(field, robot.body, session.ends.of(which).state())
-    away = after(session, m.MoveEnd(Which.GOAL, End((0.1, 0.8, 0.6))))
+    away = after(session, m.MoveEnd(EndRole.GOAL, End((0.1, 0.8, 0.6))))
     assert after(away, m.Reset()).ends == session.ends
 
 
 def test_ends_that_somebody_has_put_meanwhile_stay() -> None:
     session = opened_in(balls_place())
     (query,) = FirstEndsQuery.pending(session)
-    moved = after(session, m.MoveEnd(Which.GOAL, End((0.1, 0.8, 0.6))))
+    moved = after(session, m.MoveEnd(EndRole.GOAL, End((0.1, 0.8, 0.6))))
     assert after(moved, m.QueryAnswered(query, FirstEnds(Ends()))) == moved
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from nerfnav.importers.alignment import Correction
+from nerfnav.importers.alignment import AlignmentRequest
 from nerfnav_app.jobs.events import JobFinished, JobResult, PlaceOpened
 from nerfnav_app.queries.surface_point import SurfacePointQuery
 from nerfnav_app.reducers.root import reduce
@@ -31,51 +31,51 @@ def clicked(session: Session, *points: p.Vector) -> Session:
 
 
 def test_two_clicks_and_a_distance_ask_for_a_scale(opened: Session) -> None:
-    session = clicked(after(opened, p.PointAt(p.Pointing.DISTANCE)), (0.0, 0.0, 0.0), (0.3, 0.4, 0.0))
+    session = clicked(after(opened, p.PickPoints(p.PickTarget.DISTANCE)), (0.0, 0.0, 0.0), (0.3, 0.4, 0.0))
     assert session.placing.pointing is None and session.placing.length == pytest.approx(0.5)
-    refused = after(session, p.ApplyPlacing())
+    refused = after(session, p.ApplyAlignment())
     assert refused.job is None and refused.notices[-1].bad
-    session = after(session, p.Measure(2.0))
+    session = after(session, p.SetDistance(2.0))
     assert session.placing.correction().factor == pytest.approx(4.0)
-    begun = after(session, p.ApplyPlacing())
+    begun = after(session, p.ApplyAlignment())
     assert begun.job is not None and begun.job.kind is JobKind.PLACE
 
 
 def test_three_clicks_are_a_floor_seen_from_above(opened: Session) -> None:
-    asked = after(opened, p.PointAt(p.Pointing.FLOOR))
+    asked = after(opened, p.PickPoints(p.PickTarget.FLOOR))
     session = clicked(asked, (0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (0.0, 1.0, 0.1))
     correction = session.placing.correction()
     assert correction.floor is not None and correction.up is not None and correction.up[2] == pytest.approx(2.0)
 
 
 def test_three_clicks_on_a_line_are_told_when_they_are_applied(opened: Session) -> None:
-    asked = after(opened, p.PointAt(p.Pointing.FLOOR))
-    session = after(clicked(asked, (0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (2.0, 0.0, 0.1)), p.ApplyPlacing())
+    asked = after(opened, p.PickPoints(p.PickTarget.FLOOR))
+    session = after(clicked(asked, (0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (2.0, 0.0, 0.1)), p.ApplyAlignment())
     assert session.job is None and "on one line" in session.notices[-1].body
 
 
 def test_a_click_that_meets_nothing_is_asked_again(opened: Session) -> None:
-    session = after(opened, p.PointAt(p.Pointing.FLOOR), m.Point((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
+    session = after(opened, p.PickPoints(p.PickTarget.FLOOR), m.Point((0.0, 0.0, 2.0), (0.0, 0.0, 1.0)))
     (query,) = SurfacePointQuery.pending(session)
     session = reduce(session, m.QueryAnswered(query, None))
-    assert session.placing.pointing is p.Pointing.FLOOR and not session.placing.floor and session.notices[-1].bad
+    assert session.placing.pointing is p.PickTarget.FLOOR and not session.placing.floor and session.notices[-1].bad
 
 
 def test_nothing_asked_for_changes_nothing(opened: Session) -> None:
-    session = after(opened, p.ApplyPlacing())
+    session = after(opened, p.ApplyAlignment())
     assert session.job is None and session.notices[-1].title == "Nothing to change"
-    assert after(opened, p.UndoPlacing()).job is None
+    assert after(opened, p.UndoAlignment()).job is None
 
 
 def test_what_was_put_right_is_opened_and_can_be_undone(opened: Session) -> None:
-    begun = after(opened, p.Keep(((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))), p.ApplyPlacing())
-    assert begun.placing.correction() == Correction(kept=((0.0, 0.0, 0.0), (0.5, 0.5, 0.5)))
+    begun = after(opened, p.Keep(((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))), p.ApplyAlignment())
+    assert begun.placing.correction() == AlignmentRequest(kept=((0.0, 0.0, 0.0), (0.5, 0.5, 0.5)))
     result = JobResult({"changed": ["what is kept: less"]}, (Path("folder") / "balls.npz",))
     session = reports(begun, JobFinished("place", result))
     assert session.what == str(Path("folder") / "balls.npz") and session.placing.undo == ("balls",)
     assert session.job is not None and session.job.kind is JobKind.OPEN and "less" in session.notices[-1].body
     session = reports(session, PlaceOpened(balls_place()), JobFinished("open"))
-    undone = after(session, p.UndoPlacing())
-    assert undone.what == "balls" and undone.placing == p.Placing()
+    undone = after(session, p.UndoAlignment())
+    assert undone.what == "balls" and undone.placing == p.AlignmentDraft()
     other = after(session, m.OpenPlace("stonehenge"))
-    assert other.placing == p.Placing()  # of another place nothing is known
+    assert other.placing == p.AlignmentDraft()  # of another place nothing is known

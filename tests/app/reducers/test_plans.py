@@ -8,21 +8,21 @@ import pytest
 
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.risk.costs import CostWeights
-from nerfnav.planner.steps import GOOD, PlanOutcome
+from nerfnav.planner.steps import FLYABLE, PlanOutcome
 from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult
-from nerfnav_app.page.layers.plan import Look, look_of
-from nerfnav_app.page.panels.status.next_step import next_step, remedy
+from nerfnav_app.page.layers.plan import PlanStyle, choose_plan_style
+from nerfnav_app.page.panels.status.next_step import choose_next_step, find_remedy
 from nerfnav_app.page.panels.status.status import asks, status
-from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import EndFitQuery
-from nerfnav_app.queries.following_plan import FollowingPlanQuery, WantedPlan, drafted, plan_request, planned
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, drafted, plan_request, planned
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import AllowTime, RestoreWeights, StayDown
+from nerfnav_app.state.records import AllowTime, DeclineFlight, RestoreWeights
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import Choice
 from nerfnav_app.state.view import ViewSettings
@@ -30,8 +30,8 @@ from tests.app.doubles import flight_step, plan_step
 from tests.app.sessions import after, reports
 from tests.app.sessions import planned as well_planned
 
-THERE = m.MoveEnd(Which.GOAL, End((0.5, -0.5, 0.4)))
-FARTHER = m.MoveEnd(Which.GOAL, End((0.4, -0.5, 0.4)))
+THERE = m.MoveEnd(EndRole.GOAL, End((0.5, -0.5, 0.4)))
+FARTHER = m.MoveEnd(EndRole.GOAL, End((0.4, -0.5, 0.4)))
 
 
 def asked_of(session: Session) -> FollowingPlanQuery:
@@ -60,14 +60,14 @@ def test_a_hand_that_moves_an_end_is_followed_by_drafts_and_nothing_comes_in_bet
     asked = asked_of(moving)
     assert asked.draft and asked.last is moving.plan.latest.motion  # type: ignore[union-attr]
     assert RobotViewQuery not in kinds(pending_queries(moving))
-    draft = after(moving, m.QueryAnswered(asked, WantedPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),))))
+    draft = after(moving, m.QueryAnswered(asked, SessionPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),))))
     assert draft.plan is not None and draft.plan.draft and not draft.plan_is_stale
     assert draft.fresh_plan is None, "nobody has judged it"
     assert FollowingPlanQuery not in kinds(pending_queries(draft)), "it waits for the hand"
     let_go = after(draft, replace(THERE, held=False))
     final = asked_of(let_go)
     assert not final.draft
-    done = after(let_go, m.QueryAnswered(final, WantedPlan((plan_step(final.ends, 0, PlanOutcome.CONVERGED),))))
+    done = after(let_go, m.QueryAnswered(final, SessionPlan((plan_step(final.ends, 0, PlanOutcome.CONVERGED),))))
     assert done.fresh_plan is done.plan is not None and not done.replaying
 
 
@@ -75,34 +75,34 @@ def test_a_plan_for_slightly_earlier_ends_is_newer_than_what_stands(opened: Sess
     first = after(well_planned(opened), held(THERE))
     asked = asked_of(first)
     second = after(first, held(FARTHER))
-    told = after(second, m.QueryAnswered(asked, WantedPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),))))
+    told = after(second, m.QueryAnswered(asked, SessionPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),))))
     assert told.plan is not None and told.plan.ends == first.ends and told.plan_is_stale
-    assert look_of(told) is Look.WANTED, "it is a moment behind"
+    assert choose_plan_style(told) is PlanStyle.WANTED, "it is a moment behind"
     assert asked_of(told).ends == second.ends
-    assert look_of(after(told, replace(FARTHER, held=False))) is Look.STALE
+    assert choose_plan_style(after(told, replace(FARTHER, held=False))) is PlanStyle.STALE
 
 
 def test_an_answer_from_before_a_job_is_no_plan_of_now(opened: Session) -> None:
     moving = after(well_planned(opened), held(THERE))
     asked = asked_of(moving)
     again = after(moving, m.StartPlan())
-    late = m.QueryAnswered(asked, WantedPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),)))
+    late = m.QueryAnswered(asked, SessionPlan((plan_step(asked.ends, 0, PlanOutcome.CONVERGED),)))
     assert after(again, late) is again
 
 
 def test_a_plan_that_cannot_follow_is_greyed_and_says_why(opened: Session) -> None:
     moving = after(well_planned(opened), held(THERE))
-    told = after(moving, m.QueryAnswered(asked_of(moving), WantedPlan(refusal="the goal is in a stone")))
-    assert look_of(told) is Look.STALE and "The goal is in a stone." in status(told).text
+    told = after(moving, m.QueryAnswered(asked_of(moving), SessionPlan(refusal="the goal is in a stone")))
+    assert choose_plan_style(told) is PlanStyle.STALE and "The goal is in a stone." in status(told).text
 
 
 def test_what_was_dragged_away_from_a_flight_is_planned_again(opened: Session) -> None:
     flying = after(well_planned(opened), m.StartFlight())
     steps = [flight_step(flying.ends, 0), flight_step(flying.ends, 1, EpisodeOutcome.REACHED)]
     landed = reports(flying, *steps, JobFinished("fly"))
-    assert look_of(landed) is Look.HIDDEN and "Arrived after 0.1 s" in status(landed).text
+    assert choose_plan_style(landed) is PlanStyle.HIDDEN and "Arrived after 0.1 s" in status(landed).text
     moving = after(landed, held(THERE))
-    assert asked_of(moving).draft and look_of(moving) is Look.STALE
+    assert asked_of(moving).draft and choose_plan_style(moving) is PlanStyle.STALE
 
 
 @pytest.mark.parametrize(
@@ -115,25 +115,25 @@ def test_what_was_dragged_away_from_a_flight_is_planned_again(opened: Session) -
 )
 def test_another_setting_is_planned_for_and_nothing_else_is_flown_meanwhile(opened: Session, change: m.Adjust) -> None:
     session = after(well_planned(opened), change)
-    assert session.plan_is_stale and session.fresh_plan is None and look_of(session) is Look.STALE
+    assert session.plan_is_stale and session.fresh_plan is None and choose_plan_style(session) is PlanStyle.STALE
     asked = asked_of(session)
     assert asked.settings == session.plan_settings and not asked.draft
-    assert next_step(session)[1] == "Plan the way"
+    assert choose_next_step(session)[1] == "Plan the way"
 
 
 def test_a_slow_planner_does_not_follow_but_says_that_its_plan_is_missing(opened: Session) -> None:
     session = after(well_planned(opened), m.Choose(replace(opened.choice, planner="paper")))
     assert FollowingPlanQuery not in kinds(pending_queries(session))
-    assert look_of(session) is Look.STALE and "plan again" in status(session).text
+    assert choose_plan_style(session) is PlanStyle.STALE and "plan again" in status(session).text
 
 
-@pytest.mark.parametrize("outcome", [one for one in PlanOutcome if one not in GOOD])
+@pytest.mark.parametrize("outcome", [one for one in PlanOutcome if one not in FLYABLE])
 def test_a_plan_that_is_not_safe_is_drawn_as_such_or_not_at_all_and_says_so_once(
     opened: Session, outcome: PlanOutcome
 ) -> None:
     session = ended(opened, outcome)
     nowhere = outcome in (PlanOutcome.NO_PATH, PlanOutcome.TIME_LIMIT, PlanOutcome.DIVERGED)
-    assert look_of(session) is (Look.HIDDEN if nowhere else Look.UNSAFE)
+    assert choose_plan_style(session) is (PlanStyle.HIDDEN if nowhere else PlanStyle.UNSAFE)
     assert session.fresh_plan is None and session.notices == opened.notices
     assert len(status(session).text) > 20 and status(session).html("x") != status(opened).html("x")
 
@@ -141,7 +141,7 @@ def test_a_plan_that_is_not_safe_is_drawn_as_such_or_not_at_all_and_says_so_once
 def test_flying_a_plan_that_is_not_safe_asks_first(opened: Session) -> None:
     session = after(ended(opened, PlanOutcome.LIKELY_COLLISION), m.StartFlight())
     assert session.job is None and asks(session) and "all the same?" in status(session).text
-    assert not asks(after(session, StayDown())) and not asks(after(session, THERE))
+    assert not asks(after(session, DeclineFlight())) and not asks(after(session, THERE))
     flying = after(session, m.StartFlight(anyway=True))
     assert flying.job is not None and flying.job.first_plan is session.plan and not asks(flying)
 
@@ -176,25 +176,25 @@ def test_too_fast_is_said_with_the_time_that_is_enough_and_a_button_that_allows_
     assert seconds is not None and 0.8 < seconds < 4
     told = after(session, m.QueryAnswered(asked, seconds))
     assert status(told).text == f"Too fast for 0.8 s: allow {seconds:.1f} s."
-    assert remedy(told) == (AllowTime(seconds), f"Allow {seconds:.1f} s") == next_step(told)
+    assert find_remedy(told) == (AllowTime(seconds), f"Allow {seconds:.1f} s") == choose_next_step(told)
     allowed = after(told, AllowTime(seconds))
     assert allowed.plan_settings.duration_s == seconds and not allowed.plan_settings.shortest
     assert allowed.job is not None and allowed.job.kind is JobKind.PLAN
     made = planned(plan_request(allowed.plan_settings, allowed.ends, "fast", None), session.place)
-    assert made.steps[-1].outcome in GOOD
+    assert made.steps[-1].outcome in FLYABLE
 
 
 def test_weights_that_lead_through_something_are_restored_by_a_button(opened: Session) -> None:
     light = after(opened, m.Adjust(m.Settings.WEIGHTS, "collision", 0.0))
     session = ended(light, PlanOutcome.IN_COLLISION)
-    assert remedy(session) == (RestoreWeights(), "Restore the weights")
+    assert find_remedy(session) == (RestoreWeights(), "Restore the weights")
     restored = after(session, RestoreWeights())
     assert restored.plan_settings.weights == CostWeights() and restored.job is not None
 
 
 def test_reset_forgets_plan_and_flight_and_every_setting_and_stops_the_job(opened: Session) -> None:
     session = after(
-        well_planned(opened), m.MoveEnd(Which.START, End((0.3, 0.7, 0.3))),
+        well_planned(opened), m.MoveEnd(EndRole.START, End((0.3, 0.7, 0.3))),
         m.Adjust(m.Settings.WEIGHTS, "collision", 0.0), m.Adjust(m.Settings.FLIGHT, "seed", 7),
         m.Adjust(m.Settings.VIEW, "opacity", 0.5), m.Choose(replace(opened.choice, planner="paper")),
         m.StartFlight(), m.Reset(),
@@ -220,7 +220,7 @@ def test_drafts_from_place_to_place_end_as_good_as_a_plan_from_scratch(opened: S
     ways = [Ends(End((-0.7, 0.5, 0.5)), End((0.7, -0.5 + 0.05 * share, 0.5))) for share in range(9)]
     for ends in ways:
         (last,) = drafted(plan_request(settings, ends, "fast", None), place, last and last.motion).steps
-        assert last.outcome in GOOD
+        assert last.outcome in FLYABLE
     scratch = planned(plan_request(settings, ways[-1], "fast", None), place)
     assert last is not None and last.cost.total < 1.1 * scratch.steps[-1].cost.total
     assert EndFitQuery in kinds(pending_queries(after(opened, THERE)))

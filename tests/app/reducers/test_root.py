@@ -12,7 +12,7 @@ from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.scene import Task
 from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
-from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.places.place import Truth
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import EndFit, EndFitQuery
@@ -24,8 +24,8 @@ from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.records import CostHistory, PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.settings import GUST, Choice
-from nerfnav_app.state.view import Eye, Left, Looked
-from nerfnav_app.worker.operator_requests import FlightOrders
+from nerfnav_app.state.view import CameraMoved, Eye, TabClosed
+from nerfnav_app.worker.operator_requests import SessionRequests
 from tests.app.doubles import balls_place, filter_step, flight_step, plan_step
 from tests.app.sessions import after, planned, reports
 
@@ -35,7 +35,7 @@ EYE = Eye((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), 1.0, 1.5)
 def test_a_session_begins_by_opening_its_place_and_refuses_commands_until_then() -> None:
     session = Session.opening("balls")
     assert session.job is not None and session.job.kind is JobKind.OPEN
-    assert after(session, m.StartPlan(), m.MoveEnd(Which.GOAL, End((1, 1, 1)))) == session
+    assert after(session, m.StartPlan(), m.MoveEnd(EndRole.GOAL, End((1, 1, 1)))) == session
 
 
 def test_opening_shows_progress_then_the_place_with_ends_inside_its_box() -> None:
@@ -43,12 +43,12 @@ def test_opening_shows_progress_then_the_place_with_ends_inside_its_box() -> Non
     assert session.job is not None and session.job.fraction == 0.3
     session = reports(session, PlaceOpened(balls_place()), SurfaceShaped(b"glb"), JobFinished("open"))
     assert session.place is not None and session.surface == b"glb" and session.job is None
-    for which in Which:
+    for which in EndRole:
         assert session.place.field.box.contains(session.ends.of(which).state().position)
 
 
 def test_a_moved_end_stays_inside_the_box_with_its_whole_body(opened: Session) -> None:
-    session = after(opened, m.MoveEnd(Which.GOAL, End((5.0, 0.2, -3.0), yaw=7.0)))
+    session = after(opened, m.MoveEnd(EndRole.GOAL, End((5.0, 0.2, -3.0), yaw=7.0)))
     assert opened.place is not None
     radius = opened.place.robot.body.radius
     x, y, z = session.ends.goal.position
@@ -85,7 +85,7 @@ def test_cost_history_is_thinned_but_spans_all_iterations() -> None:
 def test_moving_an_end_makes_the_plan_stale_and_unfit_to_be_flown(opened: Session) -> None:
     session = planned(opened)
     assert not session.plan_is_stale and session.fresh_plan is session.plan
-    moved = after(session, m.MoveEnd(Which.GOAL, End((0.7, -0.5, 0.3))))
+    moved = after(session, m.MoveEnd(EndRole.GOAL, End((0.7, -0.5, 0.3))))
     assert moved.plan is session.plan and moved.plan_is_stale and moved.fresh_plan is None
     flying = after(moved, m.StartFlight())
     assert flying.plan is None and flying.job is not None and flying.job.first_plan is None
@@ -116,9 +116,9 @@ def test_pause_holds_step_grants_one_more_and_resume_lets_go(opened: Session) ->
     session = after(opened, m.StartFlight())
     session = reports(session, flight_step(session.ends, 0), flight_step(session.ends, 1))
     paused = after(session, m.Pause())
-    assert paused.job is not None and paused.job.paused and paused.job.steps_granted == 2
+    assert paused.job is not None and paused.job.paused and paused.job.allowed_steps == 2
     stepped = after(paused, m.StepOnce())
-    assert stepped.job is not None and stepped.job.steps_granted == 3
+    assert stepped.job is not None and stepped.job.allowed_steps == 3
     resumed = after(stepped, m.Resume())
     assert resumed.job is not None and not resumed.job.paused
 
@@ -156,12 +156,12 @@ def test_the_page_asks_about_ends_and_views_until_it_is_answered(opened: Session
         result = EndFit(None) if isinstance(query, EndFitQuery) else (np.zeros((2, 2, 3)),)
         session = after(session, m.QueryAnswered(query, result))
     assert pending_queries(session) == ()
-    moved = after(session, m.MoveEnd(Which.GOAL, End((0.6, -0.6, 0.4))))
-    assert {getattr(query, "which", "view") for query in pending_queries(moved)} == {Which.GOAL, "view"}
+    moved = after(session, m.MoveEnd(EndRole.GOAL, End((0.6, -0.6, 0.4))))
+    assert {getattr(query, "which", "view") for query in pending_queries(moved)} == {EndRole.GOAL, "view"}
 
 
 def test_an_answer_about_an_end_that_has_moved_since_is_dropped(opened: Session) -> None:
-    late = m.QueryAnswered(EndFitQuery(Which.GOAL, End((9, 9, 9))), EndFit("in a stone"))
+    late = m.QueryAnswered(EndFitQuery(EndRole.GOAL, End((9, 9, 9))), EndFit("in a stone"))
     assert after(opened, late) == opened
 
 
@@ -185,7 +185,7 @@ def test_a_task_of_the_scene_sets_both_ends_and_reset_brings_them_back() -> None
     session = after(session, m.ChooseTask("narrow"))
     assert session.ends == Ends(End((0.6, 0.0, 0.4)), End((-0.6, 0.0, 0.4)))
     assert after(session, m.ChooseTask("no such task")) == session
-    moved = after(session, m.MoveEnd(Which.GOAL, End((0.0, 0.7, 0.4))))
+    moved = after(session, m.MoveEnd(EndRole.GOAL, End((0.0, 0.7, 0.4))))
     assert moved.task is None
     back = after(moved, m.Reset())
     assert back.ends == session.ends and back.task == "narrow"
@@ -229,7 +229,7 @@ def test_plans_and_flights_do_not_wait_for_kernels_but_for_the_surface() -> None
     opening = reports(Session.opening("balls"), PlaceOpened(balls_place()), Progress("shaping", 0.3))
     assert not opening.may_begin, "whoever leaves now would never see the place"
     asked = after(opening, m.StartPlan())
-    assert asked.job == replace(opening.job, then_plan=True) and asked.notices == opening.notices
+    assert asked.job == replace(opening.job, plan_after=True) and asked.notices == opening.notices
     refused = after(opening, m.StartFlight())
     assert refused.job == opening.job and refused.notices[-1].title == "Still busy"
     warming = reports(opening, SurfaceShaped(b"glTF"), Progress("compiling", 0.6))
@@ -289,13 +289,13 @@ def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: 
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None and flying.flight is not None
     assert flying.place is not None
-    orders = FlightOrders(flying.job, flying.place)
+    orders = SessionRequests(flying.job, flying.place)
     there = End((0.4, -0.4, 0.4))
-    dragged = after(flying, m.MoveEnd(Which.GOAL, there))
+    dragged = after(flying, m.MoveEnd(EndRole.GOAL, there))
     orders.follow(dragged)
     assert torch.equal(orders.orders().goal.position, opened.ends.goal.state().position)  # type: ignore[union-attr]
     assert dragged.flight is not None and not dragged.flight_is_stale
-    free = after(dragged, m.QueryAnswered(EndFitQuery(Which.GOAL, there), EndFit(None)))
+    free = after(dragged, m.QueryAnswered(EndFitQuery(EndRole.GOAL, there), EndFit(None)))
     orders.follow(free)
     assert torch.equal(orders.orders().goal.position, there.state().position)  # type: ignore[union-attr]
 
@@ -304,7 +304,7 @@ def test_each_gust_is_felt_once(opened: Session) -> None:
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None
     assert flying.place is not None
-    orders = FlightOrders(flying.job, flying.place)
+    orders = SessionRequests(flying.job, flying.place)
     orders.follow(after(flying, m.Gust()))
     assert [orders.orders().gust for _ in range(3)] == [GUST, None, None]
 
@@ -321,8 +321,8 @@ def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened
 def test_what_was_rendered_for_a_closed_tab_is_forgotten(opened: Session) -> None:
     here, there = (FieldViewQuery(client, EYE, 240) for client in (1, 2))
     seen = FieldView(np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2)))
-    both = after(opened, *(Looked(query.client, EYE) for query in (here, there)))
+    both = after(opened, *(CameraMoved(query.client, EYE) for query in (here, there)))
     both = after(both, *(m.QueryAnswered(query, seen) for query in (here, there)))
-    left = after(both, Left(1))
+    left = after(both, TabClosed(1))
     assert set(left.eyes) == {2} and not here.is_answered(left) and there.is_answered(left)
     assert after(left, m.QueryAnswered(here, seen)).results == left.results, "nobody looks from there any more"

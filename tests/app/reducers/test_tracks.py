@@ -9,11 +9,11 @@ import torch
 from nerfnav.estimator import Belief
 from nerfnav.geometry import FORWARD_MOUNT
 from nerfnav.robots import RigidState, StateNoise
-from nerfnav.tracking import Tracked, TrackStatus
+from nerfnav.tracking import TrackedFrame, TrackStatus
 from nerfnav_app.jobs.events import FrameTracked, JobFinished, JobResult
 from nerfnav_app.page.panels.flight.camera import tracked_pictures
-from nerfnav_app.page.panels.flight.track import describe, ended
-from nerfnav_app.page.panels.status.timeline import marks_of, nearest
+from nerfnav_app.page.panels.flight.track import describe, summarize_track
+from nerfnav_app.page.panels.status.timeline import list_marks, nearest
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
 from nerfnav_app.state.runs import PlayBack, Scrub
@@ -29,7 +29,7 @@ def frame(time: float, status: TrackStatus = TrackStatus.FOLLOWED) -> FrameTrack
     """A frame of a camera that goes along x."""
     state = RigidState.at_rest((0.1 * time, 0.0, 0.3), 0.0)
     belief = Belief(state, StateNoise(0.02, 0.1, 0.01, 0.1).covariance()) if status.knows else None
-    tracked = Tracked(time, f"at {time}", status, belief, FORWARD_MOUNT, 30.0, 0.05 if status.knows else None)
+    tracked = TrackedFrame(time, f"at {time}", status, belief, FORWARD_MOUNT, 30.0, 0.05 if status.knows else None)
     return FrameTracked(tracked, SEEN, SEEN // 2 if status.knows else None)
 
 
@@ -58,7 +58,7 @@ def test_frames_come_one_after_the_other_and_a_stopped_track_stays(opened: Sessi
 def test_a_finished_track_is_told_with_its_numbers(opened: Session) -> None:
     session = reports(tracked(opened), JobFinished("track", JobResult({"lost": 1})))
     assert session.track is not None and session.job is None
-    assert ended(session.track) == "Tracked walk.mp4: 3 of 4 frames, lost once"
+    assert summarize_track(session.track) == "Tracked walk.mp4: 3 of 4 frames, lost once"
 
 
 def test_the_timeline_goes_along_a_track_by_its_own_times(opened: Session) -> None:
@@ -70,7 +70,7 @@ def test_the_timeline_goes_along_a_track_by_its_own_times(opened: Session) -> No
     assert playing.shown_track is not None and len(playing.shown_track.steps) == 2
     done = after(playing, m.Tick(0.6))
     assert done.shown_track is not None and len(done.shown_track.steps) == 4 and not done.runs.timeline.playing
-    times, words = zip(*marks_of(session.track), strict=True)
+    times, words = zip(*list_marks(session.track), strict=True)
     assert words == ("found", "lost", "found") and times == pytest.approx((0.0, 0.5, 1.0))
 
 

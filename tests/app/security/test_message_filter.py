@@ -9,7 +9,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from nerfnav_app.security.message_filter import MOST_TABS, understood
+from nerfnav_app.security.message_filter import MOST_TABS, decode_message
 from tests.app.security.hostile import (
     CAMERA,
     INF,
@@ -104,8 +104,8 @@ CLICK = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None}
 )
 def test_a_click_that_is_none_is_not_told(change: dict[str, Any]) -> None:
     good = CLICK | {"ray_origin": [0, 0, 0], "ray_direction": [0, 0, 1], "screen_pos": [[0.5, 0.5]]}
-    assert understood(msgspec.msgpack.encode(good)) is not None
-    assert understood(msgspec.msgpack.encode(CLICK | change)) is None
+    assert decode_message(msgspec.msgpack.encode(good)) is not None
+    assert decode_message(msgspec.msgpack.encode(CLICK | change)) is None
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_what_no_page_sends_is_dropped_and_closes_nobody(
 ) -> None:
     sender = attack(raw)
     assert_well(served, attack)
-    assert understood(raw) is None
+    assert decode_message(raw) is None
     assert served.server._share_tunnel is None
     free = served.widgets["free"]
     sender.send(msgspec.msgpack.encode(update(free, value=-7.0)))

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from nerfnav_app.page.panels.flight.estimate import EstimatePanel
-from nerfnav_app.page.panels.flight.flight import FlyingPanel
+from nerfnav_app.page.panels.flight.flight import FlightSettingsWidgets
 from nerfnav_app.page.panels.place.place import PlacePanel
 from nerfnav_app.page.panels.place.view_settings import ViewSettingsPanel
 from nerfnav_app.page.panels.plan.ends import EndsPanel
@@ -35,7 +35,7 @@ class NoUploads:
 def widgets(served: Page, opened: Session) -> dict[str, Any]:
     """All widgets of the panels by label, as the page shows them for an open place."""
     posted: list[Command] = []
-    panels = (EndsPanel, EstimatePanel, ExportPanel, FlyingPanel, ViewSettingsPanel, TimelinePanel)
+    panels = (EndsPanel, EstimatePanel, ExportPanel, FlightSettingsWidgets, ViewSettingsPanel, TimelinePanel)
     for panel in panels:
         panel(served.server, posted.append).show(opened)
     PlacePanel(served.server, posted.append, NoUploads()).show(opened)  # type: ignore[arg-type]

@@ -8,7 +8,7 @@ from nerfnav.navigation.steps import NavigationStep
 from nerfnav_app.places.ends import End, Ends
 from nerfnav_app.storage.run_metadata import RunMetadata
 from nerfnav_app.storage.run_store import RunStore
-from nerfnav_app.storage.step_log import logged
+from nerfnav_app.storage.step_log import open_step_log
 from tests.export.flights import flown
 
 ENDS = Ends(End((1.0, 0.0, 0.3), 3.0), End((0.0, 0.9, 0.5)))
@@ -24,7 +24,7 @@ def put(shelf: RunStore, name: str, steps: Sequence[NavigationStep] | None = Non
     """Put a flight on the shelf."""
     folder = shelf.folder / name
     folder.mkdir(parents=True)
-    with logged(folder, about(**changes), Episode.metrics) as log:  # type: ignore[arg-type]
+    with open_step_log(folder, about(**changes), Episode.metrics) as log:  # type: ignore[arg-type]
         assert log is not None
         for step in flown() if steps is None else steps:
             log.append(step)

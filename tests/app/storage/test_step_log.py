@@ -10,12 +10,12 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.navigation.episode import Episode
 from nerfnav.navigation.steps import NavigationStep
-from nerfnav.navigation.supervisor import Recovery
+from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav_app.storage import step_log as log_module
-from nerfnav_app.storage.file_lock import is_held
+from nerfnav_app.storage.file_lock import is_locked
 from nerfnav_app.storage.output_files import OutputError
 from nerfnav_app.storage.run_metadata import RunMetadata
-from nerfnav_app.storage.step_log import StepLog, count_steps, logged, read_steps
+from nerfnav_app.storage.step_log import StepLog, count_steps, open_step_log, read_steps
 from tests.app.storage.stored_runs import about
 from tests.export.flights import flown
 
@@ -23,7 +23,7 @@ from tests.export.flights import flown
 def written(folder: Path, count: int | None = None) -> tuple[NavigationStep, ...]:
     """A log of the first steps of a flight; returns them."""
     steps = flown(size=24)[:count]
-    with logged(folder, about(), Episode.metrics) as log:
+    with open_step_log(folder, about(), Episode.metrics) as log:
         assert log is not None
         for step in steps:
             log.append(step)
@@ -51,12 +51,12 @@ def test_a_flight_reads_back_bit_for_bit_but_for_its_pictures(tmp_path: Path) ->
 
 
 def test_recoveries_are_kept(tmp_path: Path) -> None:
-    steps = [NavigationStep(**{**vars(step), "recovery": Recovery.WIDENED}) for step in flown()[:3]]
-    with logged(tmp_path, about(), Episode.metrics) as log:
+    steps = [NavigationStep(**{**vars(step), "recovery": SupervisorState.WIDENED}) for step in flown()[:3]]
+    with open_step_log(tmp_path, about(), Episode.metrics) as log:
         assert log is not None
         for step in steps:
             log.append(step)
-    assert [step.recovery for step in read_steps(tmp_path)] == [Recovery.WIDENED] * 3
+    assert [step.recovery for step in read_steps(tmp_path)] == [SupervisorState.WIDENED] * 3
 
 
 def test_each_step_is_on_disk_before_the_next_one_begins(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_a_new_flight_replaces_the_one_that_was_in_its_folder(tmp_path: Path) ->
 def test_two_flights_cannot_be_written_into_one_folder(tmp_path: Path) -> None:
     log = StepLog(tmp_path, about(), Episode.metrics)
     log.append(flown()[0])
-    assert is_held(tmp_path / log_module.FILE)
+    assert is_locked(tmp_path / log_module.FILE)
     with pytest.raises(OutputError, match="another flight is being written"):
         StepLog(tmp_path, about(), Episode.metrics)
     assert len(read_steps(tmp_path)) == 1, "the first flight must not suffer"
@@ -122,13 +122,13 @@ def test_two_flights_cannot_be_written_into_one_folder(tmp_path: Path) -> None:
 
 
 def test_an_error_on_the_way_keeps_what_was_flown(tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError), logged(tmp_path, about(), Episode.metrics) as log:
+    with pytest.raises(RuntimeError), open_step_log(tmp_path, about(), Episode.metrics) as log:
         assert log is not None
         for step in flown()[:5]:
             log.append(step)
         raise RuntimeError("the motor has stopped")
     assert len(read_steps(tmp_path)) == 5 and RunMetadata.load(tmp_path).outcome == "stopped"
-    assert not is_held(tmp_path / log_module.FILE)
+    assert not is_locked(tmp_path / log_module.FILE)
 
 
 def test_what_is_known_of_a_flight_reads_back(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.steps import EpisodeOutcome
-from nerfnav.navigation.supervisor import Recovery
+from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import JobFinished, JobResult, Progress
@@ -19,10 +19,10 @@ from nerfnav_app.page.layers.global_localization import frusta
 from nerfnav_app.page.panels.flight import estimate
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import SearchRecord
+from nerfnav_app.state.records import LocalizationRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.backend import NavigationBackend
-from nerfnav_app.worker.operator_requests import FlightOrders
+from nerfnav_app.worker.operator_requests import SessionRequests
 from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 
@@ -76,21 +76,21 @@ def test_a_new_flight_forgets_what_was_found(opened: Session) -> None:
 
 
 def test_what_was_found_is_in_sight_near_the_time_of_its_picture() -> None:
-    search = SearchRecord(candidates(), at=10)
+    search = LocalizationRecord(candidates(), at=10)
     assert [search.in_sight(steps) for steps in (5, 6, 10, 14, 15)] == [False, True, True, True, False]
 
 
 def test_carrying_and_finding_are_counted_in_flight_and_each_reaches_the_flight_once(opened: Session) -> None:
     session = flying(opened, 3)
     assert session.in_flight and session.job is not None and session.place is not None
-    helm = FlightOrders(session.job, session.place)
-    asked = after(session, m.CarryAway(), m.FindRobot(), m.Gust())
+    helm = SessionRequests(session.job, session.place)
+    asked = after(session, m.KidnapRobot(), m.FindRobot(), m.Gust())
     assert asked.job is not None and (asked.job.kidnaps, asked.job.searches, asked.job.gusts) == (1, 1, 1)
     helm.follow(asked)
     first, second = helm.orders(), helm.orders()
     assert first.search and first.carried is not None and first.gust is not None
     assert not second.search and second.carried is None and second.gust is None
-    assert after(opened, m.CarryAway()) is opened, "there is nobody to carry"
+    assert after(opened, m.KidnapRobot()) is opened, "there is nobody to carry"
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -98,10 +98,10 @@ def test_the_robot_is_carried_to_where_it_fits_not_far_from_where_it_is(opened: 
     session = flying(opened, 4)
     assert session.job is not None and session.place is not None and session.flight is not None
     job, place = replace(session.job, id=session.job.id), session.place
-    helm = FlightOrders(job, place)
+    helm = SessionRequests(job, place)
     for _ in range(seed):
         helm.orders()
-    helm.follow(after(session, *[m.CarryAway()] * (seed + 1)))
+    helm.follow(after(session, *[m.KidnapRobot()] * (seed + 1)))
     carried, truth = helm.orders().carried, session.flight.steps[-1].truth
     assert carried is not None and 0.5 <= (carried.position - truth.position).norm() < 1.1
     there = replace(truth, position=carried.position, rotation=carried.rotation)
@@ -138,7 +138,7 @@ def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None
 def test_the_panel_says_what_a_robot_does_that_does_not_know_where_it_is(opened: Session) -> None:
     session = flying(opened, 3)
     assert session.flight is not None
-    doubting = replace(flight_step(session.ends, 3), recovery=Recovery.WIDENED)
+    doubting = replace(flight_step(session.ends, 3), recovery=SupervisorState.WIDENED)
     assert "and the robot holds" in estimate.describe(session.flight.with_step(doubting))
 
 

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-from nerfnav.field import Unknown
+from nerfnav.field import UnknownSpace
 from nerfnav_app.jobs.events import PlaceOpened
-from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.view import Viewed
+from nerfnav_app.state.view import CameraRested
 from nerfnav_app.worker.session_memory import SessionMemory
 from tests.app.doubles import balls_place
 from tests.app.sessions import after, reports
@@ -21,13 +21,13 @@ def changed(session: Session) -> Session:
     """A session in which much was set."""
     return after(
         session,
-        m.MoveEnd(Which.GOAL, THERE),
-        m.Adjust(m.Settings.PLAN, "unknown", Unknown.FREE),
+        m.MoveEnd(EndRole.GOAL, THERE),
+        m.Adjust(m.Settings.PLAN, "unknown", UnknownSpace.FREE),
         m.Adjust(m.Settings.WEIGHTS, "collision", 5.0),
         m.Adjust(m.Settings.FLIGHT, "seed", 7),
         m.Adjust(m.Settings.VIEW, "clearance", True),
         m.Choose(replace(session.choice, planner="rrt")),
-        Viewed(HERE),
+        CameraRested(HERE),
     )
 
 
@@ -44,7 +44,7 @@ def test_ends_settings_and_camera_are_as_they_were_left_when_a_server_opens_the_
 
 
 def test_a_camera_that_had_lost_sight_of_the_place_begins_anew(opened: Session, tmp_path: Path) -> None:
-    lost = after(changed(opened), Viewed(((9.0, 9.0, 9.0), (20.0, 20.0, 9.0))))
+    lost = after(changed(opened), CameraRested(((9.0, 9.0, 9.0), (20.0, 20.0, 9.0))))
     SessionMemory(tmp_path, lost.what).follow(lost)
     again = Session.opening(lost.what, left_off=SessionMemory(tmp_path, lost.what).last())
     there = reports(again, PlaceOpened(balls_place()))
@@ -62,5 +62,5 @@ def test_another_place_knows_nothing_and_what_cannot_be_read_is_no_memory(opened
 
 def test_a_hand_that_holds_an_end_is_waited_for(opened: Session, tmp_path: Path) -> None:
     memory = SessionMemory(tmp_path, opened.what)
-    memory.follow(after(opened, m.MoveEnd(Which.GOAL, THERE, held=True)))
+    memory.follow(after(opened, m.MoveEnd(EndRole.GOAL, THERE, held=True)))
     assert not list(tmp_path.iterdir())

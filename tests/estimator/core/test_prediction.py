@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.prediction import noise_scale, with_noise_scaled
+from nerfnav.estimator.core.prediction import estimate_noise_scale, scale_process_noise
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.robots import StateNoise
@@ -20,7 +20,7 @@ FILTER = FastFilter(voxel_balls(), ROBOT, CAMERA, config=CONFIG)
 def scales(times: float, seen: torch.Tensor, trust: float = 3.0) -> torch.Tensor:
     """Of 400 innovations whose standard deviations are `times` as large as assumed."""
     noise = times * 0.02 * torch.randn(400, 6, generator=draws(0))
-    return torch.tensor([noise_scale(change, torch.eye(6) / 0.02**2, seen, trust) for change in noise])
+    return torch.tensor([estimate_noise_scale(change, torch.eye(6) / 0.02**2, seen, trust) for change in noise])
 
 
 def test_noise_that_is_as_assumed_keeps_its_size_on_the_average():
@@ -35,12 +35,12 @@ def test_noise_twice_and_half_as_large_is_noticed_as_far_as_its_size_was_open():
 
 
 def test_a_picture_that_tells_nothing_leaves_the_noise_as_it_is():
-    assert noise_scale(torch.zeros(6), torch.eye(6), torch.zeros(6, 6), 3.0) == 1
+    assert estimate_noise_scale(torch.zeros(6), torch.eye(6), torch.zeros(6, 6), 3.0) == 1
 
 
 def test_only_the_noise_of_a_prediction_is_scaled():
     noise, before = SMALL.covariance(), 0.5 * torch.eye(12)
-    scaled = with_noise_scaled(Belief(HERE, before + noise), noise, 3.0)
+    scaled = scale_process_noise(Belief(HERE, before + noise), noise, 3.0)
     torch.testing.assert_close(scaled.covariance, before + 3 * noise)
 
 

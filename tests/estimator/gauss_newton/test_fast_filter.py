@@ -16,7 +16,7 @@ from nerfnav.estimator.paper.cost import PoseCost
 from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw
 from nerfnav.estimator.photometric.pyramid import PyramidConfig, SearchConfig
-from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, patches
+from nerfnav.estimator.photometric.residuals import ColorNoise, Observation, count_patches
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.render.volume_rendering import render_image
@@ -222,20 +222,20 @@ def test_a_prior_without_any_spread_is_refused_unless_the_dynamics_add_some():
 def test_a_picture_whose_edges_are_in_one_corner_is_worth_one_patch():
     corner = torch.zeros(100, 100, 3, dtype=torch.uint8)
     corner[2:6, 2:6] = 255
-    assert patches(corner) == pytest.approx(1.0)
-    assert patches(torch.randint(0, 256, (100, 100, 3), generator=draws(0), dtype=torch.uint8)) > 90
-    assert patches(torch.zeros(100, 100, 3, dtype=torch.uint8)) == 1
+    assert count_patches(corner) == pytest.approx(1.0)
+    assert count_patches(torch.randint(0, 256, (100, 100, 3), generator=draws(0), dtype=torch.uint8)) > 90
+    assert count_patches(torch.zeros(100, 100, 3, dtype=torch.uint8)) == 1
 
 
 def test_a_wall_without_anything_on_it_is_worth_one_patch_however_large_it_is():
     shaded = 120 + 0.1 * torch.arange(100.0)[None, :, None] + torch.randn(100, 100, 3, generator=draws(0))
     wall = shaded.round().to(torch.uint8)
-    assert patches(wall) > 90, "all of its patches are alike"
-    assert patches(wall, noise_std=0.05) == 1
+    assert count_patches(wall) > 90, "all of its patches are alike"
+    assert count_patches(wall, noise_std=0.05) == 1
     textured = torch.randint(0, 256, (100, 100, 3), generator=draws(0), dtype=torch.uint8)
-    assert patches(textured, noise_std=0.05) > 0.85 * patches(textured)
+    assert count_patches(textured, noise_std=0.05) > 0.85 * count_patches(textured)
     half = torch.cat([textured[:, :50], wall[:, 50:]], 1)
-    assert patches(half, noise_std=0.05) == pytest.approx(0.5 * patches(textured), rel=0.2)
+    assert count_patches(half, noise_std=0.05) == pytest.approx(0.5 * count_patches(textured), rel=0.2)
 
 
 def test_the_process_term_is_that_of_the_papers_cost():
@@ -325,7 +325,7 @@ def beside_stripes(shift: float, rounds: int) -> tuple[float, Belief, float]:
     filter_ = FastFilter(field, ROBOT, camera, config=config)
     *_, last = filter_.correct(Belief(here, noise.covariance()), image, draws(3))
     belief = posterior(last)
-    return float(belief.mean.local(truth)[1]), belief, patches(image, noise_std=0.03)
+    return float(belief.mean.local(truth)[1]), belief, count_patches(image, noise_std=0.03)
 
 
 def test_where_two_minima_are_alike_the_covariance_covers_both():

@@ -7,12 +7,19 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.estimator.photometric.direct_alignment import AlignConfig, _lens, _scene, blurred, fitted, spaced
+from nerfnav.estimator.photometric.direct_alignment import (
+    AlignConfig,
+    _lens,
+    _scene,
+    blur_picture,
+    draw_spaced_pixels,
+    fit_pose,
+)
 from nerfnav.estimator.photometric.kernels.direct_alignment import align
-from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Prior, joined
+from nerfnav.estimator.photometric.levenberg_marquardt import Guess, Prior, join_information
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import Observation
-from nerfnav.field import levels_of
+from nerfnav.field import build_levels
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
@@ -24,7 +31,7 @@ MOUNT = replace(FORWARD_MOUNT, position=torch.tensor([0.05, 0.02, 0.03]))
 
 
 def view(camera: Camera) -> View:
-    return View(levels_of(voxel_balls(), 1), camera, MOUNT)
+    return View(build_levels(voxel_balls(), 1), camera, MOUNT)
 
 
 def picture(camera: Camera, body: Pose) -> torch.Tensor:
@@ -33,7 +40,7 @@ def picture(camera: Camera, body: Pose) -> torch.Tensor:
 
 
 def known(pixels: int) -> Prior:
-    return Prior(joined(None, (0.1, 0.05)), None, pixels / 0.02**2)
+    return Prior(join_information(None, (0.1, 0.05)), None, pixels / 0.02**2)
 
 
 def off(moved: tuple[float, float, float], turned: tuple[float, float, float]) -> Pose:
@@ -43,7 +50,7 @@ def off(moved: tuple[float, float, float], turned: tuple[float, float, float]) -
 
 @pytest.mark.parametrize("camera", [PINHOLE, LENS], ids=["pinhole", "lens"])
 def test_the_slope_is_the_derivative_of_the_cost(camera: Camera) -> None:
-    pixels = spaced(camera, 400, draws(0))
+    pixels = draw_spaced_pixels(camera, 400, draws(0))
     seen = Observation.of(picture(camera, HERE.pose), pixels, view(camera).at(0))
     scene, _ = _scene(seen, off((0.02, 0.01, 0.0), (0.0, 0.02, 0.01)))
     seen_picture = cv2.GaussianBlur(picture(camera, HERE.pose).numpy().astype(np.float32) / 255, (0, 0), 3.0)
@@ -69,7 +76,7 @@ def test_the_slope_is_the_derivative_of_the_cost(camera: Camera) -> None:
 
 
 def test_a_lens_is_linear_about_each_pixel() -> None:
-    pixels = spaced(LENS, 50, draws(0))
+    pixels = draw_spaced_pixels(LENS, 50, draws(0))
     flat, lens = _lens(LENS, pixels)
     beside, _ = _lens(LENS, pixels + torch.tensor([1, -1]))
     moved = (lens @ (beside - flat)[..., None])[..., 0]
@@ -80,7 +87,7 @@ def test_a_lens_is_linear_about_each_pixel() -> None:
 def test_a_picture_is_fitted_from_several_pixels_away(camera: Camera) -> None:
     start = off((0.03, -0.03, 0.02), (0.03, -0.03, 0.04))
     begun = Guess.at(start.map(lambda tensor: tensor[None]))
-    here, seen = fitted(picture(camera, HERE.pose), view(camera), (begun, 6.0), known, (AlignConfig(), draws(1)))
+    here, seen = fit_pose(picture(camera, HERE.pose), view(camera), (begun, 6.0), known, (AlignConfig(), draws(1)))
     found = here.guess.pose[0]
     assert (found.position - HERE.pose.position).norm() < 0.004
     assert so3.local(found.rotation, HERE.pose.rotation).norm() < 0.006
@@ -88,7 +95,7 @@ def test_a_picture_is_fitted_from_several_pixels_away(camera: Camera) -> None:
 
 
 def test_pixels_are_spread_evenly() -> None:
-    pixels = spaced(PINHOLE, 480, draws(0))
+    pixels = draw_spaced_pixels(PINHOLE, 480, draws(0))
     assert 400 < len(pixels) <= 480 and (pixels >= 0).all() and (pixels < torch.tensor([120, 96])).all()
     quarters = (pixels // torch.tensor([60, 48])).unique(dim=0, return_counts=True)[1]
     assert len(quarters) == 4 and quarters.max() - quarters.min() < 30
@@ -99,5 +106,5 @@ def test_wide_blurs_on_smaller_pictures_are_gaussian(blur: float) -> None:
     colors = np.zeros((93, 121, 3), np.float32)
     colors[:, 40:80] = 1.0
     colors[30:60, :, 1] = 0.7
-    off = np.abs(blurred(colors, blur) - cv2.GaussianBlur(colors, (0, 0), blur))
+    off = np.abs(blur_picture(colors, blur) - cv2.GaussianBlur(colors, (0, 0), blur))
     assert off.max() < (0.02 if blur >= 6 else 1e-6)

@@ -11,7 +11,7 @@ from nerfnav.estimator.photometric.levenberg_marquardt import (
     Prior,
     evaluate,
     improve,
-    joined,
+    join_information,
     minimise,
 )
 from nerfnav.estimator.photometric.residuals import Observation, residuals
@@ -42,14 +42,14 @@ def starts(count: int) -> Guess:
 
 
 def prior(known: bool, slack: float = 0.0) -> Prior:
-    information = joined(1e3 * torch.eye(6) if known else None, (0.1, 0.05))
+    information = join_information(1e3 * torch.eye(6) if known else None, (0.1, 0.05))
     return Prior(information, starts(1).pose[0] if known else None, 50.0, slack)
 
 
 @pytest.fixture
 def whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Descents see what is faint too, as the reference does."""
-    monkeypatch.setattr(VoxelField, "sight_grid", property(lambda field: field.whole_sight_grid))
+    monkeypatch.setattr(VoxelField, "ray_grid", property(lambda field: field.exact_ray_grid))
 
 
 @pytest.mark.usefixtures("whole")
@@ -91,9 +91,9 @@ def test_a_descent_that_leaves_out_what_is_faint_ends_where_the_whole_one_does()
     field = cloud()
     apart = (thrifty.guess.pose.position - expected.guess.pose.position).norm(dim=-1)
     assert (apart < 0.05 * field.spacing.min()).all()  # though this one has no surface that is not faint
-    least, whole = field.sight_grid[8], field.whole_sight_grid[8]
+    least, whole = field.ray_grid[8], field.exact_ray_grid[8]
     assert whole < least < field.values[..., 0].max()
-    assert (field.sight_grid[1] > 0).sum() >= (field.whole_sight_grid[1] > 0).sum()
+    assert (field.ray_grid[1] > 0).sum() >= (field.exact_ray_grid[1] > 0).sum()
 
 
 def test_steep_colours_count_less_where_surfaces_may_be_misplaced() -> None:
@@ -160,7 +160,7 @@ def bent_end(steps: int, stretch: float) -> tuple[float, torch.Tensor]:
     """Where a descent of so many steps from 0.1 ends, and its costs."""
     start = Guess.at(Pose(torch.eye(3)[None], torch.tensor([[0.1, 0.0, 0.0]])))
     config = NewtonConfig(steps, robust=10.0, stretch=stretch)
-    stages = [*minimise(Bent(), start, Prior(joined(None, (0.0, 0.0))), config)]
+    stages = [*minimise(Bent(), start, Prior(join_information(None, (0.0, 0.0))), config)]
     return abs(float(stages[-1].guess.pose.position[0, 0])), torch.stack([stage.cost for stage in stages])
 
 

@@ -12,8 +12,8 @@ from nerfnav.estimator.photometric.pixel_selection import (
     PixelConfig,
     PixelDraw,
     PixelSource,
-    by_information,
     choose_pixels,
+    draw_by_information,
     feature_mask,
 )
 from nerfnav.estimator.photometric.residuals import Observation
@@ -105,10 +105,10 @@ def test_the_only_pixel_that_tells_of_a_direction_is_always_drawn():
     told = torch.randn(200, 3, 6, generator=draws(0))
     told[:, :, 5] = 0
     told[137, :, 5] = 1.0
-    drawn = [137 in by_information(told, 20, draws(seed)).tolist() for seed in range(30)]
+    drawn = [137 in draw_by_information(told, 20, draws(seed)).tolist() for seed in range(30)]
     assert sum(drawn) >= 28
 
 
 def test_pixels_that_tell_nothing_at_all_are_drawn_evenly_and_not_refused():
-    kept = by_information(torch.zeros(50, 3, 6), 20, draws(0))
+    kept = draw_by_information(torch.zeros(50, 3, 6), 20, draws(0))
     assert len(kept.unique()) == 20

@@ -8,10 +8,16 @@ import pytest
 import torch
 
 from nerfnav.estimator.photometric.residuals import ColorNoise
-from nerfnav.estimator.relocalize.capture_prior import places_near, remembered, tilts_near, views_moved, views_of
+from nerfnav.estimator.relocalize.capture_prior import (
+    decode_views,
+    encode_views,
+    list_places_near,
+    list_tilts_near,
+    transform_views,
+)
 from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseOutcome
-from nerfnav.estimator.relocalize.panorama import LooksConfig
-from nerfnav.estimator.relocalize.searcher import Searcher
+from nerfnav.estimator.relocalize.panorama import PanoramaConfig
+from nerfnav.estimator.relocalize.searcher import GlobalLocalizer
 from nerfnav.field import FieldInfo, VoxelField
 from nerfnav.field.models.levels import raw_of
 from nerfnav.field.models.voxel import DENSITY_SCALE
@@ -21,7 +27,7 @@ from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, draws, picture, voxel_balls
 
 CONFIG = RelocaliseConfig(
-    LooksConfig(spacing=0.12, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
+    PanoramaConfig(spacing=0.12, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
 )
 NOISE = ColorNoise(std=COLOR_STD)
 LYING = torch.tensor([0.0] * 6 + [math.pi / 2, 0.0, 0.0] + [0.0] * 3)
@@ -37,34 +43,34 @@ def lying_views() -> Pose:
 
 
 @cache
-def searcher(views: bool) -> Searcher:
-    config = CONFIG.for_field(FieldInfo(views=remembered(lying_views()))) if views else CONFIG
-    return Searcher(voxel_balls(), CAMERA, NOISE, config)
+def searcher(views: bool) -> GlobalLocalizer:
+    config = CONFIG.for_field(FieldInfo(views=encode_views(lying_views()))) if views else CONFIG
+    return GlobalLocalizer(voxel_balls(), CAMERA, NOISE, config)
 
 
 def test_poses_are_remembered_as_numbers() -> None:
     views = lying_views()
-    again = views_of(remembered(views))
+    again = decode_views(encode_views(views))
     assert torch.allclose(again.position, views.position, atol=1e-5)
     assert torch.allclose(again.rotation, views.rotation, atol=1e-4)
     many = Pose(views.rotation.repeat(100, 1, 1), views.position.repeat(100, 1))
-    assert len(remembered(many)) == 7 * 200
+    assert len(encode_views(many)) == 7 * 200
 
 
 def test_what_is_remembered_moves_with_its_place() -> None:
     change = Similarity(so3.exp(torch.tensor([0.3, -0.2, 0.5]).double()), torch.tensor([1.0, 2.0, 3.0]).double(), 2.0)
-    changed = views_of(views_moved(remembered(lying_views()), change))
+    changed = decode_views(transform_views(encode_views(lying_views()), change))
     assert torch.allclose(changed.position, change(lying_views().position), atol=1e-4)
-    assert views_moved((), change) == ()
+    assert transform_views((), change) == ()
 
 
 def test_a_search_begins_where_cameras_stood_and_between_them_held_as_they_were() -> None:
     views = lying_views()
-    places, tilts = places_near(views), tilts_near(views)
+    places, tilts = list_places_near(views), list_tilts_near(views)
     assert len(places) == 4 + 4 * 2 and len(tilts) == 1
     assert (torch.cdist(views.position, places).amin(1) < 1e-6).all()
     assert so3.local(tilts[0], so3.exp(torch.tensor([math.pi / 2, 0.0, 0.0]))).norm() < 1e-3
-    assert len(places_near(views[:1])) == 1
+    assert len(list_places_near(views[:1])) == 1
 
 
 def test_a_camera_on_its_side_is_found_where_the_capture_was_taken_like_that() -> None:
@@ -98,6 +104,6 @@ def test_a_place_of_any_size_is_searched_alike(scale: float) -> None:
     state = RigidState.at_rest((-0.35, 0.05, 0.28), 0.1)
     image = picture(voxel_balls(), state, draws(0))
     *_, here = searcher(views=False).relocalise(image)
-    *_, there = Searcher(sized(scale), CAMERA, NOISE, CONFIG).relocalise(image)
+    *_, there = GlobalLocalizer(sized(scale), CAMERA, NOISE, CONFIG).relocalise(image)
     assert here.outcome is there.outcome is RelocaliseOutcome.FOUND
     assert (there.body_poses().position[0] - scale * state.position).norm() < 0.02 * scale

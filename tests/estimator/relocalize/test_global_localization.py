@@ -7,25 +7,25 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.photometric.residuals import ColorNoise
-from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseOutcome, distinct
-from nerfnav.estimator.relocalize.panorama import Looks, LooksConfig
-from nerfnav.estimator.relocalize.searcher import Searcher
+from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseOutcome, select_distinct
+from nerfnav.estimator.relocalize.panorama import PanoramaConfig, PanoramaIndex
+from nerfnav.estimator.relocalize.searcher import GlobalLocalizer
 from nerfnav.geometry import so3
 from nerfnav.geometry.camera import FORWARD_MOUNT, Camera, Pose
 from nerfnav.robots.state import RigidState
 from tests.estimator.places import CAMERA, COLOR_STD, draws, picture, voxel_balls
 
 CONFIG = RelocaliseConfig(
-    LooksConfig(spacing=0.12, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
+    PanoramaConfig(spacing=0.12, levels=2), halvings=(1, 0), kept=(24, 3), iterations=(8, 12), robust=(0.2, 0.15)
 )
 NOISE = ColorNoise(std=COLOR_STD)
 TRUTH = RigidState.at_rest((-0.35, 0.05, 0.28), 0.1)
 
 
 @cache
-def searcher() -> Searcher:
+def searcher() -> GlobalLocalizer:
     """Looks around once for all tests."""
-    return Searcher(voxel_balls(), CAMERA, NOISE, CONFIG)
+    return GlobalLocalizer(voxel_balls(), CAMERA, NOISE, CONFIG)
 
 
 def test_a_camera_is_found_from_its_picture_alone() -> None:
@@ -49,7 +49,7 @@ def test_a_tilted_camera_with_another_exposure_is_found() -> None:
 
 def test_pictures_with_more_pixels_than_are_needed_are_made_smaller() -> None:
     camera = Camera.from_fov(600, 500, 90)
-    looks = Looks.of(voxel_balls(), camera, TRUTH.position[None], CONFIG.looks)
+    looks = PanoramaIndex.of(voxel_balls(), camera, TRUTH.position[None], CONFIG.looks)
     image = torch.arange(250).repeat_interleave(2).to(torch.uint8)[:, None, None].expand(500, 600, 3)
     small = looks.fitted(image)
     assert looks.view.camera == camera.scaled(0.5) and small.shape == (250, 300, 3)
@@ -76,9 +76,9 @@ def test_a_picture_of_another_size_is_refused() -> None:
 def test_poses_that_are_alike_count_once() -> None:
     yaw = torch.tensor([0.0, 0.05, 1.0])
     poses = Pose(so3.from_yaw(yaw), torch.tensor([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.0, 0.0]]))
-    assert distinct(poses, torch.tensor([2.0, 1.0, 3.0]), (0.1, 0.2)).tolist() == [1, 2]
+    assert select_distinct(poses, torch.tensor([2.0, 1.0, 3.0]), (0.1, 0.2)).tolist() == [1, 2]
 
 
 def test_a_field_without_free_places_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="no free place"):
-        Looks.of(voxel_balls(), Camera.from_fov(8, 8, 90), torch.zeros(0, 3), CONFIG.looks)
+        PanoramaIndex.of(voxel_balls(), Camera.from_fov(8, 8, 90), torch.zeros(0, 3), CONFIG.looks)

@@ -3,7 +3,15 @@
 import pytest
 import torch
 
-from nerfnav.estimator.relocalize.panorama import COLUMN, Panoramas, _directions, _laid, free_places, thinned, tilts_of
+from nerfnav.estimator.relocalize.panorama import (
+    COLUMN,
+    Panoramas,
+    _directions,
+    _laid,
+    find_free_places,
+    list_tilts,
+    thin_places,
+)
 from nerfnav.field.render.volume_rendering import render_image, render_rays
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.geometry.so3 import from_yaw
@@ -11,7 +19,7 @@ from tests.estimator.places import BOX, CAMERA, balls
 
 PLACES = torch.tensor([[-0.5, 0.0, 0.25], [-0.3, 0.3, 0.3], [0.3, 0.35, 0.2], [0.3, 0.1, 0.6]])
 EXPOSURE = (1e-3, 1e-3)
-TILTS = tilts_of((-0.3, 0.0, 0.3), (0.0, 0.25))
+TILTS = list_tilts((-0.3, 0.0, 0.3), (0.0, 0.25))
 AHEAD = CAMERA.directions(CAMERA.pixels()) @ FORWARD_MOUNT.rotation.T
 
 
@@ -72,14 +80,14 @@ def test_turning_a_picture_by_a_column_turns_its_misfit() -> None:
 
 
 def test_free_places_are_in_the_box_and_have_no_density_around() -> None:
-    places = free_places(balls(), 0.2)
+    places = find_free_places(balls(), 0.2)
     assert BOX.contains(places).all()
     assert (balls().density(places) < 1).all()
     assert len(places) > 20
 
 
 def test_places_are_thinned_until_there_are_few_enough() -> None:
-    places = free_places(balls(), 0.1)
-    few = thinned(places, 0.1, 50)
+    places = find_free_places(balls(), 0.1)
+    few = thin_places(places, 0.1, 50)
     assert 20 < len(few) <= 50
     assert len(torch.unique(torch.cat([places, few]), dim=0)) == len(places), "all are places that were given"

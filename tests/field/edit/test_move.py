@@ -10,7 +10,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.core.occupancy import State, raw_of
 from nerfnav.field.core.protocol import density_and_gradient
-from nerfnav.field.edit.move import moved
+from nerfnav.field.edit.move import move_field
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
@@ -129,12 +129,12 @@ def test_noise_grows_by_what_pictures_lose() -> None:
 
 def test_fields_of_other_kinds_are_refused_with_what_to_do() -> None:
     with pytest.raises(InvalidInputError, match="bake it first"):
-        list(moved(OtherField(), change(scale=2.0)))
+        list(move_field(OtherField(), change(scale=2.0)))
 
 
 def test_networks_are_moved_without_any_loss() -> None:
     field, similarity = random_field(), change((0.5, -0.3, 0.8), scale=1.7, shift=0.4)
-    *_, last = moved(field, similarity)
+    *_, last = move_field(field, similarity)
     now = last.field
     assert isinstance(now, NeuralField)
     points = field.box.lower + torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * field.box.size

@@ -3,7 +3,7 @@
 import torch
 
 from nerfnav.field.models.analytic import BallsField
-from nerfnav.field.models.levels import coarser, levels_of, raw_of
+from nerfnav.field.models.levels import build_levels, coarser, raw_of
 from nerfnav.field.models.voxel import DENSITY_SCALE, VoxelField
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.geometry.box import Box
@@ -23,7 +23,7 @@ def ball(nodes: int = 33) -> VoxelField:
 
 
 def test_each_level_has_nodes_twice_as_far_apart_until_there_are_too_few():
-    shapes = [level.shape for level in levels_of(ball(), 5)]  # pyright: ignore[reportAttributeAccessIssue]
+    shapes = [level.shape for level in build_levels(ball(), 5)]  # pyright: ignore[reportAttributeAccessIssue]
     assert shapes == [(33, 33, 33), (17, 17, 17), (9, 9, 9), (9, 9, 9), (9, 9, 9)]
 
 
@@ -46,5 +46,5 @@ def test_raw_values_are_those_of_the_densities():
 
 def test_fields_without_a_grid_are_the_same_at_all_levels():
     balls = BallsField(BOX, torch.zeros(1, 3), torch.tensor([0.2]))
-    assert all(level is balls for level in levels_of(balls, 3))
+    assert all(level is balls for level in build_levels(balls, 3))
     assert render_rays(balls, torch.zeros(1, 3), torch.tensor([[1.0, 0.0, 0.0]])).opacity > 0.9

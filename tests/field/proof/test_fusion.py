@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from nerfnav.field.core.occupancy import SOLID_DENSITY, State, states_of
+from nerfnav.field.core.occupancy import SOLID_DENSITY, State, classify_nodes
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.fusion import Fused, fused
+from nerfnav.field.proof.fusion import FusedDepth, fuse_depth
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import train
 from tests.field import rooms
@@ -17,16 +17,16 @@ SURFACE = torch.tensor([[1.0, 0.3, 0.2], [1.0, -0.5, -0.4], [0.1, -1.0, 0.3], [0
 
 
 @pytest.fixture(scope="module")
-def told() -> Fused:
-    return fused(rooms.photographs(), rooms.BOX, rooms.SHAPE)
+def told() -> FusedDepth:
+    return fuse_depth(rooms.photographs(), rooms.BOX, rooms.SHAPE)
 
 
-def test_air_is_proven_free_and_surfaces_are_not(told: Fused):
+def test_air_is_proven_free_and_surfaces_are_not(told: FusedDepth):
     assert told.free[AWAY > 2 * rooms.VOXEL].float().mean() > 0.95
     assert not told.free[AWAY < 0.5 * rooms.VOXEL].any()
 
 
-def test_density_begins_at_the_surface_and_is_opaque_a_voxel_behind_it(told: Fused):
+def test_density_begins_at_the_surface_and_is_opaque_a_voxel_behind_it(told: FusedDepth):
     values = torch.cat([told.raw[..., None], told.color], -1)
     field = VoxelField(rooms.BOX, torch.where(told.known[..., None], values, -20.0), torch.zeros(3))
     outward = torch.nn.functional.normalize(torch.tensor(
@@ -36,7 +36,7 @@ def test_density_begins_at_the_surface_and_is_opaque_a_voxel_behind_it(told: Fus
     assert (field.density(SURFACE - 1.5 * rooms.VOXEL * outward) < SOLID_DENSITY).all()
 
 
-def test_a_plain_wall_gets_its_colour(told: Fused):
+def test_a_plain_wall_gets_its_colour(told: FusedDepth):
     near = told.known & ~told.free & (AWAY.abs() < rooms.VOXEL)
     wall = torch.zeros_like(near)
     wall[37, 10:31, 10:31] = True
@@ -47,17 +47,17 @@ def test_where_nobody_measured_nothing_is_told():
     taken = rooms.photographs(8)
     assert taken.depth is not None
     blind = replace(taken, depth=torch.full_like(taken.depth, torch.nan))
-    nothing = fused(blind, rooms.BOX, rooms.SHAPE)
+    nothing = fuse_depth(blind, rooms.BOX, rooms.SHAPE)
     assert not nothing.known.any()
     with pytest.raises(ValueError, match="no depth"):
-        fused(taken.without_depth(), rooms.BOX, rooms.SHAPE)
+        fuse_depth(taken.without_depth(), rooms.BOX, rooms.SHAPE)
 
 
 def test_noisy_depth_proves_nearly_as_much_and_keeps_surfaces_solid():
     taken = rooms.photographs(60)
     assert taken.depth is not None
     noise = 1 + 0.01 * torch.randn(taken.depth.shape, generator=torch.Generator().manual_seed(0))
-    told = fused(replace(taken, depth=taken.depth * noise, depth_noise=0.01), rooms.BOX, rooms.SHAPE)
+    told = fuse_depth(replace(taken, depth=taken.depth * noise, depth_noise=0.01), rooms.BOX, rooms.SHAPE)
     assert told.free[AWAY > 2.5 * rooms.VOXEL].float().mean() > 0.9
     assert told.free[(AWAY < 0.5 * rooms.VOXEL) & (AWAY > -0.5 * rooms.VOXEL)].float().mean() < 0.02
 
@@ -77,4 +77,4 @@ def test_training_keeps_what_depth_tells_and_says_so():
 def test_states_are_free_solid_or_unproven():
     raw = torch.tensor([[[-20.0, 0.0, -8.0]]])
     free = torch.tensor([[[True, False, False]]])
-    assert states_of(free, raw).tolist() == [[[State.FREE, State.SOLID, State.UNPROVEN]]]
+    assert classify_nodes(free, raw).tolist() == [[[State.FREE, State.SOLID, State.UNPROVEN]]]

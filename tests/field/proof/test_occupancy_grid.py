@@ -7,9 +7,9 @@ import torch
 
 from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.core.occupancy import State
-from nerfnav.field.models.bricks import in_bricks
+from nerfnav.field.models.bricks import convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.occupancy_grid import unproven_in_words
+from nerfnav.field.proof.occupancy_grid import describe_unproven
 from nerfnav.geometry.box import Box
 from tests.planner.places import ball
 
@@ -32,27 +32,27 @@ def place(*layers: State) -> VoxelField:
     ],
 )
 def test_a_place_says_how_much_is_unproven_and_what_photographs_would_help(layers: tuple[State, ...], expected: str):
-    told = unproven_in_words(place(*layers))
+    told = describe_unproven(place(*layers))
     assert told.startswith("33% of this place is unproven") and expected in told and "or depth maps" in told
 
 
 def test_bricks_say_what_the_dense_field_says():
     field = place(State.FREE, State.SOLID, State.UNPROVEN)
-    dense, bricks = field.unproven_by_height, in_bricks(field).unproven_by_height
+    dense, bricks = field.unproven_by_height, convert_to_bricks(field).unproven_by_height
     assert dense is not None and bricks is not None
     assert torch.allclose(bricks, dense)
-    assert unproven_in_words(in_bricks(field)) == unproven_in_words(field) != ""
+    assert describe_unproven(convert_to_bricks(field)) == describe_unproven(field) != ""
 
 
 def test_a_place_that_depth_has_proven_asks_for_photographs_alone():
     field = place(State.UNPROVEN, State.FREE, State.FREE)
-    assert "depth maps" not in unproven_in_words(replace(field, info=FieldInfo(proven_from="depth")))
+    assert "depth maps" not in describe_unproven(replace(field, info=FieldInfo(proven_from="depth")))
 
 
 def test_a_place_that_is_known_says_nothing():
-    assert unproven_in_words(place(State.FREE, State.SOLID, State.FREE)) == ""
+    assert describe_unproven(place(State.FREE, State.SOLID, State.FREE)) == ""
 
 
 def test_a_place_without_proofs_says_so():
-    assert "Nothing proves" in unproven_in_words(replace(place(*3 * [State.FREE]), evidence=None))
-    assert "Nothing proves" in unproven_in_words(ball())
+    assert "Nothing proves" in describe_unproven(replace(place(*3 * [State.FREE]), evidence=None))
+    assert "Nothing proves" in describe_unproven(ball())

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from nerfnav.field.core.occupancy import EMPTY_RAW
-from nerfnav.field.proof.visual_hull import hull, widened
+from nerfnav.field.proof.visual_hull import compute_hull, widen_silhouettes
 from nerfnav.field.render.volume_rendering import render_image
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.grid_learner import GridLearner
@@ -28,7 +28,7 @@ def cut_out(count: int = 12, size: int = 48) -> PosedImages:
 
 def test_a_hull_holds_the_thing_and_little_more() -> None:
     views = cut_out()
-    fine, coarse = (hull(widened(views, NEAR, spacing), NEAR, SHAPE) for spacing in (0.01, 0.04))
+    fine, coarse = (compute_hull(widen_silhouettes(views, NEAR, spacing), NEAR, SHAPE) for spacing in (0.01, 0.04))
     away = node_positions(NEAR, SHAPE).norm(dim=-1)
     assert fine[away < 0.3].all() and coarse[away < 0.33].all(), "nodes beside the ball may hold a part of it"
     assert 0.2 < float(fine.float().mean()) < 0.5, "the ball is 0.22 of the box"
@@ -40,12 +40,12 @@ def test_one_picture_that_errs_takes_nothing_away() -> None:
     views = cut_out(60)
     assert views.silhouettes is not None
     views.silhouettes[7] = False
-    assert hull(widened(views, NEAR, 0.04), NEAR, SHAPE)[10, 10, 10]
+    assert compute_hull(widen_silhouettes(views, NEAR, 0.04), NEAR, SHAPE)[10, 10, 10]
 
 
 def test_only_pictures_that_are_cut_out_have_a_hull() -> None:
     with pytest.raises(ValueError, match="not cut out"):
-        widened(photographs_of_ball(3), NEAR, 0.1)
+        widen_silhouettes(photographs_of_ball(3), NEAR, 0.1)
 
 
 def test_learning_begins_in_the_hull_and_looks_where_silhouettes_are() -> None:

@@ -9,10 +9,10 @@ import torch
 
 from nerfnav.field.core.protocol import uniform_samples
 from nerfnav.field.kernels import pose_descent
-from nerfnav.field.models.bricks import in_bricks
+from nerfnav.field.models.bricks import convert_to_bricks
 from nerfnav.field.models.grid_field import GridField
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
-from nerfnav.field.render.jacobian import colors_and_jacobian, glanced, jacobian_by_autograd
+from nerfnav.field.render.jacobian import colors_and_jacobian, jacobian_by_autograd, probe_rays
 from nerfnav.field.render.surroundings import Surroundings, uncontracted
 from nerfnav.field.render.volume_rendering import render_rays
 from nerfnav.field.storage.checkpoint import load_field, save_field
@@ -47,13 +47,13 @@ def test_compiled_surroundings_equal_the_reference():
 
 def test_descents_ask_shells_in_pairs_and_see_nearly_the_same():
     field, rays = smooth_room(), random_rays(400)
-    whole, seen = field.render_rays(*rays), glanced(field.sight_grid, *rays)
+    whole, seen = field.render_rays(*rays), probe_rays(field.ray_grid, *rays)
     assert 0 < (whole.color - seen.color).abs().mean() < 0.01
-    assert seen.opacity.min() > 0.99 and field.sight_grid[7][2] == 2
-    one_by_one = glanced(field.whole_sight_grid, *rays)
+    assert seen.opacity.min() > 0.99 and field.ray_grid[7][2] == 2
+    one_by_one = probe_rays(field.exact_ray_grid, *rays)
     for mine, theirs in ((one_by_one.color, whole.color), (one_by_one.opacity, whole.opacity)):
         torch.testing.assert_close(mine, theirs, rtol=0, atol=5e-4)
-    colors, _ = pose_descent.colors_and_jacobian(field.sight_grid, *(part.numpy() for part in rays))
+    colors, _ = pose_descent.colors_and_jacobian(field.ray_grid, *(part.numpy() for part in rays))
     torch.testing.assert_close(torch.from_numpy(colors), seen.color, rtol=0, atol=1e-4)
 
 
@@ -62,7 +62,7 @@ def test_an_odd_number_of_shells_is_asked_in_pairs_too():
     assert field.outside is not None
     odd = replace(field, outside=Surroundings(field.outside.values[:10, :10, :10].contiguous()))
     assert odd.outside is not None and odd.outside.shells == 5
-    seen = glanced(odd.sight_grid, *random_rays(200))
+    seen = probe_rays(odd.ray_grid, *random_rays(200))
     assert seen.opacity.min() > 0.99 and seen.depth.isfinite().all() and seen.color.isfinite().all()
 
 
@@ -156,7 +156,7 @@ def test_a_camera_that_moves_sees_the_surroundings_move():
     assert difference.median() < 0.05 * jacobian[:, :, 0].abs().max()
 
 
-@pytest.mark.parametrize("kept", [lambda field: field, in_bricks], ids=["dense", "in bricks"])
+@pytest.mark.parametrize("kept", [lambda field: field, convert_to_bricks], ids=["dense", "in bricks"])
 def test_compiled_derivatives_of_the_surroundings_are_those_of_autograd(kept: Callable[[VoxelField], GridField]):
     field, rays = random_voxels_in_a_room(), random_rays(300)
     colors, jacobian = colors_and_jacobian(kept(field), *rays)

@@ -8,13 +8,13 @@ import torch
 import trimesh
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.core.steps import returned
+from nerfnav.core.steps import run_steps
 from nerfnav.field.core.protocol import Field
-from nerfnav.field.models.bricks import in_bricks
+from nerfnav.field.models.bricks import convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.surface.atlas import LARGEST, atlas_of
 from nerfnav.field.surface.mesh import field_mesh
-from nerfnav.field.surface.texture import TexturedMesh, texturing
+from nerfnav.field.surface.texture import TexturedMesh, texture_mesh
 from tests.field.fields import BOX, ball
 
 MOST = 1 << 20
@@ -71,11 +71,11 @@ def test_nothing_has_no_atlas() -> None:
         atlas_of(np.zeros((0, 3)), np.zeros((0, 3), int), 0.1, MOST)
 
 
-@pytest.mark.parametrize("kept", [lambda field: field, in_bricks])
+@pytest.mark.parametrize("kept", [lambda field: field, convert_to_bricks])
 def test_a_texture_tells_apart_what_vertices_are_too_far_apart_for(kept: Callable[[VoxelField], Field]) -> None:
     field, finest = striped(), float(striped().spacing.min())
     mesh = field_mesh(field, 4 * finest, level=20.0)
-    made = returned(texturing(kept(field), mesh, finest))
+    made = run_steps(texture_mesh(kept(field), mesh, finest))
     flat = mesh.face_normals[:, 2] > 0.99
     points, face = trimesh.sample.sample_surface(mesh, 4000, face_weight=flat * mesh.area_faces, seed=0)
     weights = trimesh.triangles.points_to_barycentric(mesh.triangles[face], points)
@@ -89,7 +89,7 @@ def test_a_texture_tells_apart_what_vertices_are_too_far_apart_for(kept: Callabl
 def test_a_field_without_a_renderer_gives_its_colours_below_the_surface() -> None:
     field = ball()
     mesh = field_mesh(field, 0.03)
-    made = returned(texturing(field, mesh, 0.02))
+    made = run_steps(texture_mesh(field, mesh, 0.02))
     weights = np.full((len(mesh.faces), 3), 1 / 3)
     points = torch.from_numpy(mesh.triangles.mean(1)).float()
     seen = looked_up(made, np.arange(len(mesh.faces)), weights)

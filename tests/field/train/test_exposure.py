@@ -6,10 +6,16 @@ import pytest
 import torch
 
 from nerfnav.field.models.voxel import VoxelField
-from nerfnav.field.proof.carving import CarvingConfig, carved
+from nerfnav.field.proof.carving import CarvingConfig, carve_free_space
 from nerfnav.field.render.volume_rendering import render_image
-from nerfnav.field.train.evaluation import calibrated
-from nerfnav.field.train.exposure import QUARTERS, ExposureLooks, common_gains, corrected, gains
+from nerfnav.field.train.evaluation import calibrate_noise
+from nerfnav.field.train.exposure import (
+    QUARTERS,
+    ExposureCorrection,
+    correct_exposure,
+    estimate_common_gains,
+    estimate_gains,
+)
 from nerfnav.field.train.grid_learner import GridLearner
 from nerfnav.field.train.rays import RaySampler
 from nerfnav.field.train.torch_learner import TorchLearner
@@ -34,7 +40,7 @@ def test_gains_are_found_from_what_a_field_shows_white_balance_included() -> Non
     generator = torch.Generator().manual_seed(0)
     shown = torch.rand(4, QUARTERS, 50, 3, generator=generator)
     noise = 0.02 * torch.randn(shown.shape, generator=generator)
-    found = gains(0.7 * GAINS[:, None, None] * shown + noise, shown)
+    found = estimate_gains(0.7 * GAINS[:, None, None] * shown + noise, shown)
     assert found.log().mean(0).abs().max() < 1e-5
     torch.testing.assert_close(found, normalised(GAINS), atol=0.01, rtol=0)
 
@@ -44,13 +50,13 @@ def test_what_a_field_does_not_show_yet_is_not_taken_for_exposure() -> None:
     shown = torch.rand(12, QUARTERS, 50, 3, generator=generator)
     mistakes = 0.3 * torch.randn(12, QUARTERS, 1, 3, generator=generator)  # a quarter errs as a whole
     raw = ((shown + mistakes) * shown).sum((1, 2)) / shown.square().sum((1, 2))
-    found = gains(shown + mistakes, shown)
+    found = estimate_gains(shown + mistakes, shown)
     assert found.log().std() < 0.5 * raw.log().std()
 
 
 def test_two_photographs_tell_nothing_of_exposure() -> None:
     shown = torch.rand(2, QUARTERS, 9, 3)
-    assert torch.equal(gains(2 * shown, shown), torch.ones(2, 3))
+    assert torch.equal(estimate_gains(2 * shown, shown), torch.ones(2, 3))
 
 
 def test_a_corrected_sampler_gives_colours_of_one_exposure() -> None:
@@ -81,7 +87,7 @@ def test_a_learner_that_knows_the_place_finds_the_gains_of_its_photographs_on_an
     found = []
     for learner in (compiled, TorchLearner.of(compiled, torch.device("cpu"))):
         sampler = RaySampler(views, torch.Generator().manual_seed(0))
-        looks = ExposureLooks(sampler, wanted=True)
+        looks = ExposureCorrection(sampler, wanted=True)
         looks.look(learner, 0.01)
         assert torch.equal(sampler.gains, torch.ones(4, 3)), "it is too early"
         looks.look(learner, 0.5)
@@ -93,7 +99,7 @@ def test_a_learner_that_knows_the_place_finds_the_gains_of_its_photographs_on_an
 def test_exposure_is_taken_out_before_noise_is_told_and_raw_quality_stays_as_it_is() -> None:
     field = random_voxels()
     views = photographs_of(field, GAINS / 0.7)
-    plain, fitted = (calibrated(field.info, field, views, exposure) for exposure in (False, True))
+    plain, fitted = (calibrate_noise(field.info, field, views, exposure) for exposure in (False, True))
     assert plain.psnr_one_exposure_db is None
     assert fitted.psnr_db == plain.psnr_db
     assert fitted.psnr_one_exposure_db is not None and plain.psnr_db is not None
@@ -108,7 +114,7 @@ def test_rendered_pictures_are_judged_alike_with_and_without_exposure() -> None:
     views = photographs_of(field, torch.full((6, 3), 1 / 0.7))
     rough = views.images + (20 * torch.randn(6, 32, 32, 1, generator=generator))
     views = replace(views, images=rough.clamp(0, 255).to(torch.uint8))
-    plain, fitted = (calibrated(field.info, field, views, exposure) for exposure in (False, True))
+    plain, fitted = (calibrate_noise(field.info, field, views, exposure) for exposure in (False, True))
     assert fitted.noise_std == pytest.approx(plain.noise_std, rel=0.01)
 
 
@@ -123,11 +129,11 @@ def test_pictures_of_other_exposure_prove_no_plain_wall_to_be_free() -> None:
     taken = replace(views, images=grey)
     field = replace(field, background=torch.zeros(3))
     alone = CarvingConfig(company=0)
-    assert carved(field, taken, alone).any()
-    assert not carved(field, corrected(taken, exposures), alone).any()
+    assert carve_free_space(field, taken, alone).any()
+    assert not carve_free_space(field, correct_exposure(taken, exposures), alone).any()
 
 
 def test_common_gains_are_those_of_whole_pictures() -> None:
     shown = torch.rand(4, 9, 7, 3, generator=torch.Generator().manual_seed(3))
-    found = common_gains(GAINS.mean(1)[:, None, None, None] * shown, shown)
+    found = estimate_common_gains(GAINS.mean(1)[:, None, None, None] * shown, shown)
     torch.testing.assert_close(found, normalised(GAINS.mean(1)[:, None])[:, 0], atol=1e-4, rtol=0)

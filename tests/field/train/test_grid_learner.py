@@ -131,8 +131,8 @@ def test_the_learners_agree_where_parts_are_empty_and_light_runs_out():
     field.values[14:16, :, :, 0] = 1.5
     compiled = GridLearner.of(field, 1.0, workers=1)
     plain, batch = TorchLearner.of(compiled, CPU), batch_of(300, jitter=1.0)
-    compiled.look_for_empty_parts()
-    plain.look_for_empty_parts()
+    compiled.prune_empty_blocks()
+    plain.prune_empty_blocks()
     assert abs(compiled.gradient(batch, 1e-3) / (wanted := plain.gradient(batch, 1e-3))[0] - 1) < 1e-4
     assert relative(compiled.inner.dense_gradient(), wanted[1][0]) < 1e-3
 

@@ -49,7 +49,7 @@ def test_an_empty_box_is_refused():
 
 
 def test_what_memory_cannot_hold_is_refused_with_both_numbers(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(memory, "free_memory", lambda: 10**6)
+    monkeypatch.setattr(memory, "available_memory", lambda: 10**6)
     message = refused(photographs_of_ball(3, size=8), config=replace(CONFIG, voxel=0.02))
     assert "GB" in message and "larger voxel" in message
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nerfnav.importers.captures import archive
-from nerfnav.importers.captures.archive import unpacked
+from nerfnav.importers.captures.archive import unpack_capture
 from nerfnav.importers.captures.formats import read_views
 from nerfnav.importers.captures.views import CaptureError
 from tests.importers.captures.synthetic import write_colmap, write_transforms
@@ -25,13 +25,13 @@ def zipped(folder: Path, path: Path, under: str = "") -> Path:
 @pytest.mark.parametrize("under", ["", "my capture/", "a/b/"])
 def test_a_capture_is_found_wherever_in_the_archive_it_lies(tmp_path: Path, under: str) -> None:
     path = zipped(write_transforms(tmp_path / "in"), tmp_path / "c.zip", under)
-    found = read_views(unpacked(path, tmp_path / "out"))
+    found = read_views(unpack_capture(path, tmp_path / "out"))
     assert len(found.views) == 8 and all(view.exists for view in found.views)
 
 
 def test_a_colmap_model_comes_out_whole(tmp_path: Path) -> None:
     path = zipped(write_colmap(tmp_path / "in", binary=True), tmp_path / "c.zip")
-    assert read_views(unpacked(path, tmp_path / "out")).kind == "COLMAP"
+    assert read_views(unpack_capture(path, tmp_path / "out")).kind == "COLMAP"
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_files_that_lead_out_of_the_folder_are_refused_and_nothing_is_written(tm
         content.writestr(name, "x")
     (tmp_path / "out").mkdir()
     with pytest.raises(CaptureError, match="outside of its own folder"):
-        unpacked(tmp_path / "c.zip", tmp_path / "out")
+        unpack_capture(tmp_path / "c.zip", tmp_path / "out")
     assert sorted(tmp_path.rglob("*")) == [tmp_path / "c.zip", tmp_path / "out"]
 
 
@@ -51,7 +51,7 @@ def test_an_archive_that_swells_beyond_measure_is_refused(tmp_path: Path) -> Non
     with zipfile.ZipFile(tmp_path / "c.zip", "w", zipfile.ZIP_DEFLATED) as content:
         content.writestr("transforms.json", b" " * (200 << 20))
     with pytest.raises(CaptureError, match="would swell to 200 MB"):
-        unpacked(tmp_path / "c.zip", tmp_path / "out")
+        unpack_capture(tmp_path / "c.zip", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -62,7 +62,7 @@ def test_archives_of_too_much_are_refused(
     path = zipped(write_transforms(tmp_path / "in"), tmp_path / "c.zip")
     monkeypatch.setattr(archive, name, value)
     with pytest.raises(CaptureError, match=r"holds 9 files .* at most"):
-        unpacked(path, tmp_path / "out")
+        unpack_capture(path, tmp_path / "out")
 
 
 def test_a_size_that_the_archive_lies_about_is_not_exceeded(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_a_size_that_the_archive_lies_about_is_not_exceeded(tmp_path: Path) -> N
     true = (1 << 20).to_bytes(4, "little")
     path.write_bytes(path.read_bytes().replace(true, (100).to_bytes(4, "little")))
     with pytest.raises(CaptureError, match=r"no readable \.zip"):
-        unpacked(path, tmp_path / "out")
+        unpack_capture(path, tmp_path / "out")
     assert sum(file.stat().st_size for file in (tmp_path / "out").rglob("*") if file.is_file()) <= 100
 
 
@@ -82,10 +82,10 @@ def test_what_is_no_whole_archive_is_refused(tmp_path: Path, share: float) -> No
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(CaptureError, match=r"no readable \.zip"):
-        unpacked(path, tmp_path / "out")
+        unpack_capture(path, tmp_path / "out")
     path.write_text("a letter")
     with pytest.raises(CaptureError, match=r"no readable \.zip"):
-        unpacked(path, tmp_path / "out")
+        unpack_capture(path, tmp_path / "out")
 
 
 def test_an_archive_without_a_capture_says_what_was_looked_for(tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_an_archive_without_a_capture_says_what_was_looked_for(tmp_path: Path) -
         content.writestr("notes.txt", "x")
         content.writestr("program.exe", "x")
     with pytest.raises(CaptureError, match=r"no transforms\.json"):
-        unpacked(tmp_path / "c.zip", tmp_path / "out")
+        unpack_capture(tmp_path / "c.zip", tmp_path / "out")
     assert not (tmp_path / "out" / "program.exe").exists()
 
 
@@ -110,7 +110,7 @@ def test_whatever_breaks_in_a_file_is_told_as_a_broken_capture(tmp_path: Path) -
         broken[rng.integers(0, len(whole), 3)] = rng.integers(0, 256, 3)
         (tmp_path / "c.zip").write_bytes(broken.tobytes())
         try:
-            read_views(unpacked(tmp_path / "c.zip", tmp_path / str(index)))
+            read_views(unpack_capture(tmp_path / "c.zip", tmp_path / str(index)))
         except CaptureError:
             refused += 1
     assert refused > 75

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nerfnav.importers.captures.archive import unpacked
+from nerfnav.importers.captures.archive import unpack_capture
 from nerfnav.importers.captures.config import ImportConfig
 from nerfnav.importers.captures.formats import is_capture, read_views
 from nerfnav.importers.captures.importer import import_capture
@@ -63,7 +63,7 @@ def test_exports_are_imported_upright(name: str, tmp_path: Path) -> None:
 
 
 def test_a_recording_of_one_file_is_unpacked_and_read(tmp_path: Path) -> None:
-    folder = unpacked(write_r3d(tmp_path / "walk.r3d"), tmp_path / "into")
+    folder = unpack_capture(write_r3d(tmp_path / "walk.r3d"), tmp_path / "into")
     assert read_views(folder).kind == "Record3D" and all(view.exists for view in read_views(folder).views)
 
 

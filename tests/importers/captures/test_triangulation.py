@@ -9,7 +9,7 @@ import torch
 from nerfnav.geometry.camera import Camera, Pose, look_at
 from nerfnav.geometry.images import PosedImages
 from nerfnav.importers.captures.placement import guessed_box
-from nerfnav.importers.captures.triangulation import agreed_points
+from nerfnav.importers.captures.triangulation import triangulate_points
 
 ROOM = np.array([[-2.0, -1.5, 0.0], [2.0, 1.5, 2.5]])
 CAMERA = Camera.from_fov(160, 120, 70.0)
@@ -56,7 +56,7 @@ def room() -> tuple[PosedImages, np.ndarray]:
 
 
 def test_points_that_pictures_agree_on_lie_on_the_walls(room: tuple[PosedImages, np.ndarray]):
-    points = agreed_points(room[0])
+    points = triangulate_points(room[0])
     off = np.abs(np.concatenate([points - ROOM[0], ROOM[1] - points], -1)).min(-1)
     assert len(points) > 300
     assert np.median(off) < 0.03 and np.quantile(off, 0.9) < 0.2
@@ -70,5 +70,5 @@ def test_the_box_of_cameras_that_pan_about_a_room_is_the_room(room: tuple[PosedI
 
 def test_pictures_of_plain_walls_agree_on_nothing_and_the_cameras_give_the_box():
     photographs, poses = panned(12, plain=True)
-    assert len(agreed_points(photographs)) == 0
+    assert len(triangulate_points(photographs)) == 0
     assert guessed_box(photographs, poses)[1] == "the cameras and what they look at"

@@ -11,7 +11,7 @@ import pytest
 
 from nerfnav.importers.captures import video as video_module
 from nerfnav.importers.captures.formats import read_views
-from nerfnav.importers.captures.video import VideoConfig, capture_of_video, pick_frames, sharpness
+from nerfnav.importers.captures.video import VideoConfig, make_capture_of_video, pick_frames, sharpness
 from nerfnav.importers.captures.views import CaptureError
 
 
@@ -96,7 +96,7 @@ def test_without_anything_that_finds_poses_one_sentence_says_what_to_install(
     monkeypatch.setattr(video_module.importlib.util, "find_spec", lambda name: None)
     video = write_video(tmp_path / "walk.avi", shaky(20, 2))
     with pytest.raises(CaptureError, match=r"a video has no poses, .*install COLMAP .*pip install pycolmap"):
-        list(capture_of_video(video, tmp_path / "capture"))
+        list(make_capture_of_video(video, tmp_path / "capture"))
     assert not (tmp_path / "capture").exists(), "it is told before long work"
 
 
@@ -134,7 +134,7 @@ def test_the_largest_model_of_colmap_makes_the_frames_a_capture(
 ) -> None:
     stub_colmap(tmp_path, {"0": 2, "1": 9, "2": 3}, monkeypatch)
     video = write_video(tmp_path / "walk.avi", shaky(60, 5))
-    steps = list(capture_of_video(video, tmp_path / "capture", VideoConfig(frames=12)))
+    steps = list(make_capture_of_video(video, tmp_path / "capture", VideoConfig(frames=12)))
     assert [step.fraction for step in steps] == sorted(step.fraction for step in steps) and steps[-1].fraction == 1
     found = read_views(tmp_path / "capture")
     assert found.kind == "COLMAP" and len(found.views) == 9 and all(view.exists for view in found.views)
@@ -146,7 +146,7 @@ def test_too_few_poses_and_a_colmap_that_fails_are_one_sentence(
     stub_colmap(tmp_path, {"0": 2}, monkeypatch)
     video = write_video(tmp_path / "walk.avi", shaky(60, 5))
     with pytest.raises(CaptureError, match=r"found poses for 2 of 12 frames .*film slowly"):
-        list(capture_of_video(video, tmp_path / "capture", VideoConfig(frames=12)))
+        list(make_capture_of_video(video, tmp_path / "capture", VideoConfig(frames=12)))
     monkeypatch.setenv("FAILS_AT", "sequential_matcher")
     with pytest.raises(CaptureError, match="`colmap sequential_matcher` failed: no GPU here"):
-        list(capture_of_video(video, tmp_path / "again", VideoConfig(frames=12)))
+        list(make_capture_of_video(video, tmp_path / "again", VideoConfig(frames=12)))

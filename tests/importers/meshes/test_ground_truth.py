@@ -9,7 +9,7 @@ import torch
 import trimesh
 
 from nerfnav.core.errors import FieldFileError
-from nerfnav.importers.meshes.ground_truth import load_truth, truth_beside, truth_path
+from nerfnav.importers.meshes.ground_truth import load_truth, truth_path, write_truth_beside
 from nerfnav.world.raycast import MeshRenderer
 from nerfnav.world.scene import Scene
 from tests.importers.meshes.places import ABOVE, CAMERA, UP_Z, imported, quad, two_textures, write
@@ -24,7 +24,7 @@ def _scene(folder: Path) -> Scene:
 
 def test_a_ground_truth_comes_back_as_it_was(tmp_path: Path):
     scene, field = _scene(tmp_path), tmp_path / "house.npz"
-    with truth_beside(scene, field) as link:
+    with write_truth_beside(scene, field) as link:
         assert not truth_path(field).exists()  # before its field is
     assert truth_path(field) == tmp_path / link.name == tmp_path / "house.truth.npz"
     again = load_truth(tmp_path / link.name, link.sha256)
@@ -41,7 +41,7 @@ def test_a_ground_truth_comes_back_as_it_was(tmp_path: Path):
 def test_a_place_of_sheets_alone_comes_back_too(tmp_path: Path):
     scene = imported(write(quad(-1, 1), tmp_path / "floor.ply")).scene
     assert scene.solids == ()
-    with truth_beside(scene, tmp_path / "floor.npz") as link:
+    with write_truth_beside(scene, tmp_path / "floor.npz") as link:
         pass
     again = load_truth(tmp_path / link.name, link.sha256)
     assert again.solids == ()
@@ -52,7 +52,7 @@ def test_when_the_field_cannot_be_saved_the_old_ground_truth_stays(tmp_path: Pat
     scene, old = _scene(tmp_path), truth_path(tmp_path / "house.npz")
     old.write_text("old")
     before = set(tmp_path.iterdir())
-    with pytest.raises(FieldFileError, match="disk full"), truth_beside(scene, tmp_path / "house.npz"):
+    with pytest.raises(FieldFileError, match="disk full"), write_truth_beside(scene, tmp_path / "house.npz"):
         raise FieldFileError("disk full")
     assert old.read_text() == "old"
     assert set(tmp_path.iterdir()) == before
@@ -61,14 +61,14 @@ def test_when_the_field_cannot_be_saved_the_old_ground_truth_stays(tmp_path: Pat
 def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path):
     with (
         pytest.raises(FieldFileError, match="the ground truth cannot be written"),
-        truth_beside(_scene(tmp_path), tmp_path / "missing" / "house.npz"),
+        write_truth_beside(_scene(tmp_path), tmp_path / "missing" / "house.npz"),
     ):
         pass
 
 
 def test_another_file_in_the_place_of_the_ground_truth_is_refused(tmp_path: Path):
     scene = _scene(tmp_path)
-    with truth_beside(scene, tmp_path / "house.npz") as link:
+    with write_truth_beside(scene, tmp_path / "house.npz") as link:
         pass
     path = tmp_path / link.name
     path.write_bytes(path.read_bytes() + b"0")

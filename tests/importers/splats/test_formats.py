@@ -13,7 +13,7 @@ import pytest
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers.splats.formats import holds_splats, load_splats
-from nerfnav.importers.splats.gaussians import in_half_precision, save_splats, splats_beside
+from nerfnav.importers.splats.gaussians import in_half_precision, save_splats, splats_path
 from tests.importers.splat_files import (
     Gaussians,
     bundle_sog,
@@ -73,7 +73,7 @@ def test_what_is_not_finite_or_absurdly_large_is_dropped_and_counted(tmp_path: P
 def test_own_files_bring_splats_back(tmp_path: Path) -> None:
     write_inria(tmp_path / "a.ply", some_splats(50))
     splats = load_splats(tmp_path / "a.ply")
-    beside = splats_beside(tmp_path / "castle.npz")
+    beside = splats_path(tmp_path / "castle.npz")
     assert beside.name == "castle.splats.npz"
     again = load_splats(save_splats(splats, beside))
     np.testing.assert_array_equal(again.centers, splats.centers)

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nerfnav.importers.core.placement import Placement, size_doubt
+from nerfnav.importers.core.placement import Placement, warn_implausible_size
 from nerfnav.importers.splats.formats import load_splats
-from nerfnav.importers.splats.gaussians import Splats, extent
-from nerfnav.importers.splats.placement import guessed_up, upright
+from nerfnav.importers.splats.gaussians import Splats, robust_extent
+from nerfnav.importers.splats.placement import guessed_up, place_splats
 from nerfnav.importers.splats.voxels import voxelize
 from tests.importers.splat_files import Gaussians, write_inria
 
@@ -59,9 +59,9 @@ def test_a_thing_that_stands_on_the_origin_is_stood_upon_it(tmp_path: Path) -> N
 
 def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
     splats = splats_of(room(), tmp_path)
-    told = upright(splats, Placement(up=(1.0, 0.0, 0.0), scale=0.5), tmp_path / "a.ply")
+    told = place_splats(splats, Placement(up=(1.0, 0.0, 0.0), scale=0.5), tmp_path / "a.ply")
     assert (told.up, told.scale, told.guesses) == ((1, 0, 0), 0.5, ())
-    guessed = upright(splats, Placement(), tmp_path / "a.ply")
+    guessed = place_splats(splats, Placement(), tmp_path / "a.ply")
     assert guessed.scale == 1 and len(guessed.guesses) == 2
     assert "up is z" in guessed.guesses[0] and "nothing says how long a unit is" in guessed.guesses[1]
 
@@ -70,12 +70,12 @@ def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
     ("meters", "said"), [(1218.0, "1.22 km long"), (300.0, "300 m long"), (0.04, "4 cm long"), (0.004, "4 mm long")]
 )
 def test_absurd_sizes_ask_to_measure_something(meters: float, said: str) -> None:
-    doubt = size_doubt(meters)
+    doubt = warn_implausible_size(meters)
     assert doubt is not None and said in doubt and "measure something" in doubt
 
 
 def test_plausible_sizes_raise_no_doubt() -> None:
-    assert size_doubt(0.6) is None and size_doubt(60.0) is None
+    assert warn_implausible_size(0.6) is None and warn_implausible_size(60.0) is None
 
 
 @pytest.mark.parametrize("size", [1.0, 40.0])
@@ -88,7 +88,7 @@ def test_the_box_holds_the_opacity_and_not_the_strays(size: float, tmp_path: Pat
     opacities = splats.opacities.copy()
     opacities[len(place) : -90] = 0.004
     splats = replace(splats, opacities=opacities)
-    lower, upper = extent(splats.centers, splats.masses)
+    lower, upper = robust_extent(splats.centers, splats.masses)
     assert (lower <= place.min(0) + 0.02 * size).all() and (upper >= place.max(0) - 0.05 * size).all()
     assert (upper - lower < 1.5 * np.ptp(place, axis=0) + 0.5 * size).all()
     field = voxelize(splats)
@@ -99,5 +99,5 @@ def test_a_mast_that_is_thin_but_there_stays_in_the_box(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     mast = np.c_[rng.normal(0, 0.05, (400, 2)), rng.uniform(0, 6, 400)]
     points = np.concatenate([room(), mast])
-    lower, upper = extent(splats_of(points, tmp_path).centers)
+    lower, upper = robust_extent(splats_of(points, tmp_path).centers)
     assert upper[2] > 4.5 and lower[2] <= -0.69

@@ -12,7 +12,7 @@ import nerfnav_scenes as scenes
 from nerfnav.field import render_image
 from nerfnav.geometry import so3
 from nerfnav.live.answer import Guidance
-from nerfnav.live.setpoints import expected
+from nerfnav.live.setpoints import predict_guided
 from nerfnav.robots import Quadrotor, RigidState
 
 PLACE, START, GOAL = "playground", (-0.07, 0.93, 0.28), (-0.1, 0.0, 0.35, 0.0)
@@ -35,7 +35,7 @@ class Vehicle:
 
     def follow(self, guidance: Guidance, time: float) -> None:
         """Be where guidance wants it at a time."""
-        there = expected(guidance, time, flies=True)
+        there = predict_guided(guidance, time, flies=True)
         assert there is not None
         self.state = there
 

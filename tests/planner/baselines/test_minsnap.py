@@ -11,7 +11,7 @@ from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.planner.baselines.minsnap import arrival_times, minimum_snap, plan_minimum_snap, turning_points
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.objective.safety import SafetyConfig, clearance_of
+from nerfnav.planner.objective.safety import SafetyConfig, measure_clearance
 from nerfnav.planner.solvers.fast import plan_fast
 from nerfnav.planner.steps import PlanOutcome
 from nerfnav.robots.state import RigidState
@@ -123,7 +123,7 @@ def test_an_elongated_ground_robot_turns_to_pass_a_door_that_it_fits_only_length
     states = step.motion.states
     in_door = states.position[:, 0].abs().argmin()
     assert abs(states.rotation[in_door, 0, 0]) > 0.95, "its long side points through the door"
-    clearance = clearance_of(problem.field, step.motion, problem.robot.body, SafetyConfig())
+    clearance = measure_clearance(problem.field, step.motion, problem.robot.body, SafetyConfig())
     assert clearance is not None and clearance > 0.05
     assert (states.position[:, 2] - 0.4).abs().max() < 1e-5
 
@@ -135,8 +135,8 @@ def test_a_curve_whose_heading_swings_into_the_frame_of_a_narrow_door_is_in_coll
     states = step.motion.states
     in_door = states.position[:, 0].abs() < 0.1
     assert (states.rotation[in_door, 0, 0].abs() > 0.8).all(), "it turns, as the path does, but swings on: 0.45 rad"
-    assert clearance_of(problem.field, step.motion, problem.robot.body, SafetyConfig()) == 0
+    assert measure_clearance(problem.field, step.motion, problem.robot.body, SafetyConfig()) == 0
     assert step.outcome is PlanOutcome.IN_COLLISION
     *_, optimised = plan_fast(problem)
-    clearance = clearance_of(problem.field, optimised.motion, problem.robot.body, SafetyConfig())
+    clearance = measure_clearance(problem.field, optimised.motion, problem.robot.body, SafetyConfig())
     assert clearance is not None and clearance > 0.02, "there is a way, which minimum snap does not keep to"

@@ -11,8 +11,8 @@ from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
-from nerfnav.planner.objective.default_ends import Pair, first_ends, way_between
-from nerfnav.planner.risk.tracking_error import PAPERS_NOISE
+from nerfnav.planner.objective.default_ends import Pair, path_between, propose_ends
+from nerfnav.planner.risk.tracking_error import PAPER_NOISE
 from nerfnav.planner.space.ends import fits
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.space.regions import free_regions
@@ -37,7 +37,7 @@ def field_of(box: Corners, *blocks: Corners, spacing: float = 0.02) -> VoxelFiel
 
 def found_in(field: VoxelField, robot: Robot) -> Pair | None:
     """What is found where the field is planned in as it was learned."""
-    return first_ends(field, field, robot, lambda height: map_of(field, robot, height))
+    return propose_ends(field, field, robot, lambda height: map_of(field, robot, height))
 
 
 def map_of(field: VoxelField, robot: Robot, height: float) -> OccupancyMap:
@@ -56,7 +56,7 @@ def test_the_robot_fits_at_both_ends_and_a_way_between_them_is_found(name: str) 
     assert pair is not None
     start, goal = pair
     assert fits(field, robot.body, start) and fits(field, robot.body, goal)
-    assert way_between(map_of(field, robot, start.position[2].item()), pair) is not None
+    assert path_between(map_of(field, robot, start.position[2].item()), pair) is not None
     length, apart = max(robot.body.extents[:2]), (goal.position - start.position).norm().item()
     assert 3 * length <= apart < 25 * length
 
@@ -113,7 +113,7 @@ def test_ends_keep_clear_of_what_noise_pushes_a_robot_into_where_there_is_room()
     field, robot = field_of(_HALL, _FLOOR, _PILLAR), load("quadrotor")
     pair = found_in(field, robot)
     assert pair is not None
-    push = 3 * PAPERS_NOISE.noise[0]
+    push = 3 * PAPER_NOISE.noise[0]
     for end in pair:
         for away in torch.cat([push * torch.eye(3), -push * torch.eye(3)]):
             assert fits(field, robot.body, replace(end, position=end.position + away))

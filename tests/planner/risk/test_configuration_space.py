@@ -12,10 +12,10 @@ from nerfnav.field.core.occupancy import raw_of
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry import node_positions
 from nerfnav.geometry.box import Box
-from nerfnav.planner.kernels.terms import chance_at
-from nerfnav.planner.risk.collision_map import DangerMap
+from nerfnav.planner.kernels.terms import interpolate_chance
+from nerfnav.planner.risk.collision_map import CollisionMap
 from nerfnav.planner.risk.configuration_space import CSpace
-from nerfnav.planner.risk.tracking_error import Disturbance, Outlook
+from nerfnav.planner.risk.tracking_error import NoiseModel, RiskContext
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.robots import Body, load
 from nerfnav.robots.quadrotor import Quadrotor
@@ -25,7 +25,7 @@ from tests.planner.places import ROBOT
 GRAIN = 0.015
 """Distance of the field's nodes [m]."""
 LONG = Body.box((0.3, 0.1, 0.1), (9, 3, 3))
-PUSHED = Outlook(disturbance=Disturbance((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)))
+PUSHED = RiskContext(disturbance=NoiseModel((0.02, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)))
 
 
 def block(half: tuple[float, float, float], scale: float = 1.0, solid: float = 5.0) -> VoxelField:
@@ -113,21 +113,26 @@ def test_with_each_heading_a_long_body_has_obstacles_as_large_as_the_thing_and_t
 def test_the_chance_of_a_long_body_goes_by_its_heading():
     """Beside a wall it is less likely to be pushed into it along it than across it."""
     robot = load("couch")
-    danger = DangerMap.of(block((0.2, 0.4, 0.4)), robot, replace(PUSHED, height=0.0))
+    danger = CollisionMap.of(block((0.2, 0.4, 0.4)), robot, replace(PUSHED, height=0.0))
     wall = 0.2  # its surface, along y
     for gap, heading in ((0.08, math.pi / 2), (0.18, 0.0)):  # from the middle: half of the body, and 3 cm
-        found = chance_at(danger.parts, 9, wall + gap, 0.0, 0.0, heading)[0]
+        found = interpolate_chance(danger.parts, 9, wall + gap, 0.0, 0.0, heading)[0]
         assert found == pytest.approx(0.5 * math.erfc(0.03 / 0.04 / math.sqrt(2)), abs=0.05)
-    across, along = (chance_at(danger.parts, 9, wall + 0.1, 0.0, 0.0, heading)[0] for heading in (0.0, math.pi / 2))
+    across, along = (
+        interpolate_chance(danger.parts, 9, wall + 0.1, 0.0, 0.0, heading)[0] for heading in (0.0, math.pi / 2)
+    )
     assert across > 0.8 and along < 0.2
-    turned = [chance_at(danger.parts, 9, wall + 0.1, 0.0, 0.0, math.pi / 2 + turn)[0] for turn in (math.pi, -math.tau)]
+    turned = [
+        interpolate_chance(danger.parts, 9, wall + 0.1, 0.0, 0.0, math.pi / 2 + turn)[0]
+        for turn in (math.pi, -math.tau)
+    ]
     assert turned == pytest.approx([along, along])
 
 
 @pytest.mark.parametrize("name", ["quadrotor", "quadrotor25"])
 def test_the_chance_beside_a_block_is_the_tail_of_the_noise(name: str):
     robot = load(name)
-    danger = DangerMap.of(block((0.2, 0.2, 0.3)), robot, PUSHED)
+    danger = CollisionMap.of(block((0.2, 0.2, 0.3)), robot, PUSHED)
     middle = np.round(-danger.lower * danger.per_meter).astype(int)
     row = danger.chances[-1, 0, :, middle[1], middle[2]]
     x = danger.lower[0] + np.arange(len(row)) / danger.per_meter[0]
@@ -138,14 +143,14 @@ def test_the_chance_beside_a_block_is_the_tail_of_the_noise(name: str):
 
 def test_where_nothing_pushes_there_is_danger_where_the_body_does_not_fit_and_nowhere_else():
     still = (0.0, 0.0, 0.0, 0.0)
-    danger = DangerMap.of(block((0.2, 0.1, 0.15)), ROBOT, Outlook(disturbance=Disturbance(still, still)))
+    danger = CollisionMap.of(block((0.2, 0.1, 0.15)), ROBOT, RiskContext(disturbance=NoiseModel(still, still)))
     assert set(np.unique(danger.chances)) <= {0.0, 0.5, 1.0}
     volume = danger.chances[-1].sum() / danger.per_meter.prod()
     assert volume == pytest.approx(np.prod(2 * np.array([0.2, 0.1, 0.15]) + ROBOT.body.extents), rel=0.08)
 
 
 def test_obstacles_that_the_memory_cannot_hold_are_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("nerfnav.core.memory.free_memory", lambda: 10**6)
+    monkeypatch.setattr("nerfnav.core.memory.available_memory", lambda: 10**6)
     with pytest.raises(InvalidInputError, match=r"^the chance that noise .* may take .* GB, .*: plan without risk"):
         CSpace.of(block((0.2, 0.1, 0.15)), ROBOT.body)
 
@@ -155,6 +160,6 @@ def test_chances_with_many_headings_that_the_memory_cannot_hold_are_refused(monk
     plank = Quadrotor(QuadrotorConfig(extents=(0.3, 0.1, 0.04), point_counts=(7, 5, 2)))
     space = CSpace.of(field, plank.body)
     monkeypatch.setattr("nerfnav.planner.risk.collision_map.CSpace.of", lambda *_: space)
-    monkeypatch.setattr("nerfnav.core.memory.free_memory", lambda: 10**6)
+    monkeypatch.setattr("nerfnav.core.memory.available_memory", lambda: 10**6)
     with pytest.raises(InvalidInputError, match=r"^the chance that noise .* headings, may take .*: plan without risk"):
-        DangerMap.of(field, plank, PUSHED)
+        CollisionMap.of(field, plank, PUSHED)

@@ -10,7 +10,7 @@ from nerfnav.core.errors import InvalidInputError, OccupiedError
 from nerfnav.planner.objective.problem import InitialGuess
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.solvers.adam import PlanConfig, plan, replan
-from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.robots.state import RigidState
@@ -124,7 +124,7 @@ def test_bad_ends_are_refused_before_any_iteration():
 def test_replanning_goes_on_from_the_rest_of_the_plan(around_the_ball: list[PlanStep]):
     problem, motion = across(ball()), around_the_ball[-1].motion
     start = motion.states[1].retract(0.02 * torch.randn(12, generator=torch.Generator().manual_seed(0)))
-    hot = hot_start(motion, start, problem.goal, ROBOT)
+    hot = shift_warm_start(motion, start, problem.goal, ROBOT)
     steps = list(replan(problem, hot, replace(QUICK, iterations=60)))
     assert len(steps) == 60
     assert steps[-1].motion.actions.shape == (19, 4)
@@ -136,7 +136,9 @@ def test_replanning_goes_on_from_the_rest_of_the_plan(around_the_ball: list[Plan
 def test_replanning_works_from_inside_a_stone():
     problem = replace(across(ball()), start=RigidState.at_rest((-0.2, 0.05, 0.4)))
     motion = next(plan(across(ball()), QUICK)).motion
-    steps = list(replan(problem, hot_start(motion, problem.start, problem.goal, ROBOT), replace(QUICK, iterations=20)))
+    steps = list(
+        replan(problem, shift_warm_start(motion, problem.start, problem.goal, ROBOT), replace(QUICK, iterations=20))
+    )
     assert steps[-1].cost.total < steps[0].cost.total
 
 

@@ -7,8 +7,8 @@ import torch
 
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.risk.costs import collision_probability_bound
-from nerfnav.planner.solvers.chance_constraint import within_chance
-from nerfnav.planner.solvers.duration import DurationConfig, shortest_plan
+from nerfnav.planner.solvers.chance_constraint import enforce_chance_constraint
+from nerfnav.planner.solvers.duration import DurationConfig, find_shortest_plan
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
 from nerfnav.planner.steps import PlanOutcome, PlanStep, last_step
 from nerfnav.robots.limits import limit_uses
@@ -28,7 +28,7 @@ def test_a_plan_is_refined_until_its_bound_is_met():
     planned = last_step(plan_fast(AROUND, careless))
     asked = 0.2 * risk(planned)
     assert asked > 0
-    *rounds, last = within_chance(AROUND, planned, careless, asked)
+    *rounds, last = enforce_chance_constraint(AROUND, planned, careless, asked)
     assert risk(last) <= asked
     assert last.outcome is PlanOutcome.CONVERGED
     assert all(step.outcome is None for step in rounds)
@@ -37,14 +37,14 @@ def test_a_plan_is_refined_until_its_bound_is_met():
 
 def test_a_plan_that_is_safe_enough_stays_as_it_is():
     planned = last_step(plan_fast(AROUND))
-    (last,) = within_chance(AROUND, planned, FastPlanConfig(), 1.0)
+    (last,) = enforce_chance_constraint(AROUND, planned, FastPlanConfig(), 1.0)
     assert last == planned
 
 
 def test_in_fog_no_plan_is_safe_enough():
     fog = PlanProblem(Fog(rho=0.5), ROBOT, START, GOAL)
     planned = last_step(plan_fast(fog))
-    last = last_step(within_chance(fog, planned, FastPlanConfig(), 0.01))
+    last = last_step(enforce_chance_constraint(fog, planned, FastPlanConfig(), 0.01))
     assert last.outcome is PlanOutcome.TOO_RISKY
     assert collision_probability_bound(fog.field, last.motion, ROBOT.body) > 0.01
 
@@ -58,7 +58,7 @@ def planner(problem: PlanProblem):
 
 def test_the_shortest_duration_keeps_the_limits_and_one_step_less_does_not():
     make = planner(PlanProblem(Fog(rho=0.0), ROBOT, START, GOAL))
-    last = last_step(shortest_plan(make, ROBOT))
+    last = last_step(find_shortest_plan(make, ROBOT))
     assert last.outcome is PlanOutcome.CONVERGED
     assert not any(use.violated for use in limit_uses(ROBOT, last.motion))
     shorter = last_step(make(last.trajectory.steps - 1))
@@ -67,12 +67,12 @@ def test_the_shortest_duration_keeps_the_limits_and_one_step_less_does_not():
 
 def test_where_even_the_longest_plan_exceeds_the_limits_this_is_said():
     make = planner(PlanProblem(Fog(rho=0.0), ROBOT, START, GOAL))
-    last = last_step(shortest_plan(make, ROBOT, DurationConfig(fewest=4, most=6)))
+    last = last_step(find_shortest_plan(make, ROBOT, DurationConfig(fewest=4, most=6)))
     assert last.outcome is PlanOutcome.OVER_LIMITS
 
 
 def test_a_sealed_goal_is_not_tried_for_longer_and_longer():
-    *tried, last = shortest_plan(planner(PlanProblem(Wall(door=0.0), ROBOT, START, GOAL)), ROBOT)
+    *tried, last = find_shortest_plan(planner(PlanProblem(Wall(door=0.0), ROBOT, START, GOAL)), ROBOT)
     assert last.outcome is PlanOutcome.NO_PATH and len(tried) == 1
     assert torch.isfinite(last.motion.states.position).all()
     assert pytest.approx(0.1) == last.motion.dt

@@ -14,11 +14,11 @@ from nerfnav.core.errors import OccupiedError
 from nerfnav.geometry import so3
 from nerfnav.planner import terms
 from nerfnav.planner.objective.problem import InitialGuess, PlanProblem
-from nerfnav.planner.objective.safety import SafetyConfig, clearance_of
+from nerfnav.planner.objective.safety import SafetyConfig, measure_clearance
 from nerfnav.planner.solvers.adam import PlanConfig, plan
 from nerfnav.planner.solvers.bfgs import NewtonConfig
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast, replan_fast
-from nerfnav.planner.solvers.warm_start import hot_start
+from nerfnav.planner.solvers.warm_start import shift_warm_start
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.robots.quadrotor import Quadrotor, QuadrotorConfig
@@ -103,7 +103,7 @@ def test_start_and_goal_may_be_the_same_place():
 def test_replanning_after_a_kick_starts_near_and_ends_at_the_goal():
     first = last_of(list(plan_fast(around_the_ball())))
     kicked = first.motion.states[1].retract(torch.tensor([0.02, -0.02, 0.01, *[0.0] * 3, 0.02, 0.02, 0.0, *[0.0] * 3]))
-    trajectory = hot_start(first.motion, kicked, GOAL, ROBOT)
+    trajectory = shift_warm_start(first.motion, kicked, GOAL, ROBOT)
     last = last_of(list(replan_fast(around_the_ball(), trajectory)))
     assert last.outcome is PlanOutcome.CONVERGED
     assert GOAL.local(last.motion.states[-1]).abs().max() < 1e-5
@@ -172,4 +172,4 @@ def test_a_long_body_turns_where_it_fits_only_turned():
     inside = last.motion.states[last.motion.states.position[:, 0].abs() < 0.1]
     assert len(inside.position)
     assert torch.sin(so3.yaw_of(inside.rotation)).abs().max() < 0.3  # along the way through the door
-    assert clearance_of(wall, last.motion, couch.body, SafetyConfig()) > 0.01
+    assert measure_clearance(wall, last.motion, couch.body, SafetyConfig()) > 0.01

@@ -13,15 +13,15 @@ from nerfnav.geometry.box import Box
 from nerfnav.planner import terms
 from nerfnav.planner.objective.objective import Objective
 from nerfnav.planner.objective.problem import PlanProblem
-from nerfnav.planner.objective.safety import SafetyConfig, clearance_of, safety_of, verdict
+from nerfnav.planner.objective.safety import SafetyConfig, assess_safety, judge_search, measure_clearance
 from nerfnav.planner.planners.planner import with_risk
 from nerfnav.planner.risk.costs import CostWeights, collision_probability_bound
 from nerfnav.planner.solvers.adam import PlanConfig, plan
 from nerfnav.planner.solvers.fast import FastPlanConfig, plan_fast
-from nerfnav.planner.space.border import SOLID_BEYOND, is_beyond, known_density, outside, reach_of
+from nerfnav.planner.space.border import SOLID_BEYOND, bordered_density, is_beyond, outside, reach_of
 from nerfnav.planner.space.ends import check_ends, fits, nearest_free_pose
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import GOOD, PlanCost, PlanOutcome, last_step
+from nerfnav.planner.steps import FLYABLE, PlanCost, PlanOutcome, last_step
 from nerfnav.planner.terms.term import CostTerm
 from nerfnav.robots import load
 from nerfnav.robots.state import Motion, RigidState
@@ -42,25 +42,25 @@ def beyond(problem: PlanProblem, motion: Motion) -> bool:
 def test_what_is_beyond_the_border_is_solid_and_the_border_itself_is_inside():
     points = torch.tensor([[1.0, 0.0, 0.5], [1.001, 0.0, 0.5], [0.0, 0.0, 0.0], [0.0, -1.2, 0.5]])
     assert is_beyond(BOX, points).tolist() == [False, True, False, True]
-    assert known_density(Fog(rho=2.0), points).tolist() == pytest.approx([2.0, SOLID_BEYOND, 2.0, SOLID_BEYOND])
+    assert bordered_density(Fog(rho=2.0), points).tolist() == pytest.approx([2.0, SOLID_BEYOND, 2.0, SOLID_BEYOND])
 
 
 def test_a_plan_along_the_border_whose_body_would_reach_beyond_is_not_called_converged():
     problem, told = across(OPEN), {}
     for name, motion in (("along", ALONG), ("over", OVER)):
-        told[name] = verdict(problem, motion, PlanCost(0.0, 1.0, 0.0), PlanOutcome.CONVERGED)
+        told[name] = judge_search(problem, motion, PlanCost(0.0, 1.0, 0.0), PlanOutcome.CONVERGED)
     assert told["over"] is PlanOutcome.IN_COLLISION
     assert told["along"] is PlanOutcome.CONVERGED
-    assert collision_probability_bound(OPEN, OVER, ROBOT.body) == 1 == safety_of(OPEN, OVER, ROBOT.body).bound
+    assert collision_probability_bound(OPEN, OVER, ROBOT.body) == 1 == assess_safety(OPEN, OVER, ROBOT.body).bound
     assert collision_probability_bound(OPEN, ALONG, ROBOT.body) == 0
 
 
 def test_the_border_is_as_near_as_something_solid_is():
-    assert clearance_of(OPEN, ALONG, ROBOT.body, SafetyConfig()) == pytest.approx(0.05, abs=1e-6)
-    assert clearance_of(OPEN, OVER, ROBOT.body, SafetyConfig()) == 0
-    assert clearance_of(OPEN, ALONG, ROBOT.body, SafetyConfig(reach=0.04)) is None
+    assert measure_clearance(OPEN, ALONG, ROBOT.body, SafetyConfig()) == pytest.approx(0.05, abs=1e-6)
+    assert measure_clearance(OPEN, OVER, ROBOT.body, SafetyConfig()) == 0
+    assert measure_clearance(OPEN, ALONG, ROBOT.body, SafetyConfig(reach=0.04)) is None
     near = straight_motion((-0.7, 0.4, 0.4), (0.7, 0.4, 0.4))  # the ball is nearer
-    to_ball = clearance_of(ball(), near, ROBOT.body, SafetyConfig())
+    to_ball = measure_clearance(ball(), near, ROBOT.body, SafetyConfig())
     assert to_ball is not None and to_ball < 0.15
 
 
@@ -120,7 +120,7 @@ def test_plans_between_something_and_the_border_keep_all_of_the_body_inside(plan
         last = last_step(plan(problem, replace(PlanConfig.paper(), iterations=60)))
     else:
         last = last_step(plan_fast(problem, with_risk(FastPlanConfig()) if "risk" in planner else FastPlanConfig()))
-    assert last.outcome in GOOD and not beyond(problem, last.motion)
+    assert last.outcome in FLYABLE and not beyond(problem, last.motion)
 
 
 @pytest.mark.parametrize("risk", [False, True])

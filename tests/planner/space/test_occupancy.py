@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from nerfnav.field.core.occupancy import EMPTY_RAW
-from nerfnav.field.models.bricks import in_bricks
+from nerfnav.field.models.bricks import convert_to_bricks
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.planner.kernels.maps import mark_columns
@@ -59,7 +59,7 @@ def by_single_cells(raw: np.ndarray, shape: tuple[int, int, int], half_height: f
 def test_blocks_and_runs_mark_the_columns_that_their_cells_would_mark(seed: int, shape: tuple[int, int, int]) -> None:
     field = solids_and_specks(seed)
     wanted = by_single_cells(field.values[..., 0].numpy(), shape, 1.3)
-    for kept in (field, in_bricks(field)):
+    for kept in (field, convert_to_bricks(field)):
         values, occupied, lower, _ = kept.kernel_grid
         columns = np.zeros(shape, np.uint8)
         mark_columns(values, occupied, lower, THRESHOLD, 1.3, columns)

@@ -8,13 +8,13 @@ import viser
 
 from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep, estimators
 from nerfnav.geometry.so3 import yaw_of
-from nerfnav.navigation import NavigationStep, Recovery
+from nerfnav.navigation import NavigationStep, SupervisorState
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
 from nerfnav_app.page.kit.html import columns, fine, note, table, warning
 from nerfnav_app.page.kit.widgets import Binder, ChoiceList
 from nerfnav_app.page.layers.global_localization import MOST_CANDIDATES
 from nerfnav_app.page.panels.flight.flight_charts import ERRORS, FlightChart
-from nerfnav_app.state.actions import CarryAway, Command, FindRobot, Settings
+from nerfnav_app.state.actions import Command, FindRobot, KidnapRobot, Settings
 from nerfnav_app.state.records import FlightRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import number, sentence
@@ -42,7 +42,7 @@ def describe(flight: FlightRecord | None) -> str:
 def _of_recovery(step: NavigationStep) -> str:
     if step.recovery is None:
         return ""
-    say = fine if step.recovery is Recovery.RELOCALISED else warning
+    say = fine if step.recovery is SupervisorState.RELOCALISED else warning
     return say(sentence(step.recovery.value))
 
 
@@ -124,7 +124,7 @@ class EstimatePanel:
 
         @self._carry.on_click
         async def _(_: viser.GuiEvent) -> None:
-            post(CarryAway())
+            post(KidnapRobot())
 
     def show(self, session: Session) -> None:
         """Show the estimate of the last time step."""

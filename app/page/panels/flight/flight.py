@@ -25,7 +25,7 @@ _SPEEDS = {"as fast as it can": 0.0, "real time": 1.0, "half": 0.5, "a quarter":
 _WORLDS: dict[str, WorldName] = {"the paper's noise": "paper", "wind and motors": "physical"}
 
 
-class FlyingPanel:
+class FlightSettingsWidgets:
     """The widgets of `FlightSettings`."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
@@ -83,7 +83,7 @@ class FlightPanel:
         self._gust = server.gui.add_button(
             "Gust", color="gray", icon=viser.Icon.WIND, visible=False, hint="Push the robot, now"
         )
-        self._settings = FlyingPanel(server, post)
+        self._settings = FlightSettingsWidgets(server, post)
         self._numbers = server.gui.add_html("")
         self._times = FlightChart(server, TIMES)
 

@@ -46,7 +46,7 @@ def describe(track: TrackRecord | None, shown: TrackRecord | None) -> str:
     return table(rows) + say(sentence(last.status.value))
 
 
-def ended(track: TrackRecord) -> str:
+def summarize_track(track: TrackRecord) -> str:
     """One line on a track, such as "Tracked rest.mp4: 98 of 100 frames, lost once"."""
     statuses = [step.tracked.status for step in track.steps]
     told = sum(status.updated for status in statuses)

@@ -7,20 +7,20 @@ import viser
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.geometry import Box
-from nerfnav.importers import length_in_words
+from nerfnav.importers import format_length
 from nerfnav_app.page.kit.html import note, warning
 from nerfnav_app.places.sources import title_of
 from nerfnav_app.state.actions import Command, Tell
 from nerfnav_app.state.alignment import (
-    ApplyPlacing,
+    AlignmentDraft,
+    ApplyAlignment,
+    DiscardAlignment,
     FindFloor,
-    ForgetPlacing,
     Keep,
-    Measure,
-    Placing,
-    PointAt,
-    Pointing,
-    UndoPlacing,
+    PickPoints,
+    PickTarget,
+    SetDistance,
+    UndoAlignment,
     Vector,
 )
 from nerfnav_app.state.session import Session
@@ -29,7 +29,7 @@ from nerfnav_app.text import sentence
 _ICON = viser.Icon
 
 
-class PlacingPanel:
+class AlignmentPanel:
     """A folder with what was guessed, what to point at, a box, and what applies and undoes it."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
@@ -39,7 +39,7 @@ class PlacingPanel:
         with server.gui.add_folder("Up, scale, box", expand_by_default=False):
             self._guessed = server.gui.add_html(note("Opening…"))
             self._point = server.gui.add_button_group(
-                "Click", tuple(kind.value for kind in Pointing), hint="Two points to measure, or three of the floor"
+                "Click", tuple(kind.value for kind in PickTarget), hint="Two points to measure, or three of the floor"
             )
             self._distance = server.gui.add_number(
                 "Distance [m]", 0.0, min=0.0, step=0.001, hint="How far the two points are apart in truth"
@@ -52,9 +52,11 @@ class PlacingPanel:
             self._upper = server.gui.add_vector3("Keep to [m]", (0.0, 0.0, 0.0), step=0.01, visible=False)
             self._said = server.gui.add_html("")
             self._buttons = [
-                self._button(server, "Apply", _ICON.CHECK, ApplyPlacing(), "Put the place right; nothing is learned"),
-                self._button(server, "As it was before", _ICON.ARROW_BACK_UP, UndoPlacing(), "Before the last change"),
-                self._button(server, "Forget", _ICON.ERASER, ForgetPlacing(), "Forget what was clicked and typed"),
+                self._button(server, "Apply", _ICON.CHECK, ApplyAlignment(), "Put the place right; nothing is learned"),
+                self._button(
+                    server, "As it was before", _ICON.ARROW_BACK_UP, UndoAlignment(), "Before the last change"
+                ),
+                self._button(server, "Forget", _ICON.ERASER, DiscardAlignment(), "Forget what was clicked and typed"),
             ]
             keep = server.gui.add_button("Save the field", color="gray", icon=_ICON.DOWNLOAD, hint="As a file (.npz)")
         self._point.on_click(self._point_at)
@@ -77,11 +79,11 @@ class PlacingPanel:
 
     async def _point_at(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            self._post(PointAt(Pointing(event.target.value)))
+            self._post(PickPoints(PickTarget(event.target.value)))
 
     async def _measure(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            self._post(Measure(float(self._distance.value)))
+            self._post(SetDistance(float(self._distance.value)))
 
     async def _find_floor(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -134,20 +136,20 @@ class PlacingPanel:
 
 def known(guesses: tuple[str, ...], box: Box) -> str:
     """What is known of up and lengths: sentences."""
-    longest = f"This place is {length_in_words(float(box.size.max()))} long."
+    longest = f"This place is {format_length(float(box.size.max()))} long."
     if not guesses:
         return longest
     return " ".join([longest, "Guessed:", *map(sentence, guesses)])
 
 
-def described(placing: Placing) -> str:
+def described(placing: AlignmentDraft) -> str:
     """What has been told so far, and what comes next, as HTML."""
     if placing.pointing is not None:
-        points = placing.measured if placing.pointing is Pointing.DISTANCE else placing.floor
+        points = placing.measured if placing.pointing is PickTarget.DISTANCE else placing.floor
         return note(f"Click point {len(points) + 1} of {placing.pointing.count} of {placing.pointing.value}.")
     told = []
     if placing.length is not None:
-        told.append(f"The two points are {length_in_words(placing.length)} apart now: type what it is in truth.")
+        told.append(f"The two points are {format_length(placing.length)} apart now: type what it is in truth.")
     if len(placing.floor) == 3:
         told.append("Three points of the floor: Apply puts it at z = 0.")
     try:

@@ -8,7 +8,7 @@ import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav_app.page.kit.html import note
 from nerfnav_app.page.kit.widgets import ChoiceList
-from nerfnav_app.places.derived import unproven_of
+from nerfnav_app.places.derived import describe_unproven_in
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.sources import BUDGETS_S, SUFFIXES, QualityName, title_of
 from nerfnav_app.places.uploads import UploadError
@@ -79,7 +79,7 @@ class PlacePanel:
         self._doing.visible = session.place is None
         self._doing.content = note(doing(session))
         self._stop.visible = session.place is None and session.before is not None
-        told = "" if session.place is None else unproven_of(session.place)
+        told = "" if session.place is None else describe_unproven_in(session.place)
         self._unproven.visible = told != ""
         if told:
             self._unproven.content = note(told)

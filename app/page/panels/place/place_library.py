@@ -10,7 +10,7 @@ import viser
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav_app.page.kit.html import note, table
-from nerfnav_app.page.kit.widgets import ask_to_delete
+from nerfnav_app.page.kit.widgets import confirm_deletion
 from nerfnav_app.places.library import KeptPlace, PlaceLibrary
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.state.actions import Command, ListPlaces, OpenPlace, Tell
@@ -21,7 +21,7 @@ _NONE = "(none yet)"
 _BLANK = np.full((2, 2, 3), 24, np.uint8)
 
 
-class KeptPlacesPanel:
+class PlaceLibraryPanel:
     """A list, the picture of the chosen place, what is known of it, and what can be done with it."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None], library: PlaceLibrary) -> None:
@@ -89,7 +89,7 @@ class KeptPlacesPanel:
             return
         warning = f"{entry.name} and its field are deleted for good; flights in it stay."
         delete = partial(self._library.delete, entry.key)
-        ask_to_delete(client, "this place", warning, lambda: self._do("Not deleted", delete))
+        confirm_deletion(client, "this place", warning, lambda: self._do("Not deleted", delete))
 
     def show(self, session: Session) -> None:
         """Show the places that are kept."""

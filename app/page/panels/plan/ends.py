@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from nerfnav_app.page.kit.html import fine, note, warning
-from nerfnav_app.places.ends import End, Which
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.places.place import Place
 from nerfnav_app.state.actions import Aim, ChooseTask, Command, MoveEnd, TypeEnd
 from nerfnav_app.state.session import Session
@@ -30,12 +30,12 @@ class EndsPanel:
             "Task", list[str]([_BY_HAND]), hint="Pairs of start and goal of this scene"
         )
         self._task.on_update(self._choose)
-        self._numbers = {which: _EndNumbers(server, which, post) for which in Which}
+        self._numbers = {which: _EndNumbers(server, which, post) for which in EndRole}
         self._aim = server.gui.add_button_group(
-            "Click to place", tuple(which.value for which in Which), hint="Then click into the scene"
+            "Click to place", tuple(which.value for which in EndRole), hint="Then click into the scene"
         )
         self._said = server.gui.add_html(note("Opening…"))
-        self._offers = {which: _Offer(server, which, post) for which in Which}
+        self._offers = {which: _Offer(server, which, post) for which in EndRole}
         self._aim.on_click(self._take_aim)
 
     async def _choose(self, event: viser.GuiEvent) -> None:
@@ -45,7 +45,7 @@ class EndsPanel:
 
     async def _take_aim(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            self._post(Aim(Which(event.target.value)))
+            self._post(Aim(EndRole(event.target.value)))
 
     def show(self, session: Session) -> None:
         """Put the session's numbers into the widgets."""
@@ -88,16 +88,16 @@ def describe(session: Session) -> str:
     problems = [f"{which.value}: {text}" for which, text in session.problems.items() if text is not None]
     if problems:
         return warning(" ".join(map(sentence, problems)))
-    if len(session.problems) < len(Which):
+    if len(session.problems) < len(EndRole):
         return note("Checking whether the robot fits…")
-    start, goal = (np.array(session.ends.of(which).position) for which in Which)
+    start, goal = (np.array(session.ends.of(which).position) for which in EndRole)
     return fine(f"The robot fits at both ends, {np.linalg.norm(goal - start):.2f} m apart.")
 
 
 class _Offer:
     """A button that moves an end to where the robot fits; hidden while it fits."""
 
-    def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
+    def __init__(self, server: viser.ViserServer, which: EndRole, post: Callable[[Command], None]) -> None:
         self._end: End | None = None
         self._button = server.gui.add_button(
             f"Move the {which.value} to the nearest free point", color="gray", icon=viser.Icon.MAGNET, visible=False
@@ -116,7 +116,7 @@ class _Offer:
 class _EndNumbers:
     """Position and heading of one end."""
 
-    def __init__(self, server: viser.ViserServer, which: Which, post: Callable[[Command], None]) -> None:
+    def __init__(self, server: viser.ViserServer, which: EndRole, post: Callable[[Command], None]) -> None:
         self._which, self._post = which, post
         name = capital(which.value)
         self._position = server.gui.add_vector3(

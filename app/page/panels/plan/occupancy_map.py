@@ -7,14 +7,14 @@ import viser
 
 from nerfnav_app.page.kit.html import note
 from nerfnav_app.state.actions import Command
-from nerfnav_app.state.job import Download, JobKind, MapWish, TakeMap
+from nerfnav_app.state.job import Download, JobKind, MapDownload, TakeMap
 from nerfnav_app.state.session import Session
 
 MAPS = {"Voxels (.npz)": ".npz", "Collision mesh (.glb)": ".glb", "Map of ROS (.pgm, .yaml)": ".pgm"}
 """What a person chooses, and the ending that stands for it."""
 
 
-class MapPanel:
+class OccupancyMapPanel:
     """A kind of map, and a button that has it made and sends it to the tab that asked."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
@@ -28,7 +28,7 @@ class MapPanel:
 
     async def _ask(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
-            self._post(TakeMap(MapWish(MAPS[self._kind.value], event.client.client_id)))
+            self._post(TakeMap(MapDownload(MAPS[self._kind.value], event.client.client_id)))
 
     def show(self, session: Session) -> None:
         """Send what was made."""

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import viser
 
-from nerfnav.field import Unknown
-from nerfnav.planner import GOOD, PLANNERS, CostWeights, PlanOutcome
+from nerfnav.field import UnknownSpace
+from nerfnav.planner import FLYABLE, PLANNERS, CostWeights, PlanOutcome
 from nerfnav_app.jobs.events import PlannerResult
 from nerfnav_app.page.kit.chart import Chart
 from nerfnav_app.page.kit.html import legend, note, table, warning
@@ -25,7 +25,7 @@ from nerfnav_app.queries.clearance import ClearanceQuery
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.state.actions import Command, Settings, StartComparison
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import NOWHERE, CostHistory, PlanRecord
+from nerfnav_app.state.records import NO_TRAJECTORY, CostHistory, PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import capital, number
 
@@ -92,7 +92,7 @@ def describe(plan: PlanRecord | None, stale: bool, planning: bool) -> str:
         *_judgement(plan),
     ]
     # what is wrong with a plan is said once, in the status line
-    words = outcome_in_words(plan.outcome) if plan.outcome in GOOD and plan.outcome is not None else ""
+    words = outcome_in_words(plan.outcome) if plan.outcome in FLYABLE and plan.outcome is not None else ""
     if plan.outcome is None and not planning:
         words = "Stopped before it was done."
     remark = warning("Something was changed since: this is the earlier plan.") if stale else ""
@@ -138,7 +138,7 @@ def _used(use: dict[str, Any]) -> str:
     return ", ".join(parts) + (" ✗" if use["violated"] else "")
 
 
-def planned(plan: PlanRecord) -> str:
+def summarize_plan(plan: PlanRecord) -> str:
     """How good a plan is, such as "Planned: 2.0 s, 1.2 cm clearance, risk at most 6 %"."""
     parts, safety = [f"Planned: {duration_of(plan):.1f} s"], plan.summary.get("safety", {})
     if safety.get("min_clearance_m") is not None:
@@ -148,14 +148,14 @@ def planned(plan: PlanRecord) -> str:
     return ", ".join(parts)
 
 
-def unsafe(plan: PlanRecord, session: Session) -> str:
+def explain_unsafe_plan(plan: PlanRecord, session: Session) -> str:
     """Why a plan is not to be flown, and what helps."""
     assert plan.outcome is not None, "only a plan that has ended is unsafe"
     if plan.outcome is PlanOutcome.OVER_LIMITS:
         seconds = MoreTimeQuery.seconds_for(plan, session)
         helps = "allow more time" if seconds is None else f"allow {seconds:.1f} s"
         return f"Too fast for {duration_of(plan):.1f} s: {helps}."
-    if plan.settings.weights != CostWeights() and plan.outcome not in NOWHERE:
+    if plan.settings.weights != CostWeights() and plan.outcome not in NO_TRAJECTORY:
         return f"{outcome_in_words(plan.outcome).split(':')[0]}, with these weights: restore them."
     return outcome_in_words(plan.outcome)
 
@@ -199,7 +199,7 @@ def chart_data(history: CostHistory) -> np.ndarray:
 _UNITS = {"outside": "1/m²", "margin": "m", "risk": "J"}
 
 
-class PlanningPanel:
+class PlanSettingsWidgets:
     """The widgets of `PlanSettings`; those of the weights are made from the record's own fields."""
 
     def __init__(self, server: viser.ViserServer, post: Callable[[Command], None]) -> None:
@@ -219,7 +219,7 @@ class PlanningPanel:
         bind(self._duration, "duration_s", float)
         bind(self._shortest, "shortest", bool)
         bind(self._accepted, "max_collision", lambda percent: None if percent >= 100 else 0.01 * float(percent))
-        bind(self._free, "unknown", lambda free: Unknown.FREE if free else Unknown.OCCUPIED)
+        bind(self._free, "unknown", lambda free: UnknownSpace.FREE if free else UnknownSpace.OCCUPIED)
         self._weights: dict[str, viser.GuiInputHandle[Any]] = {}
         with gui.add_folder("Weights", expand_by_default=False):
             for part in fields(CostWeights):
@@ -234,7 +234,7 @@ class PlanningPanel:
         self._duration.value, self._shortest.value = settings.duration_s, settings.shortest
         accepted = settings.max_collision
         self._accepted.value = 100.0 if accepted is None else round(100 * accepted, 6)
-        self._free.value = settings.unknown is Unknown.FREE
+        self._free.value = settings.unknown is UnknownSpace.FREE
         for name, widget in self._weights.items():
             widget.value = getattr(settings.weights, name)
 
@@ -252,7 +252,7 @@ class PlanPanel:
         self._numbers = server.gui.add_html(note("No plan yet: press Plan the way, and its cost shows here."))
         self._comparison = server.gui.add_html("", visible=False)
         self._charts = PlanCharts(server)
-        self._settings = PlanningPanel(server, post)
+        self._settings = PlanSettingsWidgets(server, post)
 
         @self._compare.on_click
         async def _(_: viser.GuiEvent) -> None:

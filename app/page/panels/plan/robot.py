@@ -9,7 +9,7 @@ from typing import Any
 import viser
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.robots import Kind, RobotFile, described, robot_of, to_yaml
+from nerfnav.robots import Kind, RobotFile, describe_robot, robot_of, to_yaml
 from nerfnav_app.page.kit.html import note, warning
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.places.robot_library import MESHES, ROBOTS
@@ -21,9 +21,9 @@ from nerfnav_app.state.robot_draft import (
     ForgetEdits,
     RobotNumber,
     box_of,
-    cylinder_of,
-    kind_changed,
-    shape_of,
+    edit_kind,
+    make_cylinder,
+    name_shape,
 )
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import sentence
@@ -95,7 +95,7 @@ class RobotPanel:
             return
         labels: dict[str, Kind] = {label: kind for kind, label in KINDS.items()}
         try:
-            self._post(kind_changed(self._own[0], told, labels[str(self._kind.value)], self._own[1]))
+            self._post(edit_kind(self._own[0], told, labels[str(self._kind.value)], self._own[1]))
         except NerfnavError as error:
             self._post(Tell("Not taken", sentence(str(error)), bad=True))
             self._kind.value = KINDS[told.kind]
@@ -105,13 +105,13 @@ class RobotPanel:
             return
         own, shape = self._own[0].body, str(self._shape.value)
         if event.target in (self._radius, self._height):
-            own = cylinder_of(own, float(self._radius.value), float(self._height.value))
+            own = make_cylinder(own, float(self._radius.value), float(self._height.value))
         elif event.target is self._box or shape == "box":
             x, y, z = (float(edge) for edge in self._box.value)
             own = box_of(own, (x, y, z))
         elif shape == "cylinder":
             x, y, z = (float(edge) for edge in self._box.value)
-            own = cylinder_of(own, round(0.5 * max(x, y), 4), z)
+            own = make_cylinder(own, round(0.5 * max(x, y), 4), z)
         self._post(EditRobot(self._own[0], "", "body", own))  # else as in its file
 
     async def _drop(self, event: viser.GuiEvent[Any]) -> None:
@@ -169,8 +169,8 @@ class RobotPanel:
 
     def _fill(self, told: RobotFile) -> None:
         """Put the numbers into the widgets."""
-        shape, body = shape_of(told.body), told.body
-        shapes = _SHAPES if self._own is None else tuple(dict.fromkeys((*_SHAPES, shape_of(self._own[0].body))))
+        shape, body = name_shape(told.body), told.body
+        shapes = _SHAPES if self._own is None else tuple(dict.fromkeys((*_SHAPES, name_shape(self._own[0].body))))
         if self._shape.options != shapes:
             self._shape.options = shapes
         self._name.value, self._kind.value, self._shape.value = told.name, KINDS[told.kind], shape
@@ -199,6 +199,6 @@ def problem_of(told: RobotFile, folder: Path) -> str:
 def _described(robot: str) -> tuple[RobotFile, Path] | None:
     """What describes a robot, and where its meshes lie; None where nothing does, such as a file that was deleted."""
     try:
-        return described(robot)
+        return describe_robot(robot)
     except NerfnavError:
         return None

@@ -6,11 +6,11 @@ from typing import Any
 import viser
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.export import FORMATS, ExportFormat, unsafe
+from nerfnav.export import FORMATS, ExportFormat, explain_unsafe
 from nerfnav_app.page.kit.html import note
 from nerfnav_app.state.actions import Command, Tell
-from nerfnav_app.state.export_subject import ended, file_name, recording_of, subject
-from nerfnav_app.state.job import TakeTrajectory, TrajectoryWish
+from nerfnav_app.state.export_subject import find_outcome, make_recording, name_download, name_subject
+from nerfnav_app.state.job import TakeTrajectory, TrajectoryDownload
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import sentence
 
@@ -33,7 +33,7 @@ class ExportPanel:
     def show(self, session: Session) -> None:
         """Say what there is to take away."""
         self._session = session
-        name = subject(session)
+        name = name_subject(session)
         for handle in (self._format, self._purpose, self._download):
             handle.visible = name is not None
         self._said.content = note(f"The {name}, as" if name else "Nothing to take away yet: plan or fly first.")
@@ -49,7 +49,7 @@ class ExportPanel:
 
     def _describe(self) -> None:
         form = FORMATS[self._format.value]
-        why = "" if self._session is None else unsafe(ended(self._session), form)
+        why = "" if self._session is None else explain_unsafe(find_outcome(self._session), form)
         self._purpose.content = note(" ".join(map(sentence, filter(None, (f"{form.purpose} (.{form.ending})", why)))))
         forced = bool(why) or form.moves_vehicle
         self._force.visible = forced
@@ -61,23 +61,23 @@ class ExportPanel:
         session, name = self._session, self._format.value
         if event.client is None or session is None:
             return
-        made, form = recording_of(session), FORMATS[name]
+        made, form = make_recording(session), FORMATS[name]
         if made is None:
             self._post(Tell("Nothing to take away", "Plan or fly first.", bad=True))
             return
-        why = unsafe(ended(session), form)
+        why = explain_unsafe(find_outcome(session), form)
         if why and not self._force.value:
             self._post(Tell("Not exported", f"{sentence(why)} Tick what is below the format to have it.", bad=True))
             return
         if form.moves_vehicle:  # what a vehicle is to fly is judged on the field first, by the worker
-            self._post(TakeTrajectory(TrajectoryWish(name, event.client.client_id, self._force.value)))
+            self._post(TakeTrajectory(TrajectoryDownload(name, event.client.client_id, self._force.value)))
             return
         try:
             content = form.exported(made, self._force.value).content
         except NerfnavError as error:
             self._post(Tell("Not exported", sentence(str(error)), bad=True))
             return
-        event.client.send_file_download(file_name(session, name), content, save_immediately=True)
+        event.client.send_file_download(name_download(session, name), content, save_immediately=True)
 
 
 def formats_for(subject: str | None) -> dict[str, ExportFormat]:

@@ -12,7 +12,7 @@ import viser
 
 from nerfnav_app.page.kit.html import columns, legend, note, table
 from nerfnav_app.page.kit.theme import OTHER_PLAN, OTHER_TRUTH
-from nerfnav_app.page.kit.widgets import ask_to_delete, label_of
+from nerfnav_app.page.kit.widgets import confirm_deletion, format_name
 from nerfnav_app.state.actions import Command
 from nerfnav_app.state.runs import CompareRun, DeleteRun, ListRuns, OpenRun, RenameRun
 from nerfnav_app.state.session import Session
@@ -26,7 +26,7 @@ def describe(entry: StoredRun) -> str:
     rows = [
         ("Place", about.place),
         ("Task", about.task or "ends put down by hand"),
-        ("Robot", label_of(about.robot)),
+        ("Robot", format_name(about.robot)),
         ("Planner, estimator", f"{about.planner}, {'none (open loop)' if about.open_loop else about.estimator}"),
         ("Seed", str(about.seed)),
         ("Took off (UTC)", about.date[:19].replace("T", " ")),
@@ -114,7 +114,7 @@ class RunsPanel:
             self._post(RenameRun(entry.name, name))
         elif word == "Delete":
             warning = f"{entry.name} and its pictures are deleted for good."
-            ask_to_delete(event.client, "this flight", warning, partial(self._post, DeleteRun(entry.name)))
+            confirm_deletion(event.client, "this flight", warning, partial(self._post, DeleteRun(entry.name)))
 
     def show(self, session: Session) -> None:
         """Show the stored runs."""

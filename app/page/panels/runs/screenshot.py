@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from nerfnav.geometry import picture_file
+from nerfnav.geometry import encode_image
 from nerfnav_app.page.kit.theme import night
 from nerfnav_app.state.actions import Command, Tell
 from nerfnav_app.state.session import Session
@@ -56,4 +56,4 @@ def png(picture: np.ndarray) -> bytes:
     if picture.shape[-1] == 4:
         share = picture[..., 3:] / 255
         colors = np.round(share * colors + (1 - share) * night(len(picture))[:, :1]).astype(np.uint8)
-    return picture_file(colors)
+    return encode_image(colors)

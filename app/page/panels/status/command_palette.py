@@ -15,12 +15,12 @@ from nerfnav.planner import PLANNERS
 from nerfnav_app.state.actions import (
     Adjust,
     Cancel,
-    CarryAway,
     Choose,
     ChooseTask,
     Command,
     FindRobot,
     Gust,
+    KidnapRobot,
     OpenPlace,
     Pause,
     Redo,
@@ -102,7 +102,7 @@ def entries() -> Iterator[Shortcut]:
     yield Shortcut("A time step ahead", _look(1), "pagedown", icon=icons.PLAYER_TRACK_NEXT)
     yield Shortcut("Step", _when_flying(StepOnce()), "S", icon=icons.PLAYER_TRACK_NEXT, hint="One time step")
     yield Shortcut("Gust", _when_flying(Gust()), "G", icon=icons.WIND, hint="Push the robot, now")
-    yield Shortcut("Put it elsewhere", _when_flying(CarryAway()), icon=icons.HAND_GRAB, hint="Kidnapped robot")
+    yield Shortcut("Put it elsewhere", _when_flying(KidnapRobot()), icon=icons.HAND_GRAB, hint="Kidnapped robot")
     yield Shortcut("Find the robot", lambda session: FindRobot() if session.may_find else None, icon=icons.MAP_SEARCH,
                 hint="Look for it everywhere by its last picture alone")  # fmt: skip
     yield Shortcut("Stop", lambda session: Cancel() if _may_stop(session) else None, "X", icon=icons.X)

@@ -15,7 +15,7 @@ from nerfnav_app.state.session import Session
 NEXT = {JobKind.PLAN: "Plan the way", JobKind.FLY: "Fly it"}
 
 
-def remedy(session: Session) -> tuple[Command, str] | None:
+def find_remedy(session: Session) -> tuple[Command, str] | None:
     """What helps against a plan that is not to be flown, and what to call it; None where the page cannot help."""
     plan = session.unsafe_plan
     if plan is None or session.job is not None:
@@ -26,18 +26,18 @@ def remedy(session: Session) -> tuple[Command, str] | None:
     return (RestoreWeights(), "Restore the weights") if plan.settings.weights != CostWeights() else None
 
 
-def next_step(session: Session) -> tuple[Command, str]:
+def choose_next_step(session: Session) -> tuple[Command, str]:
     """What a person most likely wants now, and what to call it."""
     if session.job is not None and session.job.kind is not JobKind.OPEN:
         return Cancel(), "Stop now"
     plan = session.unsafe_plan
     if session.fresh_plan is not None or (plan is not None and plan.leads):
-        return remedy(session) or (StartFlight(), NEXT[JobKind.FLY])
+        return find_remedy(session) or (StartFlight(), NEXT[JobKind.FLY])
     return StartPlan(), NEXT[JobKind.PLAN]
 
 
 _OFFERS: tuple[type[Command], ...] = (StartPlan, StartFlight, AllowTime, RestoreWeights, Cancel)
-"""All that `next_step` may offer."""
+"""All that `choose_next_step` may offer."""
 
 
 class NextButtons:
@@ -64,7 +64,7 @@ class NextButtons:
 
     def show(self, session: Session, visible: bool) -> None:
         """Offer what comes next, if anything is to be offered."""
-        command, label = next_step(session)
+        command, label = choose_next_step(session)
         self._wanted[type(command)] = command
         for kind, button in self._buttons.items():
             button.visible = visible and kind is type(command)

@@ -13,14 +13,14 @@ from nerfnav.navigation import EpisodeOutcome
 from nerfnav.planner import planners
 from nerfnav_app.page.kit.html import fine, heading, legend, note, warning
 from nerfnav_app.page.kit.theme import BELIEF, GOAL, HIT, PLAN, START, TRUTH
-from nerfnav_app.page.panels.flight.track import ended as track_ended
-from nerfnav_app.page.panels.plan.plan import planned, unsafe
+from nerfnav_app.page.panels.flight.track import summarize_track as track_ended
+from nerfnav_app.page.panels.plan.plan import explain_unsafe_plan, summarize_plan
 from nerfnav_app.page.panels.status.next_step import NextButtons
-from nerfnav_app.places.ends import Which
+from nerfnav_app.places.ends import EndRole
 from nerfnav_app.places.sources import title_of
 from nerfnav_app.state.actions import Command, Redo, Reset, StartFlight, Undo
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import FlightRecord, PlanRecord, StayDown
+from nerfnav_app.state.records import DeclineFlight, FlightRecord, PlanRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import capital, sentence
 
@@ -41,19 +41,19 @@ def status(session: Session) -> Status:
     if trouble is not None:
         return Status(f"{trouble.title}: {trouble.body}", warning)
     if session.job is not None or session.place is None:
-        return Status(activity(session))
+        return Status(describe_activity(session))
     if flight is not None and session.flight_is_shown and flight.outcome is not None:
-        return Status(landed(flight), fine if flight.outcome is EpisodeOutcome.REACHED else warning)
+        return Status(describe_landing(flight), fine if flight.outcome is EpisodeOutcome.REACHED else warning)
     if session.track is not None and session.track.steps:
         known = session.track.steps[-1].tracked.status.knows
         return Status(f"{track_ended(session.track)}.", fine if known else warning)
     if session.outside:
         return Status(outside(session), warning)
-    blocked = [which.value for which in Which if session.problems.get(which) is not None]
+    blocked = [which.value for which in EndRole if session.problems.get(which) is not None]
     if blocked:
         return Status(f"The robot does not fit at the {' and the '.join(blocked)}: move it into free space.", warning)
     if asks(session) and plan is not None:
-        return Status(f"{unsafe(plan, session)} Fly it all the same?", warning)
+        return Status(f"{explain_unsafe_plan(plan, session)} Fly it all the same?", warning)
     if plan is not None and plan.latest is not None and not session.flight_is_shown:
         return _of_plan(plan, session)
     return Status("Move start and goal, plan, then fly.")
@@ -72,7 +72,7 @@ def outside(session: Session) -> str:
 
 
 def _of_plan(plan: PlanRecord, session: Session) -> Status:
-    if session.plan_follows:
+    if session.plan_follows_hand:
         return Status("The plan follows your hand.")
     if session.plan_is_stale or plan.draft:
         if plan.refusal:
@@ -81,11 +81,11 @@ def _of_plan(plan: PlanRecord, session: Session) -> Status:
             return Status("Planning again…")
         return Status("Something was changed since this plan was made: plan again.", warning)
     if plan.is_unsafe:
-        return Status(unsafe(plan, session), warning)
-    return Status(planned(plan), fine) if plan.is_good else Status("Planning was stopped too early: plan again.")
+        return Status(explain_unsafe_plan(plan, session), warning)
+    return Status(summarize_plan(plan), fine) if plan.is_good else Status("Planning was stopped too early: plan again.")
 
 
-def landed(flight: FlightRecord) -> str:
+def describe_landing(flight: FlightRecord) -> str:
     """How a flight ended, such as "Arrived after 2.4 s, 5 cm from the goal"."""
     last = flight.steps[-1]
     apart = (last.truth.position - flight.ends.goal.state().position).norm().item()
@@ -108,7 +108,7 @@ def asks(session: Session) -> bool:
     return session.doubt is not None and session.doubt is session.unsafe_plan
 
 
-def activity(session: Session) -> str:
+def describe_activity(session: Session) -> str:
     """One line on what the app is doing."""
     job = session.job
     if job is None:
@@ -133,7 +133,7 @@ def activity(session: Session) -> str:
         JobKind.PLACE: "Putting the place right",
         JobKind.TRACK: "Tracking the camera",
     }[job.kind]
-    planned = "; then the way is planned" if job.then_plan else ""
+    planned = "; then the way is planned" if job.plan_after else ""
     return capital(job.label or default) + done + planned
 
 
@@ -173,7 +173,7 @@ class StatusPanel:
 
         @self._stay.on_click
         async def _(_: viser.GuiEvent) -> None:
-            post(StayDown())
+            post(DeclineFlight())
 
     def show(self, session: Session) -> None:
         """Say what is open and what is being done."""

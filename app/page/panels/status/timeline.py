@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Iterator
 import viser
 from viser._messages import GuiSliderMark
 
-from nerfnav.navigation import NavigationStep, Recovery
+from nerfnav.navigation import NavigationStep, SupervisorState
 from nerfnav.tracking import TrackStatus
 from nerfnav_app.state.actions import Command
-from nerfnav_app.state.runs import PlayBack, Scrub, Timed
+from nerfnav_app.state.runs import PlayBack, Scrub, TimedRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import TrackRecord
 
@@ -22,7 +22,7 @@ _LETTER, _GAP = 0.028, 0.01
 """Width of a letter, and what is left free between words, in lengths of the slider."""
 
 
-def marks_of(flight: Timed) -> tuple[Mark, ...]:
+def list_marks(flight: TimedRecord) -> tuple[Mark, ...]:
     """Time [s] and word of each event, in the order of time; what goes on is marked where it begins."""
     if isinstance(flight, TrackRecord):
         return _marks_of_track(flight)
@@ -30,9 +30,9 @@ def marks_of(flight: Timed) -> tuple[Mark, ...]:
     happened = {
         "hit": [step.touched for step in steps],
         "lost": [_is_lost(step) for step in steps],
-        "blind": [step.recovery in (Recovery.BLIND, Recovery.ADRIFT) for step in steps],
-        "braked": [step.recovery is Recovery.BACKUP for step in steps],
-        "found": [step.recovery is Recovery.RELOCALISED for step in steps],
+        "blind": [step.recovery in (SupervisorState.BLIND, SupervisorState.ADRIFT) for step in steps],
+        "braked": [step.recovery is SupervisorState.BACKUP for step in steps],
+        "found": [step.recovery is SupervisorState.RELOCALISED for step in steps],
         "gust": _at(flight.gusts, len(steps)),
         "goal moved": _at(flight.goals_moved, len(steps)),
     }
@@ -40,7 +40,7 @@ def marks_of(flight: Timed) -> tuple[Mark, ...]:
     return tuple(sorted(marks))
 
 
-def spaced(marks: tuple[Mark, ...], end: float) -> tuple[Mark, ...]:
+def space_marks(marks: tuple[Mark, ...], end: float) -> tuple[Mark, ...]:
     """The marks of a slider from 0 to `end` [s], whose words do not run into one another.
 
     Of words that would, that of the earlier event stays; the numbers at both ends give way to words. What loses its
@@ -69,7 +69,7 @@ def _marks_of_track(track: TrackRecord) -> tuple[Mark, ...]:
 
 
 def _is_lost(step: NavigationStep) -> bool:
-    return step.recovery in (Recovery.WIDENED, Recovery.SEARCHED, Recovery.LOST)
+    return step.recovery in (SupervisorState.WIDENED, SupervisorState.SEARCHED, SupervisorState.LOST)
 
 
 def _at(indices: Iterable[int], count: int) -> list[bool]:
@@ -93,7 +93,7 @@ class TimelinePanel:
             "Time [s]", 0.0, 1.0, 0.1, 0.0, visible=False, hint="Which moment of the flight is shown"
         )
         self._button = server.gui.add_button(_PLAY, icon=viser.Icon.PLAYER_PLAY, color="gray", visible=False)
-        self._flight: Timed | None = None
+        self._flight: TimedRecord | None = None
         self._times: tuple[float, ...] = (0.0,)
         self._asked: int | None = None
         self._playing = False
@@ -131,11 +131,11 @@ class TimelinePanel:
             self._button.label = _PAUSE if self._playing else _PLAY
             self._button.icon = viser.Icon.PLAYER_PAUSE if self._playing else viser.Icon.PLAYER_PLAY
 
-    def _span(self, flight: Timed) -> None:
+    def _span(self, flight: TimedRecord) -> None:
         """Reach over all of the flight, with a mark at each event."""
         self._times = flight.times
         end = round(self._times[-1], 3)
-        marks = spaced(marks_of(flight), end)
+        marks = space_marks(list_marks(flight), end)
         with self._server.atomic():
             self._slider.step, self._slider.max = flight.tick, end
             self._slider.precision = max(0, len(f"{flight.tick:.6g}".partition(".")[2]))

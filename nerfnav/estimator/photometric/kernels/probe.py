@@ -3,7 +3,7 @@
 import numpy as np
 
 from nerfnav.core.jit import kernel
-from nerfnav.field.kernels.pose_descent import glance_along, glance_scratch
+from nerfnav.field.kernels.pose_descent import probe_along, probe_scratch
 from nerfnav.robots.kernels.rotations import product
 
 
@@ -23,14 +23,14 @@ def turn(camera, direction, way):
 
 
 @kernel()
-def glance(grid, sight, rotations, positions, colors):
+def probe(grid, sight, rotations, positions, colors):
     """Fill the colours (n, m, 3) that the field shows of m pixels from n body poses, without derivatives."""
     directions, camera = sight[0], np.empty((3, 3))
     origin, way = np.empty(3, np.float32), np.empty(3, np.float32)
-    scratch = glance_scratch()
+    scratch = probe_scratch()
     for n in range(colors.shape[0]):
         product(rotations[n], sight[2], camera)
         center(rotations[n], positions[n], sight[3], origin)
         for pixel in range(directions.shape[0]):
             turn(camera, directions[pixel], way)
-            glance_along(grid, (origin, way), colors[n, pixel], scratch)
+            probe_along(grid, (origin, way), colors[n, pixel], scratch)

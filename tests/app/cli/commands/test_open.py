@@ -17,7 +17,7 @@ from nerfnav_app.jobs.events import JobEvent, PlaceOpened
 from nerfnav_app.jobs.open import make_field, opening
 from nerfnav_app.jobs.open.import_field import ImportRequest
 from nerfnav_app.jobs.open.import_field import run as run_import
-from nerfnav_app.jobs.open.make_field import field_path, made_before
+from nerfnav_app.jobs.open.make_field import choose_field_path, find_made_field
 from tests.app.following import result_of
 from tests.importers.captures.synthetic import write_transforms
 from tests.importers.meshes.places import quad, write
@@ -79,16 +79,16 @@ def stored(path: Path, source: str = "") -> Path:
 
 def test_a_field_that_was_made_of_a_source_before_is_opened_again_and_no_other_is_overwritten(mesh: Path) -> None:
     beside = mesh.with_name("house.npz")
-    assert made_before(mesh) is None and field_path(mesh) == beside
+    assert find_made_field(mesh) is None and choose_field_path(mesh) == beside
     stored(beside, "somebody else's")
-    assert made_before(mesh) is None and field_path(mesh) == mesh.with_name("house-2.npz")
+    assert find_made_field(mesh) is None and choose_field_path(mesh) == mesh.with_name("house-2.npz")
     stored(beside, "house.glb")
-    assert made_before(mesh) == beside
+    assert find_made_field(mesh) == beside
     later = time.time() + 100
     os.utime(mesh, (later, later))
-    assert made_before(mesh) is None, "the mesh has changed since"
+    assert find_made_field(mesh) is None, "the mesh has changed since"
     beside.write_bytes(b"torn")
-    assert made_before(mesh) is None
+    assert find_made_field(mesh) is None
 
 
 def test_a_field_of_what_lies_in_a_folder_or_archive_is_found_again(mesh: Path, tmp_path: Path) -> None:
@@ -97,14 +97,14 @@ def test_a_field_of_what_lies_in_a_folder_or_archive_is_found_again(mesh: Path, 
     with zipfile.ZipFile(tmp_path / "packed.zip", "w") as archive:
         archive.write(tmp_path / "model" / "meshes" / "house.glb", "house/house.glb")
     for source in (tmp_path / "model", tmp_path / "packed.zip"):
-        assert made_before(source) is None
-        assert stored(field_path(source), "house.glb") == made_before(source)
+        assert find_made_field(source) is None
+        assert stored(choose_field_path(source), "house.glb") == find_made_field(source)
 
 
 def test_folders_have_their_fields_beside_them_under_their_own_names(tmp_path: Path) -> None:
     write_sog(tmp_path / "playbot", ball_of_splats(50))
     for source in (tmp_path / "playbot", tmp_path / "playbot" / "meta.json"):
-        assert field_path(source) == tmp_path / "playbot.npz"
+        assert choose_field_path(source) == tmp_path / "playbot.npz"
 
 
 @pytest.mark.slow

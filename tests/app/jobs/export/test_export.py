@@ -93,10 +93,10 @@ def test_what_a_vehicle_is_to_fly_is_judged_in_the_field_of_its_plan_as_long_as_
 
 def test_a_page_gets_what_was_judged_or_one_sentence() -> None:
     box, recording = Box.of((-2.0, -2.0, -1.0), (2.0, 2.0, 2.0)), hover_to_hover()
-    away = recording.planned_in(BallsField(box, torch.tensor([[9.0, 9.0, 9.0]]), torch.tensor([0.1])))
+    away = recording.with_field(BallsField(box, torch.tensor([[9.0, 9.0, 9.0]]), torch.tensor([0.1])))
     (made,) = [event for event in download(away, "px4", "mine.csv", force=False) if isinstance(event, FileMade)]
     assert made.name == "mine.csv" and made.content.startswith(b"# px4_msgs")
-    there = recording.planned_in(BallsField(box, recording.position[:1].float(), torch.tensor([0.3])))
+    there = recording.with_field(BallsField(box, recording.position[:1].float(), torch.tensor([0.3])))
     with pytest.raises(InvalidInputError, match="export it by force"):
         list(download(there, "px4", "mine.csv", force=False))
     assert [event for event in download(there, "px4", "mine.csv", force=True) if isinstance(event, FileMade)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.proof.occupancy_grid import VoxelState
+from nerfnav.field.proof.occupancy_grid import Occupancy
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav_app.cli.main import BAD_INPUT, main
@@ -35,10 +35,10 @@ def test_a_field_becomes_voxels_that_say_what_planners_believe(
     with np.load(out, allow_pickle=False) as read:
         state, lower, voxel = read["state"], read["lower"], float(read["voxel"])
     assert numbers["shape"] == list(state.shape) and numbers["voxel_m"] == voxel
-    assert numbers["solid_share"] == pytest.approx((state == VoxelState.SOLID).mean()) and numbers["solid_share"] > 0
+    assert numbers["solid_share"] == pytest.approx((state == Occupancy.SOLID).mean()) and numbers["solid_share"] > 0
     assert numbers["files"] == [str(out)]
     field = load_field(field_file)
-    solid = torch.from_numpy(lower + voxel * (np.argwhere(state == VoxelState.FREE) + 0.5)).float()
+    solid = torch.from_numpy(lower + voxel * (np.argwhere(state == Occupancy.FREE) + 0.5)).float()
     assert (field.density(solid) <= threshold_of(field)).all()
 
 

@@ -12,7 +12,7 @@ from nerfnav.field.core.info import FieldInfo
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.geometry.similarity import Similarity
-from nerfnav.importers.alignment import Correction
+from nerfnav.importers.alignment import AlignmentRequest
 from nerfnav.importers.core.placement import rotation_to_z
 from nerfnav_app.jobs.field.georeference import PlaceRequest, run
 from nerfnav_app.jobs.open.import_field import ImportRequest
@@ -34,7 +34,7 @@ def stored(field: VoxelField, path: Path) -> Path:
 def test_a_measured_place_is_as_long_as_it_was_measured(tmp_path: Path) -> None:
     field = replace(room(), info=replace(room().info, position_floor_m=0.003))
     path = stored(field, tmp_path / "room.npz")
-    correction = Correction(measured=((0.0, 0.0, 0.0), (0.3, 0.4, 0.0), 1.0))
+    correction = AlignmentRequest(measured=((0.0, 0.0, 0.0), (0.3, 0.4, 0.0), 1.0))
     summary = result_of(run(PlaceRequest(str(path), correction, tmp_path / "out.npz"))).summary
     now = load_field(tmp_path / "out.npz")
     torch.testing.assert_close(now.box.size, 2 * load_field(path).box.size)
@@ -49,7 +49,7 @@ def test_a_tilted_place_stands_on_its_floor_and_looks_the_same(find: bool, tmp_p
     tilted = after(room(), tilt)
     path, out = stored(tilted, tmp_path / "tilted.npz"), tmp_path / "level.npz"
     floor = tuple(map(tuple, tilt(torch.tensor(FLOOR).double()).tolist()))
-    correction = Correction(find_floor=True) if find else Correction(floor=floor)  # type: ignore[arg-type]
+    correction = AlignmentRequest(find_floor=True) if find else AlignmentRequest(floor=floor)  # type: ignore[arg-type]
     changed = changes(path, correction, out)
     assert any("degrees off" in sentence for sentence in changed)
     normal = tilt.rotation[:, 2]
@@ -67,7 +67,7 @@ def test_a_tilted_place_stands_on_its_floor_and_looks_the_same(find: bool, tmp_p
         assert likeness(loaded, now, level) > 21 and freed(loaded, now, level)[0] == 0
 
 
-def changes(path: Path, correction: Correction, out: Path) -> list[str]:
+def changes(path: Path, correction: AlignmentRequest, out: Path) -> list[str]:
     """What the job says has changed."""
     return result_of(run(PlaceRequest(str(path), correction, out))).summary["changed"]
 
@@ -80,7 +80,7 @@ def test_splats_are_put_right_and_made_into_voxels_again(tmp_path: Path) -> None
     before = open_place(str(field))
     guesses = before.field.info.guesses
     assert any(guess.startswith("up is") for guess in guesses) and any("1 m" in guess for guess in guesses)
-    correction = Correction(scale=3.0, up=(0.3, 0.1, 1.0))
+    correction = AlignmentRequest(scale=3.0, up=(0.3, 0.1, 1.0))
     result_of(run(PlaceRequest(str(field), correction, tmp_path / "right.npz")))
     now = open_place(str(tmp_path / "right.npz"))
     assert before.splats is not None and now.splats is not None and len(now.splats) == len(before.splats)
@@ -92,7 +92,7 @@ def test_splats_are_put_right_and_made_into_voxels_again(tmp_path: Path) -> None
 
 def test_ground_truth_of_bundled_scenes_stays_behind_and_says_so(tmp_path: Path) -> None:
     path = stored(replace(room(), info=FieldInfo(source="stonehenge")), tmp_path / "stones.npz")
-    changed = changes(path, Correction(scale=2.0), tmp_path / "larger.npz")
+    changed = changes(path, AlignmentRequest(scale=2.0), tmp_path / "larger.npz")
     assert "plans are not judged" in changed[-1]
     assert open_place(str(tmp_path / "larger.npz")).truth is None
 
@@ -100,11 +100,11 @@ def test_ground_truth_of_bundled_scenes_stays_behind_and_says_so(tmp_path: Path)
 @pytest.mark.parametrize(
     ("correction", "said"),
     [
-        (Correction(), "nothing is to be changed"),
-        (Correction(box=((9.0, 9.0, 9.0), (10.0, 10.0, 10.0))), "outside the place"),
+        (AlignmentRequest(), "nothing is to be changed"),
+        (AlignmentRequest(box=((9.0, 9.0, 9.0), (10.0, 10.0, 10.0))), "outside the place"),
     ],
 )
-def test_what_cannot_be_done_is_said(correction: Correction, said: str, tmp_path: Path) -> None:
+def test_what_cannot_be_done_is_said(correction: AlignmentRequest, said: str, tmp_path: Path) -> None:
     path = stored(room(), tmp_path / "room.npz")
     with pytest.raises(InvalidInputError, match=said):
         result_of(run(PlaceRequest(str(path), correction, tmp_path / "out.npz")))
@@ -114,7 +114,7 @@ def test_what_cannot_be_done_is_said(correction: Correction, said: str, tmp_path
 def test_a_field_is_not_written_over_itself(tmp_path: Path) -> None:
     path = stored(room(), tmp_path / "room.npz")
     with pytest.raises(OutputError, match="the field itself"):
-        result_of(run(PlaceRequest(str(path), Correction(scale=2.0), path)))
+        result_of(run(PlaceRequest(str(path), AlignmentRequest(scale=2.0), path)))
 
 
 @pytest.mark.parametrize(
@@ -130,4 +130,4 @@ def test_a_field_is_not_written_over_itself(tmp_path: Path) -> None:
 )
 def test_wrong_corrections_are_refused(wrong: dict[str, object], said: str) -> None:
     with pytest.raises(InvalidInputError, match=said):
-        Correction(**wrong)  # type: ignore[arg-type]
+        AlignmentRequest(**wrong)  # type: ignore[arg-type]

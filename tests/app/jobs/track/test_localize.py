@@ -21,7 +21,7 @@ from nerfnav.robots.state import RigidState
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.track.camera import GivenCamera, camera_of, read_image
 from nerfnav_app.jobs.track.localize import LocalizeRequest, find, run
-from nerfnav_app.places.derived import searcher_of
+from nerfnav_app.places.derived import build_searcher
 from tests.app.doubles import balls_place
 from tests.app.following import followed
 from tests.estimator.places import voxel_balls
@@ -66,7 +66,7 @@ def test_a_picture_of_the_robots_own_camera_is_found_in_an_open_place() -> None:
     assert len(steps[0].weights) > len(steps[-1].weights), "ever fewer places are left"
     assert steps[-1].outcome is not None
     list(find(place, torch.zeros(200, 200, 3, dtype=torch.uint8)))
-    assert searcher_of.cache_info().hits >= 1, "the place is looked around in once"
+    assert build_searcher.cache_info().hits >= 1, "the place is looked around in once"
 
 
 def test_intrinsics_take_the_place_of_the_field_of_view(request_here: LocalizeRequest) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import viser
 
-from nerfnav_app.page.panels.place.place_library import KeptPlacesPanel
+from nerfnav_app.page.panels.place.place_library import PlaceLibraryPanel
 from nerfnav_app.places.library import PlaceLibrary
 from nerfnav_app.queries.place_list import PlaceListQuery
 from nerfnav_app.state.session import Session
@@ -26,7 +26,7 @@ def test_a_renamed_place_stays_chosen_so_that_delete_aims_at_it(
     library = PlaceLibrary(tmp_path)
     for name in ("moon", "sun", "star"):
         brought(library, f"{name}.splat", name.encode())
-    panel = KeptPlacesPanel(server, lambda command: None, library)
+    panel = PlaceLibraryPanel(server, lambda command: None, library)
 
     def listed(asked: int) -> Session:
         return PlaceListQuery((asked,)).apply(opened, library.entries())

@@ -6,11 +6,11 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from nerfnav.navigation import Recovery
+from nerfnav.navigation import SupervisorState
 from nerfnav_app.page.kit.chart import with_cursor
 from nerfnav_app.page.panels.status.command_palette import entries
-from nerfnav_app.page.panels.status.timeline import marks_of, spaced
-from nerfnav_app.places.ends import End, Ends, Which
+from nerfnav_app.page.panels.status.timeline import list_marks, space_marks
+from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.records import FlightRecord
 from nerfnav_app.state.session import Session
@@ -24,9 +24,9 @@ _WORD_OF_KEY = {"space": "space", "pageup": "page up", "pagedown": "page up, dow
 def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
     steps = [flight_step(ENDS, index) for index in range(8)]
     steps[2:4] = (replace(step, touched=True) for step in steps[2:4])
-    steps[4:6] = (replace(step, recovery=Recovery.WIDENED) for step in steps[4:6])
-    steps[6] = replace(steps[6], recovery=Recovery.RELOCALISED)
-    marks = marks_of(FlightRecord(ENDS, tuple(steps), gusts=(1,), goals_moved=(7,)))
+    steps[4:6] = (replace(step, recovery=SupervisorState.WIDENED) for step in steps[4:6])
+    steps[6] = replace(steps[6], recovery=SupervisorState.RELOCALISED)
+    marks = list_marks(FlightRecord(ENDS, tuple(steps), gusts=(1,), goals_moved=(7,)))
     times = [step.time for step in steps]
     assert marks == (
         (times[1], "gust"), (times[2], "hit"), (times[4], "lost"), (times[6], "found"), (times[7], "goal moved"),
@@ -34,27 +34,30 @@ def test_events_of_a_flight_are_marked_once_where_they_begin() -> None:
 
 
 @pytest.mark.parametrize(
-    ("recovery", "word"), [(Recovery.BACKUP, "braked"), (Recovery.BLIND, "blind"), (Recovery.ADRIFT, "blind")]
+    ("recovery", "word"),
+    [(SupervisorState.BACKUP, "braked"), (SupervisorState.BLIND, "blind"), (SupervisorState.ADRIFT, "blind")],
 )
-def test_a_robot_that_brakes_for_want_of_a_way_or_sees_nothing_is_not_lost(recovery: Recovery, word: str) -> None:
+def test_a_robot_that_brakes_for_want_of_a_way_or_sees_nothing_is_not_lost(
+    recovery: SupervisorState, word: str
+) -> None:
     steps = [flight_step(ENDS, index) for index in range(4)]
     steps[2] = replace(steps[2], recovery=recovery)
-    assert marks_of(FlightRecord(ENDS, tuple(steps))) == ((steps[2].time, word),)
+    assert list_marks(FlightRecord(ENDS, tuple(steps))) == ((steps[2].time, word),)
 
 
 def test_words_of_marks_do_not_run_into_one_another_and_numbers_give_way() -> None:
-    assert spaced((), 5.0) == ((0.0, "0"), (5.0, "5"))
-    assert spaced(((0.0, "found"),), 5.0) == ((0.0, "found"), (5.0, "5")), "found is read, not overlapped by 0"
-    marks = spaced(((0.1, "lost"), (0.4, "found"), (2.0, "hit"), (4.9, "gust")), 5.0)
+    assert space_marks((), 5.0) == ((0.0, "0"), (5.0, "5"))
+    assert space_marks(((0.0, "found"),), 5.0) == ((0.0, "found"), (5.0, "5")), "found is read, not overlapped by 0"
+    marks = space_marks(((0.1, "lost"), (0.4, "found"), (2.0, "hit"), (4.9, "gust")), 5.0)
     assert marks == ((0.0, ""), (0.1, "lost"), (0.4, ""), (2.0, "hit"), (4.9, "gust"), (5.0, ""))
 
 
 def test_gusts_and_moves_of_the_goal_are_kept_with_their_flight(opened: Session) -> None:
     begun = after(planned(opened), m.StartFlight())
     flying = reports(begun, flight_step(begun.ends, 0), flight_step(begun.ends, 1))
-    moved = after(flying, m.Gust(), m.MoveEnd(Which.GOAL, End((0.1, 0.2, 0.5))))
+    moved = after(flying, m.Gust(), m.MoveEnd(EndRole.GOAL, End((0.1, 0.2, 0.5))))
     assert moved.flight is not None and moved.flight.gusts == moved.flight.goals_moved == (2,)
-    started = after(flying, m.MoveEnd(Which.START, End((0.1, 0.2, 0.5))))
+    started = after(flying, m.MoveEnd(EndRole.START, End((0.1, 0.2, 0.5))))
     assert started.flight is not None and started.flight.goals_moved == ()
 
 
