@@ -16,7 +16,7 @@ For each of app, nerfnav and scenes:
     tuples      parameters and fields that are tuples of unlike things, also behind `| None`, an alias or a container
     openings    share of docstrings that begin with What, Where, How, Whether, Who, Whose or Which
     short       docstrings of three words or fewer on public names
-    words       occurrences of words of an idiom of our own, see WORDS (README, docs/ and ARCHITECTURE.md count for nerfnav)
+    words       occurrences of words of an idiom of our own, see WORDS (documents count for nerfnav)
 
 Import rules broken are those of tests/test_imports.py.
 """

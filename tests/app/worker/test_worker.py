@@ -206,7 +206,7 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
     work = ScriptedWork({JobKind.PLAN: [slow] * 10_000 + [JobResult()]})
     loop = loop_for(work)
     loop.settle()
-    loop.take(m.StartPlan(), m.MoveEnd(m.Which.GOAL, m.End((0.5, -0.5, 0.5))))
+    loop.take(m.StartPlan(), m.MoveEnd(m.EndRole.GOAL, m.End((0.5, -0.5, 0.5))))
     loop.until(lambda: pending_queries(loop.session) == ())
     assert loop.session.job is not None
 
