@@ -1,4 +1,4 @@
-"""Export: take a plan away as setpoints for PX4 and as polynomials for a Crazyflie."""
+"""Export: write a plan as setpoints for PX4 and as polynomials for a Crazyflie."""
 
 import argparse
 from pathlib import Path
@@ -11,10 +11,10 @@ def main(out: Path) -> None:
     """Plan the first task of Stonehenge, and write two files."""
     robot, task = nerfnav.Quadrotor(), scenes.tasks_of("stonehenge")[0]
     field = nerfnav.load_field(scenes.trained_path("stonehenge"))
-    last = nerfnav.plan(nerfnav.PlanProblem(field, robot, task.start_state, task.goal_state))
-    if last.outcome is not nerfnav.PlanOutcome.CONVERGED:
-        raise SystemExit(f"no plan to fly: {last.outcome and last.outcome.value}")
-    recording = nerfnav.Recording.of_plan(last.motion, robot, title=task.name)
+    result = nerfnav.plan(nerfnav.PlanProblem(field, robot, task.start_state, task.goal_state))
+    if result.outcome is not nerfnav.PlanOutcome.CONVERGED:
+        raise SystemExit(f"no plan to fly: {result.outcome and result.outcome.value}")
+    recording = nerfnav.Recording.of_plan(result.motion, robot, title=task.name)
     out.mkdir(parents=True, exist_ok=True)
     for name in ("px4", "crazyflie"):
         form = nerfnav.FORMATS[name]

@@ -1,4 +1,4 @@
-"""Judge on a mesh: how deep a robot's body cuts into your own mesh along a motion, and where it touches first."""
+"""Judge on a mesh: compute the overlap of a robot's body with your own mesh along a motion."""
 
 import tempfile
 from pathlib import Path
@@ -8,13 +8,13 @@ import trimesh
 from trimesh.transformations import translation_matrix
 
 import nerfnav
-from nerfnav.importers.meshes.importer import import_mesh
+from nerfnav.importers import import_mesh
 
 STEPS = 20
 
 
 def write_mesh(path: Path) -> None:
-    """A floor with a wall across it, in metres and Y-up as glTF has it; yours may come from any tool."""
+    """A floor with a wall across it, in metres and Y-up as glTF has it; any tool can write yours."""
     floor = trimesh.creation.box((3.0, 0.1, 3.0), translation_matrix((0, -0.05, 0)))
     wall = trimesh.creation.box((0.1, 0.8, 3.0), translation_matrix((0, 0.4, 0)))
     trimesh.Scene([floor, wall]).export(path)

@@ -1,4 +1,4 @@
-"""PX4 in offboard mode by MAVSDK: a camera's pictures go to `nerfnav live`, pose and setpoints to the autopilot.
+"""PX4 in offboard mode: send pictures to `nerfnav live`, and pose and setpoints to the autopilot by MAVSDK.
 
 PX4 takes the pose as vision (EKF2_EV_CTRL), so its local frame is the field's: north along the world's y axis.
 
@@ -17,7 +17,7 @@ from nerfnav.live import Goal, LiveClient, Order
 
 
 async def main(address: str, goal: Goal, camera: str, autopilot: str) -> None:
-    """Fly until the goal, or until the camera ends. The vehicle is in the air already."""
+    """Fly to the goal, or until the camera ends. The vehicle must already be in the air."""
     from mavsdk import System  # pyright: ignore[reportMissingImports]
     from mavsdk import mocap as vision  # pyright: ignore[reportMissingImports]
     from mavsdk.offboard import AccelerationNed, PositionNedYaw, VelocityNedYaw  # pyright: ignore[reportMissingImports]
@@ -39,8 +39,8 @@ async def main(address: str, goal: Goal, camera: str, autopilot: str) -> None:
                     vision.Covariance([math.nan]),
                 ))  # fmt: skip
             setpoint = answer.guidance and answer.guidance.at(time.time())
-            told = answer.guidance and f"{answer.guidance.order.value}: {answer.guidance.reason}"
-            print(f"{answer.status}, {answer.latency_ms:.0f} ms, {told}")
+            guidance = answer.guidance and f"{answer.guidance.order.value}: {answer.guidance.reason}"
+            print(f"{answer.status}, {answer.latency_ms:.0f} ms, {guidance}")
             if setpoint is None:
                 if offboard:
                     await drone.action.hold()
@@ -60,10 +60,10 @@ async def main(address: str, goal: Goal, camera: str, autopilot: str) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("address", help="what `nerfnav live` tells")
+    parser.add_argument("address", help="address that `nerfnav live` prints")
     parser.add_argument("--goal", type=float, nargs=4, required=True, help="x y z [m] and heading [rad]")
     parser.add_argument("--camera", default="0", help="number of a camera, or a video")
-    parser.add_argument("--autopilot", default="udpin://0.0.0.0:14540", help="where MAVSDK finds it")
+    parser.add_argument("--autopilot", default="udpin://0.0.0.0:14540", help="MAVSDK address of the autopilot")
     arguments = parser.parse_args()
     x, y, z, yaw = arguments.goal
     asyncio.run(main(arguments.address, Goal((x, y, z), yaw), arguments.camera, arguments.autopilot))

@@ -1,22 +1,22 @@
-"""A moved object: a field inside a field. Nothing is learned again when it moves; the plan is made anew around it."""
+"""Move an object: place a field inside a field, move it without training, and plan around it."""
 
 import torch
 
 import nerfnav
 import nerfnav_scenes as scenes
-from nerfnav.field.models.analytic import BallsField
-from nerfnav.geometry.box import Box
+from nerfnav.field import BallsField
+from nerfnav.geometry import Box
 
 RADIUS = 0.12  # [m]
 
 
 def at(position: tuple[float, float, float]) -> nerfnav.Pose:
-    """T_world_object of an object that is not turned."""
+    """Return T_world_object without a rotation."""
     return nerfnav.Pose(torch.eye(3), torch.tensor(position))
 
 
 def main() -> None:
-    """Plan past a ball beside the way, then past the same ball in the middle of it."""
+    """Plan with a ball beside the path, then with the same ball in the middle of the path."""
     robot, stones = nerfnav.Quadrotor(), nerfnav.load_field(scenes.trained_path("stonehenge"))
     start, goal = nerfnav.RigidState.at_rest((0.39, -0.67, 0.2)), nerfnav.RigidState.at_rest((-0.4, 0.55, 0.16))
     box = Box.of((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))
@@ -28,10 +28,10 @@ def main() -> None:
     middle = first.motion.states.position[10]
     moved = place.moved(1, nerfnav.Pose(torch.eye(3), middle))
     again = nerfnav.plan(nerfnav.PlanProblem(moved, robot, start, goal))
-    for name, last in (("beside the way", first), ("in the way", again)):
-        nearest = (last.motion.states.position - middle).norm(dim=-1).min().item()
-        outcome = last.outcome.name.lower() if last.outcome else "unfinished"
-        print(f"ball {name}: {outcome}, J = {last.cost.total:.2f}, passes its place at {100 * nearest:.1f} cm")
+    for name, result in (("beside the path", first), ("in the path", again)):
+        nearest = (result.motion.states.position - middle).norm(dim=-1).min().item()
+        outcome = result.outcome.name.lower() if result.outcome else "unfinished"
+        print(f"ball {name}: {outcome}, J = {result.cost.total:.2f}, passes the middle at {100 * nearest:.1f} cm")
     print(f"the ball's radius is {100 * RADIUS:.0f} cm")
 
 

@@ -1,4 +1,4 @@
-"""Your own cost: any differentiable functional of the motion is a term of J, here one that keeps the robot low."""
+"""Add a cost: make a differentiable function of the motion a term of J, here one that keeps the robot low."""
 
 from dataclasses import replace
 
@@ -8,9 +8,9 @@ import nerfnav
 import nerfnav_scenes as scenes
 
 CEILING = 0.3
-"""Height above which flying costs [m]."""
+"""Height above which the term is positive [m]."""
 WEIGHT = 2000.0
-"""Of the squared height above it, summed over the steps [1/m^2]."""
+"""Weight of the squared height above it, summed over the steps [1/m^2]."""
 
 
 def height(_: object, motion: nerfnav.Motion) -> torch.Tensor:
@@ -26,14 +26,14 @@ def main() -> None:
     problem = nerfnav.PlanProblem(field, robot, start, goal)
     stay_low = nerfnav.CostTerm("height", height, WEIGHT)
     for name, terms in (("without", problem.terms), ("with", (*problem.terms, stay_low))):
-        last = nerfnav.plan(replace(problem, terms=terms))
-        above = (last.motion.states.position[:, 2] - CEILING).clamp_min(0).sum().item()
-        overlap = nerfnav.judge(scene, robot.body, last.motion.states).max_overlap_m3
-        outcome = last.outcome.name.lower() if last.outcome else "unfinished"
+        result = nerfnav.plan(replace(problem, terms=terms))
+        above = (result.motion.states.position[:, 2] - CEILING).clamp_min(0).sum().item()
+        overlap = nerfnav.judge(scene, robot.body, result.motion.states).max_overlap_m3
+        outcome = result.outcome.name.lower() if result.outcome else "unfinished"
         print(f"{name} the term: {outcome}, above {CEILING} m by {above:.3f} m in all")
-        for term in last.cost.added:
+        for term in result.cost.added:
             print(f"  {term.name}: {term.value:.3f} of J, {term.ms:.2f} ms an evaluation")
-        print(f"  J = {last.cost.total:.2f}, overlap with the stones {overlap:.1e} m^3")
+        print(f"  J = {result.cost.total:.2f}, overlap with the stones {overlap:.1e} m^3")
 
 
 if __name__ == "__main__":

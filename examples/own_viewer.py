@@ -1,4 +1,4 @@
-"""Your own viser app: the surface of a field, and a plan that follows a slider, beside whatever else you show."""
+"""Build a viewer: show the surface of a field in your own viser page, and plan again when a slider moves."""
 
 import argparse
 import time
@@ -7,7 +7,7 @@ import viser
 
 import nerfnav
 import nerfnav_scenes as scenes
-from nerfnav.field.surface.mesh import field_mesh
+from nerfnav.field import field_mesh
 
 START = (0.39, -0.67, 0.2)
 
@@ -19,20 +19,20 @@ def main(port: int, seconds: float | None) -> None:
     server.scene.set_up_direction("+z")
     server.scene.add_mesh_trimesh("/field", field_mesh(field, spacing=0.02, level=15.0))
     height = server.gui.add_slider("Goal's height [m]", min=0.1, max=0.5, step=0.01, initial_value=0.16)
-    told = server.gui.add_markdown("")
+    status = server.gui.add_markdown("")
 
     def plan_again(_: object = None) -> None:
         """Plan to the goal at the slider's height, and draw the plan."""
         start, goal = nerfnav.RigidState.at_rest(START), nerfnav.RigidState.at_rest((-0.4, 0.55, height.value))
         try:
-            last = nerfnav.plan(nerfnav.PlanProblem(field, robot, start, goal))
+            result = nerfnav.plan(nerfnav.PlanProblem(field, robot, start, goal))
         except nerfnav.NerfnavError as error:  # the goal is inside a stone
-            told.content = str(error)
+            status.content = str(error)
             return
-        told.content = f"{last.outcome and last.outcome.value}, J = {last.cost.total:.1f}"
-        points = last.motion.states.position.numpy()
+        status.content = f"{result.outcome and result.outcome.value}, J = {result.cost.total:.1f}"
+        points = result.motion.states.position.numpy()
         server.scene.add_spline_catmull_rom("/plan", points=points, color=(70, 84, 255))
-        print(f"goal at {height.value:.2f} m: {told.content}")
+        print(f"goal at {height.value:.2f} m: {status.content}")
 
     height.on_update(plan_again)
     plan_again()

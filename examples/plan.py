@@ -11,14 +11,14 @@ def main() -> None:
     task = scene.tasks[0]
     problem = nerfnav.PlanProblem(field, robot, task.start_state, task.goal_state, steps=20, dt=0.1)
 
-    last = nerfnav.plan(problem)
-    if last.outcome is not nerfnav.PlanOutcome.CONVERGED:
-        raise SystemExit(f"no plan to fly: {last.outcome and last.outcome.value}")
-    motion = last.motion
+    result = nerfnav.plan(problem)
+    if result.outcome is not nerfnav.PlanOutcome.CONVERGED:
+        raise SystemExit(f"no plan to fly: {result.outcome and result.outcome.value}")
+    motion = result.motion
     print(f"{task.name}: {len(motion.actions)} actions in {len(motion.actions) * motion.dt:.1f} s")
-    print(f"J = {last.cost.total:.2f}: collision {last.cost.collision:.2f}, control {last.cost.control:.2f}")
-    way = motion.states.position.diff(dim=0).norm(dim=-1).sum().item()
-    print(f"way: {way:.2f} m, at most {motion.states.velocity.norm(dim=-1).max().item():.2f} m/s")
+    print(f"J = {result.cost.total:.2f}: collision {result.cost.collision:.2f}, control {result.cost.control:.2f}")
+    length = motion.states.position.diff(dim=0).norm(dim=-1).sum().item()
+    print(f"length: {length:.2f} m, at most {motion.states.velocity.norm(dim=-1).max().item():.2f} m/s")
     print(f"largest thrust: {motion.actions[:, 0].max().item():.2f} N of {robot.config.max_thrust:.2f} N")
 
     report = nerfnav.judge(scene, robot.body, motion.states)

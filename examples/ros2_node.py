@@ -1,4 +1,4 @@
-"""A ROS 2 node: pictures go to `nerfnav live`; the vehicle's pose and its trajectory to a goal are published.
+"""ROS 2 node: send pictures to `nerfnav live`, and publish the vehicle's pose and its trajectory to a goal.
 
 nerfnav live place.npz --robot x500 --camera camera.yaml --token T
 python ros2_node.py "ws://127.0.0.1:8090/?token=T" --goal 1 2 1.5 0
@@ -7,11 +7,11 @@ python ros2_node.py "ws://127.0.0.1:8090/?token=T" --goal 1 2 1.5 0
 import argparse
 
 from nerfnav.live import Goal, LiveClient
-from nerfnav.tracking.sources.ros_bag import picture_of
+from nerfnav.tracking import decode_image_message
 
 
 def main(address: str, goal: Goal, topic: str) -> None:
-    """Serve until Ctrl-C. Published are `estimate` and `command/trajectory`, in the frame `map`."""
+    """Run until Ctrl-C. Publish `estimate` and `command/trajectory` in the frame `map`."""
     import rclpy  # pyright: ignore[reportMissingImports]
     from geometry_msgs.msg import PoseWithCovarianceStamped, Transform, Twist  # pyright: ignore[reportMissingImports]
     from rclpy.duration import Duration  # pyright: ignore[reportMissingImports]
@@ -28,7 +28,7 @@ def main(address: str, goal: Goal, topic: str) -> None:
 
     def on_image(image: Image) -> None:
         time = image.header.stamp.sec + 1e-9 * image.header.stamp.nanosec
-        answer = live.see(picture_of(image).numpy(), time, goal, 1e-9 * node.get_clock().now().nanoseconds)
+        answer = live.see(decode_image_message(image).numpy(), time, goal, 1e-9 * node.get_clock().now().nanoseconds)
         if answer.position and answer.quaternion and answer.covariance:
             stamped = PoseWithCovarianceStamped()
             stamped.header.stamp, stamped.header.frame_id = image.header.stamp, "map"
@@ -49,8 +49,8 @@ def main(address: str, goal: Goal, topic: str) -> None:
                 transforms=[pose], velocities=[moves], accelerations=[pushed], time_from_start=after
             ))  # fmt: skip
         trajectories.publish(command)
-        told = "" if answer.guidance is None else f"{answer.guidance.order.value}: {answer.guidance.reason}"
-        node.get_logger().info(f"{answer.status}, {answer.latency_ms:.0f} ms, {told}")
+        guidance = "" if answer.guidance is None else f"{answer.guidance.order.value}: {answer.guidance.reason}"
+        node.get_logger().info(f"{answer.status}, {answer.latency_ms:.0f} ms, {guidance}")
 
     node.create_subscription(Image, topic, on_image, 1)  # one in the queue: old pictures are dropped
     rclpy.spin(node)
@@ -58,9 +58,9 @@ def main(address: str, goal: Goal, topic: str) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("address", help="what `nerfnav live` tells")
+    parser.add_argument("address", help="address that `nerfnav live` prints")
     parser.add_argument("--goal", type=float, nargs=4, required=True, help="x y z [m] and heading [rad]")
-    parser.add_argument("--topic", default="image", help="of sensor_msgs/Image")
+    parser.add_argument("--topic", default="image", help="topic of sensor_msgs/Image")
     arguments = parser.parse_args()
     x, y, z, yaw = arguments.goal
     main(arguments.address, Goal((x, y, z), yaw), arguments.topic)

@@ -1,6 +1,7 @@
 from .api import fly as fly
 from .api import plan as plan
 from .core.errors import NerfnavError as NerfnavError
+from .core.steps import run_steps as run_steps
 from .estimator.core.belief import Belief as Belief
 from .estimator.gauss_newton.fast_filter import FastFilter as FastFilter
 from .estimator.paper.pose_filter import PoseFilter as PoseFilter

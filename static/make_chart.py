@@ -1,4 +1,4 @@
-"""Make README's chart of how well a capture is learned in a given time, from trainings that it runs.
+"""Make the chart of docs/browser.md: quality of a capture's field against training time.
 
     python static/make_chart.py CAPTURE [SECONDS ...]
 

@@ -1,4 +1,4 @@
-"""Make README's pictures: the real app in a real browser, real plans and flights, at Stonehenge tab by tab.
+"""Make the pictures of README and docs/browser.md from the real app: plans and flights at Stonehenge, tab by tab.
 
     python static/make_pictures.py [stonehenge] [apartment]
 

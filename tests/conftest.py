@@ -1,4 +1,4 @@
-"""What all tests share."""
+"""Fixtures and scheduling of all tests."""
 
 # isort: off
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-import nerfnav  # noqa: F401  # before torch: it tells idle threads to sleep, which torch reads when it is loaded
+import nerfnav  # noqa: F401  # before torch: it sets OMP_WAIT_POLICY, which torch reads when it is loaded
 import torch
 
 # isort: on
@@ -17,7 +17,7 @@ torch.set_num_threads(1)
 
 @pytest.fixture(autouse=True, scope="session")
 def _own_shelf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A shelf for all tests: flights must not end up where the tests are started."""
+    """Keep flights and places of the tests in temporary folders, not in the working folder."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("NERFNAV_RUNS", str(tmp_path_factory.mktemp("shelf")))
         patch.setenv("NERFNAV_PLACES", str(tmp_path_factory.mktemp("places")))
@@ -25,7 +25,7 @@ def _own_shelf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 _LONG = ("tests/browser/", "tests/test_wheel.py::")
-"""What takes one process minutes, and begins first, so that no other has to wait for it in the end."""
+"""Tests that take minutes in one process. They start first, so that no process waits for them at the end."""
 
 
 @pytest.hookimpl(trylast=True)
@@ -35,10 +35,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """With several processes, all browser tests go to one: they have one browser, and it wants a core of its own.
+    """Run all browser tests in one process: they share one browser, which needs a core of its own.
 
-    All others go by file, with what a file's tests share. Without browser tests, neighbours stay in one process until
-    another one has nothing left to do.
+    Schedule the others by file, as tests of one file share fixtures. Without browser tests, schedule by work stealing.
     """
     from xdist.scheduler import LoadFileScheduling, WorkStealingScheduling
 
@@ -49,5 +48,5 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
         def _split_scope(self, nodeid: str) -> str:
             return "tests/browser" if nodeid.startswith("tests/browser/") else super()._split_scope(nodeid)
 
-    config.option.loadscopereorder = False  # by how many tests there are: few may take long
+    config.option.loadscopereorder = False  # else files with few tests come last, though these may take long
     return OneBrowser(config, log)

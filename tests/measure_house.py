@@ -16,7 +16,7 @@ For each of app, nerfnav and scenes:
     tuples      parameters and fields that are tuples of unlike things, also behind `| None`, an alias or a container
     openings    share of docstrings that begin with What, Where, How, Whether, Who, Whose or Which
     short       docstrings of three words or fewer on public names
-    words       occurrences of words of an idiom of our own, see WORDS (documents count for nerfnav)
+    words       occurrences of words of an idiom of our own, see WORDS; documents and examples count for nerfnav
 
 Import rules broken are those of tests/test_imports.py.
 """
@@ -46,7 +46,7 @@ WORDS = ("told", "whoever", "dearer", "nobody", "from nothing", "put right")
 OPENINGS = re.compile(r"(What|Where|How|Whether|Who|Whose|Which)\b")
 EXEMPT = (
     "app/cli/commands/", "app/queries/", "app/page/layers/", "app/page/panels/", "app/benchmarks/",
-    "nerfnav/planner/terms/", "nerfnav/planner/planners/", "nerfnav/export/", "nerfnav/importers/", "nerfnav/core/",
+    "nerfnav/planner/terms/", "nerfnav/planner/planners/", "nerfnav/export/", "nerfnav/core/",
     "app/text.py", "app/system.py", "scenes/",
 )  # fmt: skip
 """Entries of registries, queries and cost terms, and modules that are imported before torch."""
@@ -199,9 +199,8 @@ def main() -> None:
     for name in PACKAGES:
         counted = count(root, name, importers)
         if name == "nerfnav":
-            documents = [root / "README.md", root / "ARCHITECTURE.md", root / "CONTRIBUTING.md"]
-            documents += sorted((root / "docs").rglob("*.md"))
-            for path in filter(Path.is_file, documents):
+            documents = [*root.glob("*.md"), *(root / "docs").rglob("*.md"), *(root / "examples").glob("*.py")]
+            for path in sorted(documents):
                 counted.found["words"] += words_in(path.relative_to(root).as_posix(), path.read_text())
         sizes = folders_of(counted)
         below = {folder: size for folder, size in sizes.items() if folder.count("/") > 1 and "kernels" not in folder}

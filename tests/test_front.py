@@ -1,4 +1,4 @@
-"""The names that `import nerfnav` gives: all there, none imported before it is asked for."""
+"""Faces: all names of `import nerfnav` and its packages exist, and none is imported before its first use."""
 
 import subprocess
 import sys
@@ -16,8 +16,8 @@ HEAVY = ("torch", "numpy", "numba", "jaxtyping", "trimesh", "scipy", "cv2", "ski
 
 
 def test_the_front_imports_nothing_heavy() -> None:
-    told = f"import sys, nerfnav; dir(nerfnav); print(*[name for name in {HEAVY} if name in sys.modules])"
-    ran = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True, timeout=300)
+    script = f"import sys, nerfnav; dir(nerfnav); print(*[name for name in {HEAVY} if name in sys.modules])"
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=300)
     assert ran.stdout.split() == []
 
 
@@ -29,13 +29,13 @@ def test_every_name_of_a_face_is_what_its_module_has(stub: Path) -> None:
         assert name in dir(face)
 
 
-def test_whoever_plans_waits_for_no_meshes() -> None:
-    told = "import sys, nerfnav; nerfnav.plan; print('trimesh' in sys.modules)"
-    ran = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True, timeout=300)
+def test_planning_imports_no_mesh_library() -> None:
+    script = "import sys, nerfnav; nerfnav.plan; print('trimesh' in sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=300)
     assert ran.stdout.split() == ["False"]
 
 
-def test_a_name_that_there_is_not_is_refused() -> None:
+def test_an_unknown_name_raises_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="No nerfnav attribute flyy"):
         _ = nerfnav.flyy  # type: ignore[attr-defined]
 
@@ -46,7 +46,7 @@ def test_packages_can_still_be_imported_from_it() -> None:
     assert robots.names()
 
 
-def test_the_version_is_said_once() -> None:
+def test_the_version_is_defined_once() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert project["project"]["dynamic"] == ["version"]
     assert project["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "nerfnav.__version__"}

@@ -1,4 +1,4 @@
-"""The architecture as the import graph shows it."""
+"""Import rules: levels of the packages and of what is inside them, faces, cycles, and the wall before the truth."""
 
 import ast
 from collections.abc import Callable, Iterator
@@ -19,11 +19,11 @@ LEVELS = (
     ("experiments",),
     ("api",),
 )
-"""Packages of nerfnav from the ground up; a package imports only from levels below its own, and itself."""
+"""Packages of nerfnav from the ground up. A package imports only from levels below its own, and from itself."""
 BESIDE = {("world", "robots")}
 """Exceptions within a level: ground truth judges the bodies of robots."""
 WALL = ("planner", "estimator", "navigation", "tracking")
-"""They plan and estimate on the field alone: planned on the field, judged on the mesh."""
+"""Packages that plan and estimate in the field alone: the mesh judges what was planned on the field."""
 ROOMS: dict[str, tuple[str, ...]] = {
     "cli": ("server", "live_server", "page", "page_server", "jobs", "storage", "places", "security", "system", "text"),
     "server": ("page", "page_server", "worker", "ui_loop", "state", "places", "security"),
@@ -46,16 +46,89 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "system": (),
     "text": (),
 }  # fmt: skip
-"""Rooms of app/, the highest floor first, and what each may import of app/ besides itself."""
+"""Packages of app/, the highest first, and what each may import of app/ besides itself."""
+INNER_LEVELS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "nerfnav.estimator": (
+        ("photometric",),
+        ("core", "map_error", "relocalize"),
+        ("paper", "schmidt_kalman"),
+        ("gauss_newton",),
+        ("estimators",),
+    ),
+    "nerfnav.field": (
+        ("core",),
+        ("kernels",),
+        ("render",),
+        ("models",),
+        ("edit", "proof", "storage", "surface"),
+        ("train",),
+    ),
+    "nerfnav.importers": (
+        ("core",),
+        ("alignment", "captures", "nerf", "splats"),
+        ("meshes",),
+        ("contents",),
+        ("detect",),
+    ),
+    "nerfnav.navigation": (
+        ("fallback", "simulator", "supervisor"),
+        ("steps",),
+        ("episode", "realtime"),
+        ("flight",),
+        ("looking", "physical"),
+        ("loop",),
+    ),
+    "nerfnav.planner": (
+        ("kernels", "polynomials", "trajectory", "visibility"),
+        ("active_yaw", "space", "steps"),
+        ("risk",),
+        ("terms",),
+        ("objective",),
+        ("solvers",),
+        ("baselines",),
+        ("planners",),
+    ),
+    "nerfnav.tracking": (
+        ("frame", "photometric_consistency", "tracked_frame", "tracker_config"),
+        ("preintegration", "sources"),
+        ("motions",),
+        ("tracker",),
+    ),
+    "nerfnav_app.cli": (
+        ("number_arguments", "terminal"),
+        ("main", "progress", "route_arguments"),
+        ("commands",),
+    ),
+    "nerfnav_app.jobs": (
+        ("events",),
+        ("export", "field", "plan", "subprocess_job", "track"),
+        ("fly", "measure"),
+        ("open",),
+    ),
+    "nerfnav_app.page": (
+        ("kit",),
+        ("layers",),
+        ("panels", "splash"),
+        ("catalog",),
+        ("page",),
+    ),
+    "nerfnav_app.page.panels": (
+        ("flight", "place", "runs"),
+        ("plan",),
+        ("status",),
+    ),
+}
+"""The same inside each package that has sub-packages: its sub-packages and modules from the ground up. Each imports
+only from levels below its own, and from itself."""
 ONLY_IN = {
     "viser": tuple(f"nerfnav_app.{name}" for name in ("page", "page_server", "security", "cli.commands.serve")),
     "threading": tuple(f"nerfnav_app.{name}" for name in ("worker", "ui_loop", "security", "cli.commands.serve")),
 }
-"""Modules of app/ that may import these."""
+"""External modules to the modules of app/ that may import them."""
 SETTING_THREADS = tuple(f"nerfnav_app.{name}" for name in ("worker", "live_server", "cli.progress", "benchmarks"))
-"""Modules of app/ that may tell torch how many threads it has."""
+"""Modules of app/ that may set the number of threads of torch."""
 IMPORT_NAMES = {"app": "nerfnav_app", "scenes": "nerfnav_scenes"}
-"""Folders that are imported under a name of nerfnav's own, by links in packaging/: others have an app/, too."""
+"""Folders to their import names, by links in packaging/: other projects have a folder app/ on their path, too."""
 SOURCES = sorted(path for folder in ("nerfnav", "scenes", "app") for path in (ROOT / folder).rglob("*.py"))
 LIBRARY = [path for path in SOURCES if path.is_relative_to(ROOT / "nerfnav")]
 APP = [path for path in SOURCES if path.is_relative_to(ROOT / "app") and path.name != "__init__.py"]
@@ -75,7 +148,7 @@ def nodes_of(path: Path) -> tuple[ast.AST, ...]:
 
 @cache
 def imported(path: Path) -> set[str]:
-    """Every module that a file names in an import, anywhere in it, as deep as it can be resolved."""
+    """Return every module that a file imports, anywhere in it, as deep as it can be resolved."""
     modules: set[str] = set()
     for node in nodes_of(path):
         if isinstance(node, ast.Import):
@@ -87,14 +160,19 @@ def imported(path: Path) -> set[str]:
     return modules
 
 
+def path_of(name: str) -> Path:
+    """Return the path of a package, or of a module without its suffix."""
+    return (ROOT / "packaging" if name.startswith(tuple(IMPORT_NAMES.values())) else ROOT).joinpath(*name.split("."))
+
+
 @cache
 def is_module(name: str) -> bool:
-    path = (ROOT / "packaging" if name.startswith(tuple(IMPORT_NAMES.values())) else ROOT).joinpath(*name.split("."))
+    path = path_of(name)
     return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
 
 
 def package_of(module: str) -> str | None:
-    """The part of nerfnav that a module belongs to; None for modules that are not nerfnav's."""
+    """Return the package of nerfnav that holds a module; None for modules of others."""
     parts = module.split(".")
     return parts[1] if parts[0] == "nerfnav" and len(parts) > 1 else None
 
@@ -110,7 +188,7 @@ def relative(path: Path) -> str:
 
 
 def within(module: str, places: tuple[str, ...]) -> bool:
-    """Whether a module is one of these, or in one of these packages."""
+    """Return whether a module is one of these, or in one of these packages."""
     return any(module == place or module.startswith(f"{place}.") for place in places)
 
 
@@ -119,10 +197,22 @@ def package_path(stub: Path) -> str:
 
 
 def on_the_face(stub: Path) -> dict[tuple[str, str], str]:
-    """(Module, name) to the package that gives the name, for what a face names."""
+    """Map (module, name) to the package of the face, for each name that a face takes from a module."""
     package = package_path(stub)
     imports = [node for node in ast.parse(stub.read_text()).body if isinstance(node, ast.ImportFrom) and node.module]
     return {(f"{package}.{node.module}", alias.name): package for node in imports for alias in node.names}
+
+
+def names_on_face(stub: Path) -> set[str]:
+    """Return all names that a face gives, modules included."""
+    imports = [node for node in ast.parse(stub.read_text()).body if isinstance(node, ast.ImportFrom)]
+    return {alias.name for node in imports for alias in node.names}
+
+
+def units_of(package: str) -> set[str]:
+    """Return the names of the modules and sub-packages that stand in a package."""
+    paths = path_of(package).iterdir()
+    return {path.stem for path in paths if path.suffix == ".py" or (path / "__init__.py").is_file()} - {"__init__"}
 
 
 def the_library_imports_only_from_lower_levels() -> Iterator[str]:
@@ -136,6 +226,29 @@ def the_library_imports_only_from_lower_levels() -> Iterator[str]:
                 continue
             if not level_of(other) < level_of(own):
                 yield f"{relative(path)} imports {module}, which is not below it"
+
+
+def inside_a_package_imports_point_down_too() -> Iterator[str]:
+    for package, levels in INNER_LEVELS.items():
+        level = {unit: index for index, units in enumerate(levels) for unit in units}
+        yield from (f"{package}.{unit} has no level, or does not exist" for unit in level.keys() ^ units_of(package))
+        for path in SOURCES:
+            if not within(module_of(path), (package,)) or module_of(path) == package:
+                continue
+            own = module_of(path).removeprefix(f"{package}.").split(".")[0]
+            for module in imported(path):
+                other = module.removeprefix(f"{package}.").split(".")[0]
+                if within(module, (package,)) and other != own and level.get(other, 0) >= level.get(own, 0):
+                    yield f"{relative(path)} imports {module}, which is not below it in {package}"
+
+
+def every_package_with_sub_packages_has_inner_levels() -> Iterator[str]:
+    for path in SOURCES:
+        package = module_of(path)
+        if path.name == "__init__.py" and package.count(".") and any(
+            (path_of(package) / unit / "__init__.py").is_file() for unit in units_of(package) - {"kernels"}
+        ):
+            yield from () if package in INNER_LEVELS else (f"{package} has sub-packages: place them in INNER_LEVELS",)
 
 
 def planning_and_estimation_never_see_the_ground_truth() -> Iterator[str]:
@@ -244,6 +357,8 @@ def packages_of_the_app_are_empty_so_that_the_page_is_shown_before_torch_is_impo
 
 RULES: tuple[Callable[[], Iterator[str]], ...] = (
     the_library_imports_only_from_lower_levels,
+    inside_a_package_imports_point_down_too,
+    every_package_with_sub_packages_has_inner_levels,
     planning_and_estimation_never_see_the_ground_truth,
     a_face_imports_nothing_of_its_package_before_it_is_asked_for,
     what_a_package_has_on_its_face_is_imported_from_there_by_other_packages,
@@ -257,7 +372,7 @@ RULES: tuple[Callable[[], Iterator[str]], ...] = (
     viser_threads_and_torchs_settings_are_named_where_they_belong,
     packages_of_the_app_are_empty_so_that_the_page_is_shown_before_torch_is_imported,
 )
-"""Each yields a sentence for whatever breaks it, in all files."""
+"""Each yields a sentence for each place that breaks it."""
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)

@@ -1,6 +1,6 @@
-"""The wheel, in an environment of its own, outside the repository: every command works there.
+"""Wheel: every command works in an environment of its own, outside the repository.
 
-The environment has what the wheel declares and no extras, so this also shows that the declaration is complete.
+The environment has the declared dependencies and no extras, so these tests also show that the declaration is complete.
 """
 
 import json
@@ -28,7 +28,7 @@ from tests.wheel_environment import ROOT, build, install
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 EXTRAS = ("ompl", "matplotlib", "joblib", "mcap", "rosbags", "collada", "DracoPy", "pytest")
-ZSTD = b"\x28\xb5\x2f\xfd"  # what a compressed frame begins with
+ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a compressed frame
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class Installed:
         )  # fmt: skip
 
     def numbers(self, *words: str) -> dict[str, Any]:
-        """What a command prints with --json."""
+        """Return the JSON that a command prints with --json."""
         done = self.run("nerfnav", *words, "--json")
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout.splitlines()[-1])
 
     @property
     def environment(self) -> dict[str, str]:
-        """Ours, without what leads to the repository, and with kernels kept where they are deleted again."""
+        """Environment variables without those that lead to the repository, and with a kernel cache that is deleted."""
         ours = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NERFNAV"))}
         return {**ours, "NUMBA_CACHE_DIR": str(self.folder.parent / "kernels")}
 
@@ -70,7 +70,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
 
 
 def shipped() -> set[str]:
-    """Every file of the packages, as git would see it."""
+    """Return every file of the packages, as git lists them."""
     folders = {"nerfnav_app": ROOT / "app", "nerfnav": ROOT / "nerfnav", "nerfnav_scenes": ROOT / "scenes"}
     return {
         f"{package}/{path.relative_to(folder)}"
@@ -111,11 +111,11 @@ def test_a_plan_a_flight_and_their_exports(installed: Installed) -> None:
     assert refused.returncode != 0 and "pip install 'nerfnav[ros]'" in refused.stderr
 
 
-def test_what_a_field_file_holds(installed: Installed) -> None:
+def test_info_reads_a_field_file(installed: Installed) -> None:
     assert installed.numbers("info", str(ROOT / "scenes" / "trained" / "stonehenge.npz"))
 
 
-def test_an_experiment_says_what_it_leaves_out(installed: Installed) -> None:
+def test_an_experiment_reports_what_it_leaves_out(installed: Installed) -> None:
     found = installed.numbers("experiment", "planners", "--trials", "1", "--out", "planners")
     assert found["nerfnav"]["failures"] == 0
     assert set(found["left_out"]) == {"rrt", "figures"}
@@ -133,13 +133,13 @@ def test_the_page_has_its_name_its_logo_and_its_icons(installed: Installed) -> N
         assert b"<title>nerfnav</title>" in page
         assert data_url("favicon.svg") in page
         logo, icons = data_url("logo.svg"), b"icon-tabler"
-        told = until_told(url, (logo, icons))
-    assert logo in told and icons in told
+        received = receive_until(url, (logo, icons))
+    assert logo in received and icons in received
 
 
 @contextmanager
 def served(installed: Installed) -> Iterator[str]:
-    """The address of a server that runs while the block does."""
+    """Yield the address of a server that runs during the block."""
     command = [str(installed.commands / "nerfnav"), "serve", "--port", str(free_port()), "--json"]
     with (installed.folder / "log").open("w") as log, subprocess.Popen(
         command, cwd=installed.folder, env=installed.environment, stdout=subprocess.PIPE, stderr=log, text=True
@@ -150,7 +150,7 @@ def served(installed: Installed) -> Iterator[str]:
             assert line, (installed.folder / "log").read_text()
             yield json.loads(line)["url"]
         finally:
-            server.terminate()  # not SIGINT, which whoever runs in the background ignores
+            server.terminate()  # not SIGINT, which background processes ignore
             try:
                 server.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
@@ -159,23 +159,23 @@ def served(installed: Installed) -> Iterator[str]:
     assert "Traceback" not in (installed.folder / "log").read_text()
 
 
-def until_told(url: str, wanted: tuple[bytes, ...], timeout_s: float = 300.0) -> bytes:
-    """What a page is told over its websocket until it was told all that is wanted."""
-    told, end = b"", time.monotonic() + timeout_s
+def receive_until(url: str, wanted: tuple[bytes, ...], timeout_s: float = 300.0) -> bytes:
+    """Return all that a page receives over its websocket until that holds everything wanted."""
+    received, end = b"", time.monotonic() + timeout_s
     protocol: Any = [f"viser-v{viser.__version__}"]
     address = url.replace("http", "ws", 1)
     with connect(address, subprotocols=protocol, compression=None, max_size=None) as page:
-        while not all(word in told for word in wanted) and time.monotonic() < end:
+        while not all(word in received for word in wanted) and time.monotonic() < end:
             try:
                 frame = page.recv(timeout=end - time.monotonic())
             except TimeoutError:
                 break
             assert isinstance(frame, bytes)
             at = frame.find(ZSTD)
-            told += zstandard.ZstdDecompressor().decompressobj().decompress(frame[at:]) if at >= 0 else frame
-    return told
+            received += zstandard.ZstdDecompressor().decompressobj().decompress(frame[at:]) if at >= 0 else frame
+    return received
 
 
 def data_url(picture: str) -> bytes:
-    """A picture of the page as the page has it."""
+    """Return the data URL by which the page has a picture."""
     return b"data:image/svg+xml;base64," + b64encode((ROOT / "app" / "page" / picture).read_bytes())

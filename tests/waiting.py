@@ -1,4 +1,4 @@
-"""How tests wait: for what they need, and long enough for a machine that is busy with other things."""
+"""Waiting in tests: for a condition, with patience for a busy machine; and free ports."""
 
 import os
 import random
@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 PATIENCE_S = 180.0
-"""How long anything may take that takes a moment on an idle machine [s]."""
+"""Limit for anything that takes a moment on an idle machine [s]."""
 _WORKERS = 16
 _WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]) % _WORKERS
 _PORTS = range(20_000, 32_000)[_WORKER::_WORKERS]  # below those that connections of this machine are given
-"""This process's own: between being found free and being listened at, no other test can take a port."""
+"""Ports of this process: no other test can take one between the search and its use."""
 
 
 def until(condition: Callable[[], Any], complaint: str, timeout_s: float = PATIENCE_S) -> None:
@@ -24,7 +24,7 @@ def until(condition: Callable[[], Any], complaint: str, timeout_s: float = PATIE
 
 
 def free_port() -> int:
-    """A port of this machine that nobody listens at now, and that no outgoing connection takes in the meantime."""
+    """Return a port of this machine that is free now, and that no outgoing connection takes in the meantime."""
     for port in random.sample(_PORTS, 100):
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -1,4 +1,4 @@
-"""A wheel, and an environment that has it with what it asks for and nothing else."""
+"""Wheel environment: build a wheel, and install it with its declared dependencies and nothing else."""
 
 import email
 import shutil
@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 PARTS = ("app", "nerfnav", "packaging", "scenes", "pyproject.toml", "README.md", "LICENSE")
-"""What is built from."""
+"""Files and folders that the build needs."""
 
 
 def build(folder: Path) -> tuple[Path, Path]:
@@ -32,10 +32,10 @@ def build(folder: Path) -> tuple[Path, Path]:
 
 
 def install(wheel: Path, folder: Path) -> Path:
-    """A new environment with the wheel; returns its folder of commands.
+    """Make a new environment with the wheel, and return its folder of commands.
 
-    What the wheel declares, without extras, and what that declares in turn is linked from the environment of the
-    tests, and nothing else. pip then installs the wheel without an index: it fails where anything is missing.
+    The declared dependencies of the wheel without extras, and theirs in turn, are linked from the environment of the
+    tests. pip then installs the wheel without an index, and fails where anything is missing.
     """
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True, timeout=900)
     (site,) = folder.glob("lib/python*/site-packages")
@@ -48,7 +48,7 @@ def install(wheel: Path, folder: Path) -> Path:
 
 
 def closure(requirements: list[str]) -> set[str]:
-    """Names of the distributions that requirements ask for, deeply; those of extras are left out."""
+    """Return the names of all distributions that requirements need, without those of extras."""
     found: set[str] = set()
     waiting = list(requirements)
     while waiting:
@@ -67,7 +67,7 @@ def _requirements(wheel: Path) -> list[str]:
 
 
 def _link(name: str, site: Path) -> None:
-    """Let a folder of packages have all that a distribution has put into ours."""
+    """Link all files of a distribution into a folder of packages."""
     there = distribution(name)
     for top in {file.parts[0] for file in there.files or []} - {"..", "__pycache__"}:
         if not (site / top).exists():

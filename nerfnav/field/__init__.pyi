@@ -12,6 +12,7 @@ from .edit.crop import crop_field as crop_field
 from .edit.crop import intersect_boxes as intersect_boxes
 from .edit.move import MoveStep as MoveStep
 from .edit.move import move_field as move_field
+from .models.analytic import BallsField as BallsField
 from .models.grid_field import GridField as GridField
 from .models.levels import build_levels as build_levels
 from .models.mlp import MlpConfig as MlpConfig

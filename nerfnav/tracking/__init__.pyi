@@ -4,6 +4,7 @@ from .frame import ImuMeasurements as ImuMeasurements
 from .motions import InertialMotion as InertialMotion
 from .sources.registry import SourceOptions as SourceOptions
 from .sources.registry import open_source as open_source
+from .sources.ros_bag import decode_image_message as decode_image_message
 from .tracked_frame import TrackedFrame as TrackedFrame
 from .tracked_frame import TrackStatus as TrackStatus
 from .tracker import Tracker as Tracker

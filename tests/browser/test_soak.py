@@ -231,6 +231,7 @@ def soak(server: Served, context: BrowserContext, actions: int, most_s: float, s
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser: Browser, tmp_path: Path) -> None:
     compile_kernels()
     with served("stonehenge", log=tmp_path / "server.log") as server:
@@ -245,6 +246,7 @@ def test_two_minutes_of_hard_use_leave_no_error_no_job_and_little_memory(browser
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_places_opened_again_and_again_keep_no_memory(browser: Browser, tmp_path: Path) -> None:
     first, *others = scenes.with_fields()
     with served(first, log=tmp_path / "server.log") as server:

@@ -369,6 +369,7 @@ def _blocks(matrix: Tensor) -> list[Tensor]:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_biases_of_the_unit_are_learned_and_beliefs_are_honest() -> None:
     off, nees, late_off = [], [], []
     for seed in range(6):

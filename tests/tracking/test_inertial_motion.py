@@ -104,7 +104,6 @@ def test_the_derivative_by_the_state_is_that_of_finite_differences() -> None:
     np.testing.assert_allclose(spread, slopes @ slopes.T, atol=1e-5)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_biases_are_found_from_poses_and_the_belief_is_honest(seed: int) -> None:
     """Poses of 3 mm and 3 mrad stand for pictures, ten a second; the update is that of a Kalman filter."""

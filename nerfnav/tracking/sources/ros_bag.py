@@ -75,7 +75,7 @@ _GREY = ("mono8", "8UC1", "mono16", "16UC1")
 _RECTIFIED = "image_rect"
 
 
-def picture_of(message: Any, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
+def decode_image_message(message: Any, aspect: float | None = None) -> UInt8[Tensor, "height width 3"]:
     """The picture of an Image or CompressedImage, RGB; `aspect` as `decode_picture` has it.
 
     Grey pictures are refused: fields are compared in colour. Raises InvalidInputError, which does not name the file.
@@ -283,6 +283,6 @@ def _camera(path: Path, told: str, topic: str) -> Camera | None:
 
 def _picture(path: Path, name: str, message: Message, camera: Camera | None) -> torch.Tensor:
     try:
-        return picture_of(message, None if camera is None else camera.aspect)
+        return decode_image_message(message, None if camera is None else camera.aspect)
     except InvalidInputError as error:
         raise InvalidInputError(f"{name} of {path} cannot be used: {error}") from error
