@@ -245,6 +245,11 @@ class PillarField:
         """White."""
         return torch.ones(3)
 
+    @property
+    def resolution(self) -> float:
+        """Distance of samples [m]."""
+        return self.step
+
     def density(self, points: Tensor) -> Tensor:
         """rho [1/m]."""
         across = (points - self.box.center.to(points))[..., :2]
@@ -264,7 +269,7 @@ class PillarField:
 def encode(pillar: PillarField) -> Encoded:
     """Its radius in the header, its box as an array."""
     box = torch.stack([pillar.box.lower, pillar.box.upper]).numpy()
-    return {"radius": pillar.radius, "info": asdict(pillar.info)}, {"box": box}
+    return Encoded({"radius": pillar.radius, "info": asdict(pillar.info)}, {"box": box})
 
 
 def decode(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> PillarField:

@@ -34,7 +34,7 @@ def position_floor(arena: Arena, flights: int = FLIGHTS) -> float:
 def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]]:
     """Errors [m] of found positions, and what is said of them without the floor that the flights assume [m^2]."""
     config = FilterConfig().for_field(arena.field.info)
-    assumed = config.floor_at(float(arena.field.spacing.max())).position_m
+    assumed = config.floor_at(arena.field.resolution).position_m
     for seed in range(_FIRST_SEED, _FIRST_SEED + flights):
         for step in fly_steps(arena, FlightTrial(None, seed, robot="quadrotor")):
             if step.update is None or step.update.outcome is not FilterOutcome.UPDATED:

@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nerfnav.field.proof.occupancy_grid import Occupancy, compute_occupancy_grid
+from nerfnav.field.core.occupancy import Occupancy
+from nerfnav.field.proof.occupancy_grid import compute_occupancy_grid
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav_app.server import App
 from tests.browser.tab import Tab

@@ -23,7 +23,7 @@ def arena(name: str) -> Arena:
 def test_bundled_fields_know_it(name: str) -> None:
     field = arena(name).field
     assert field.info.position_floor_m is not None
-    assert 0 < field.info.position_floor_m < 0.1 * float(field.spacing.max())
+    assert 0 < field.info.position_floor_m < 0.1 * field.resolution
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ from nerfnav.field import (
     load_field,
     save_field,
 )
-from nerfnav.field.core.occupancy import EMPTY_RAW, State
+from nerfnav.field.core.occupancy import EMPTY_RAW
 from nerfnav.field.models.bricks import BrickField, convert_to_bricks
 from nerfnav.field.models.mlp import Encoding
 from nerfnav.field.models.neural import Activation, blank_field
@@ -134,6 +134,7 @@ __all__ = [
     "NavigateConfig",
     "NavigationStep",
     "NeuralConfig",
+    "Occupancy",
     "OperatorRequests",
     "Paint",
     "Place",
@@ -150,7 +151,6 @@ __all__ = [
     "RunStore",
     "Scene",
     "SessionMemory",
-    "State",
     "StateNoise",
     "SupervisorState",
     "Surroundings",
@@ -194,8 +194,8 @@ __all__ = [
 
 ENUMS: tuple[type[Enum], ...] = (
     Activation, Backdrop, CameraMode, EpisodeOutcome, FilterOutcome, InitialGuess, JobKind, Order, PixelDraw,
-    PixelSource, PlanOutcome, SupervisorState, RelocaliseOutcome, Restart, SourceKind, State, TrackStatus,
-    UnknownSpace, Vantage, Occupancy, EndRole,
+    PixelSource, PlanOutcome, SupervisorState, RelocaliseOutcome, Restart, SourceKind, Occupancy, TrackStatus,
+    UnknownSpace, Vantage, EndRole,
 )  # fmt: skip
 """Enums whose names or values stand in files, in JSON, in options, or before users."""
 ENUM_NAMES = {"SupervisorState": "Recovery", "EndRole": "Which", "UnknownSpace": "Unknown", "Occupancy": "VoxelState"}

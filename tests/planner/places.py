@@ -28,6 +28,7 @@ class Colorless:
 
     box: Box = BOX
     background: Tensor = WHITE
+    resolution: float = 0.01
 
     def radiance(self, points: Tensor, directions: Tensor) -> Tensor:
         return torch.ones_like(points)

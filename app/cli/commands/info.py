@@ -44,13 +44,13 @@ def write_picture(field: StoredField, out: Path) -> Path:
 
 
 def grain(field: StoredField) -> dict[str, Any]:
-    """How fine the field is: nodes and their distance, or the shape of its networks and the distance of samples."""
+    """Resolution of the field: nodes and their distance, or the shape of its networks and the distance of samples."""
     if isinstance(field, GridField):
-        return {"resolution": list(field.shape), "voxel_m": field.spacing.max().item()}
+        return {"resolution": list(field.shape), "voxel_m": field.resolution}
     if isinstance(field, NeuralField):
         shape = field.fine.config
-        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.step}
-    return {"voxel_m": field.step}
+        return {"layers": shape.depth, "layer_width": shape.width, "voxel_m": field.resolution}
+    return {"voxel_m": field.resolution}
 
 
 def free_space_accuracy_of(field: StoredField, path: Path) -> FreeSpaceAccuracy:
@@ -62,7 +62,7 @@ def free_space_accuracy_of(field: StoredField, path: Path) -> FreeSpaceAccuracy:
     if truth is None:
         return measure_unproven_share(field, voxel)
     scene = truth.load()
-    return measure_free_space_on_mesh(field, voxel, scene, _seen_from(field, scene))
+    return measure_free_space_on_mesh(field, voxel, scene, *_seen_from(field, scene))
 
 
 def geometry_of(field: StoredField, scene: Scene) -> GeometryReport:
@@ -132,11 +132,11 @@ def run(arguments: Arguments) -> None:
     }
     for name in ("surface_taken_for_free", "free_taken_for_free", "unproven_share"):
         del summary[name]  # told together, below
-    freedom = free_space_accuracy_of(field, path)
-    summary["geometry"] = asdict(freedom)
+    accuracy = free_space_accuracy_of(field, path)
+    summary["geometry"] = asdict(accuracy)
     if arguments.mesh is not None:
         summary["geometry"] |= asdict(geometry_of(field, truth_of(arguments.mesh, field, path)))
-    summary["in_words"] = describe_free_space_accuracy(freedom)
+    summary["in_words"] = describe_free_space_accuracy(accuracy)
     if arguments.png is not None:
         summary["png"] = str(write_picture(field, arguments.png))
     show(str(path), summary, arguments.json)

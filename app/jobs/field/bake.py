@@ -4,7 +4,8 @@ from collections.abc import Generator
 from pathlib import Path
 
 from nerfnav.core.errors import require_positive
-from nerfnav.field import BakeConfig, BakeStep, Field, StoredField, VoxelField, save_field
+from nerfnav.core.steps import map_steps
+from nerfnav.field import BakeConfig, Field, StoredField, VoxelField, save_field
 from nerfnav.field.edit.bake import bake
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.field.report import import_numbers
@@ -21,8 +22,5 @@ def bake_file(source: StoredField, voxel: float | None, out: Path) -> JobEvents:
 
 def bake_field(source: Field, voxel: float | None) -> Generator[JobEvent, bool | None, VoxelField]:
     """Bake a field, yield progress, and return the result."""
-    step: BakeStep | None = None
-    for step in bake(source, BakeConfig(voxel=voxel)):
-        yield Progress(step.label, step.fraction)
-    assert step is not None and step.field is not None, "baking ends with its field"
-    return step.field
+    steps = bake(source, BakeConfig(voxel=voxel))
+    return (yield from map_steps(steps, lambda step: Progress(step.label, step.fraction)))

@@ -71,10 +71,11 @@ def photograph(
     scene: Scene, config: CaptureConfig, generator: torch.Generator
 ) -> Generator[JobEvent, bool | None, PosedImages]:
     """Take pictures of a scene's mesh and return them. Raises StoppedError where it is told to stop."""
-    for step in capture(scene, config, generator):
-        stop = yield Progress("photographing", (step.index + 1) / step.total)
-        if stop:
+    steps = capture(scene, config, generator)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return end.value
+        if (yield Progress("photographing", (step.index + 1) / step.total)):
             raise StoppedError("stopped while photographing: nothing was learned yet, so nothing is saved")
-        if step.captured is not None:
-            return step.captured
-    raise AssertionError("a capture ends with its photographs")

@@ -13,11 +13,11 @@ import torch
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import map_steps
 from nerfnav.estimator import rescale_map_error, transform_views
 from nerfnav.experiments import describe_free_space_accuracy, measure_unproven_share
 from nerfnav.field import (
     FieldInfo,
-    MoveStep,
     StoredField,
     VoxelField,
     crop_field,
@@ -39,7 +39,7 @@ from nerfnav.importers import (
     splats_path,
     voxelize,
 )
-from nerfnav.world import Scene, moved_scene
+from nerfnav.world import Scene, move_scene
 from nerfnav_app.jobs.events import JobEvent, JobEvents, JobResult, Progress
 from nerfnav_app.jobs.field.report import stored
 from nerfnav_app.places.place import field_file, ground_truth
@@ -67,24 +67,22 @@ def save(made: Placed, out: Path) -> JobResult:
 
 def _numbers(made: Placed) -> dict[str, Any]:
     field = made.field
-    voxel = float(field.spacing.max()) if isinstance(field, VoxelField) else field.step
-    freedom = measure_unproven_share(field, voxel)
+    voxel = field.resolution if isinstance(field, VoxelField) else field.step
+    accuracy = measure_unproven_share(field, voxel)
     return {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
         "voxel_m": voxel,
         "changed": list(made.told),
         "guesses": list(field.info.guesses),
-        "geometry": asdict(freedom),
-        "in_words": describe_free_space_accuracy(freedom),
+        "geometry": asdict(accuracy),
+        "in_words": describe_free_space_accuracy(accuracy),
     }
 
 
 def moved_field(field: StoredField, change: Alignment) -> Generator[JobEvent, bool | None, StoredField]:
-    step: MoveStep | None = None
-    for step in move_field(field, change.similarity):
-        yield Progress(step.label, 0.1 + 0.8 * step.fraction)
-    assert step is not None and step.field is not None, "moving ends with its field"
-    return step.field if change.box is None else crop_field(step.field, change.box)
+    steps = move_field(field, change.similarity)
+    moved = yield from map_steps(steps, lambda step: Progress(step.label, 0.1 + 0.8 * step.fraction))
+    return moved if change.box is None else crop_field(moved, change.box)
 
 
 def placed_splats(splats: Splats, change: Alignment) -> Splats:
@@ -112,7 +110,7 @@ def truth_of(
         return None, ()
     if field.info.source in scenes.names():
         return None, (f"the ground truth and the tasks of {field.info.source} stay behind: plans are not judged there",)
-    return moved_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
+    return move_scene(truth.load(), change.similarity, changed.box), ("its ground truth goes along",)
 
 
 def cut_in_words(change: Alignment, changed: StoredField) -> tuple[str, ...]:

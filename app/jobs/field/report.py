@@ -32,9 +32,9 @@ from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
 def import_numbers(made: StoredField) -> dict[str, Any]:
     nodes = {"voxels": int(np.prod(made.shape))} if isinstance(made, VoxelField) else {}
     corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
-    freedom = measure_unproven_share(made, float(made.spacing.max()) if isinstance(made, VoxelField) else made.step)
-    told = {"geometry": asdict(freedom), "in_words": describe_free_space_accuracy(freedom)}
-    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **told}
+    accuracy = measure_unproven_share(made, made.resolution if isinstance(made, VoxelField) else made.step)
+    free_space = {"geometry": asdict(accuracy), "in_words": describe_free_space_accuracy(accuracy)}
+    return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **free_space}
 
 
 def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
@@ -52,16 +52,16 @@ def judge_field(
 ) -> tuple[VoxelField | NeuralField, FreeSpaceAccuracy]:
     """The field that knows how well photographs tell poses in it, and what planners take for free; and the latter."""
     trained = replace(trained, info=replace(trained.info, pose_floor=_floor_of(trained, material)))
-    freedom = _freedom_of(trained, material)
-    return replace(trained, info=note_free_space(trained.info, freedom)), freedom
+    accuracy = _accuracy_of(trained, material)
+    return replace(trained, info=note_free_space(trained.info, accuracy)), accuracy
 
 
-def _freedom_of(trained: VoxelField | NeuralField, material: TrainingData) -> FreeSpaceAccuracy:
+def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> FreeSpaceAccuracy:
     """What planners take for free there, against the best that tells what is."""
-    voxel = float(trained.spacing.max()) if isinstance(trained, VoxelField) else trained.step
+    voxel = trained.resolution
     if material.truth is not None:
-        seen_from = (material.learned.camera, material.learned.poses)
-        return measure_free_space_on_mesh(trained, voxel, material.truth, seen_from)
+        learned = material.learned
+        return measure_free_space_on_mesh(trained, voxel, material.truth, learned.camera, learned.poses)
     if material.held_out.depth is not None and len(material.held_out):
         return measure_free_space_on_depth(trained, voxel, material.held_out, material.learned)
     return measure_unproven_share(trained, voxel)
@@ -85,7 +85,7 @@ def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tup
         return save_field(linked, out), (out, truth_path(out))
 
 
-def training_numbers(trained: VoxelField | NeuralField, freedom: FreeSpaceAccuracy, file_bytes: int) -> dict[str, Any]:
+def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccuracy, file_bytes: int) -> dict[str, Any]:
     """What `train --json` prints of it."""
     return {
         "psnr_db": trained.info.psnr_db,
@@ -96,8 +96,8 @@ def training_numbers(trained: VoxelField | NeuralField, freedom: FreeSpaceAccura
         "file_bytes": file_bytes,
         "learned_from": trained.info.learned_from,
         "proven_from": trained.info.proven_from,
-        "geometry": asdict(freedom),
-        "in_words": describe_free_space_accuracy(freedom),
+        "geometry": asdict(accuracy),
+        "in_words": describe_free_space_accuracy(accuracy),
     }
 
 

@@ -32,7 +32,7 @@ from nerfnav.estimator.photometric.kernels.direct_alignment import align
 from nerfnav.estimator.photometric.levenberg_marquardt import UNKNOWNS, Guess, Iterate, NewtonConfig, Prior, improve
 from nerfnav.estimator.photometric.pyramid import View
 from nerfnav.estimator.photometric.residuals import THREADS, Observation
-from nerfnav.field import FastRenderer, Rendering, get_ray_grid, probe_rays, render_rays
+from nerfnav.field import FastRenderer, Rendering, probe_rays, render_rays
 from nerfnav.geometry import Camera, Pose
 
 _FAR = 1e3
@@ -170,8 +170,8 @@ def _scene(seen: Observation, pose: Pose) -> tuple[tuple[np.ndarray, ...], float
 
 def _rendered(seen: Observation, origins: Tensor, directions: Tensor) -> Rendering:
     with torch.no_grad(), threads(THREADS):
-        if (grid := get_ray_grid(seen.field)) is not None:
-            return probe_rays(grid, origins, directions)
+        if (probed := probe_rays(seen.field, origins, directions)) is not None:
+            return probed
         if isinstance(seen.field, FastRenderer):
             return seen.field.render_rays(origins, directions)
         return render_rays(seen.field, origins, directions)

@@ -155,7 +155,7 @@ class View:
     def grain(self) -> float:
         """Distance of the field's nodes [m]; 0 where it is no grid."""
         field = self.levels[0]
-        return float(field.spacing.max()) if isinstance(field, GridField) else 0.0
+        return field.resolution if isinstance(field, GridField) else 0.0
 
     def at(self, halvings: int) -> tuple[Field, Camera, Pose]:
         """Field, camera and mount for pictures that were reduced by 2^halvings."""

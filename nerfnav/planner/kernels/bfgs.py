@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from nerfnav.core.jit import kernel
-from nerfnav.geometry.kernels.linear import root_of
+from nerfnav.geometry.linear import root_of
 from nerfnav.planner.kernels.quadrotor import danger_at, effort_at, gradient_at, room_for
 
 

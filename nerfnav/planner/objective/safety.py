@@ -98,7 +98,7 @@ def _to_dense(field: Field, points: Tensor, lengths: tuple[float, float, float])
     """Smallest distance of points from the level set rho = threshold [m], nothing where it is not within reach."""
     threshold, reach, voxel = lengths
     if isinstance(field, GridField):
-        voxel = float(field.spacing.max())
+        voxel = field.resolution
         distance, solid = _nearest_nodes(field, points, threshold, reach)
     else:
         distance, solid = _nearest_samples(field, points, threshold, reach, voxel)
@@ -116,7 +116,7 @@ def _to_dense(field: Field, points: Tensor, lengths: tuple[float, float, float])
 def _nearest_nodes(field: GridField, points: Tensor, threshold: float, reach: float) -> tuple[Tensor, Tensor]:
     """Distance [m] and place of the nearest dense node of a grid; infinite where another point is clearly nearer."""
     at = points.double().cpu().numpy()
-    nodes, slack = np.zeros_like(at), float(field.spacing.max())
+    nodes, slack = np.zeros_like(at), field.resolution
     distance = nearest_dense(*field.kernel_grid, raw_of(threshold), at, reach, slack, nodes)
     return torch.from_numpy(distance).to(points), torch.from_numpy(nodes).to(points)
 

@@ -194,7 +194,7 @@ class OccupancyMap:
                 else sampled_columns(field, body, scales, parts)
             )  # fmt: skip
         else:
-            parts = max(parts, math.ceil(4 * scales.voxel / float(field.spacing.max()) - 1e-6)) if exact else parts
+            parts = max(parts, math.ceil(4 * scales.voxel / field.resolution - 1e-6)) if exact else parts
             columns, box = layer_columns(field, body, scales, parts, height), flat_box(box, height)
         spacing = spacing_of(box, (*columns.shape[:2], 2))[:2].double().numpy()
         dense = covered(columns, parts, _outlines(body, headings, spacing, exact), spacing)
@@ -278,7 +278,7 @@ def _is_exact(field: Field, config: OccupancyConfig) -> TypeGuard[GridField]:
     """Whether all cells of a field are looked at."""
     if not isinstance(field, GridField):
         return False
-    return float(field.spacing.max()) > PAPERS_GRAIN if config.exact is None else config.exact
+    return field.resolution > PAPERS_GRAIN if config.exact is None else config.exact
 
 
 def headings_of(config: OccupancyConfig, scales: Scales) -> list[float]:

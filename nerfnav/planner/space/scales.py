@@ -124,7 +124,7 @@ def threshold_of(field: Field, width: float | None = None) -> float:
 def grain_of(field: Field) -> float | None:
     """How far apart are the points between which a field tells nothing [m]; None where it has no such distance."""
     if isinstance(field, GridField):
-        return float(field.spacing.max())
+        return field.resolution
     step = getattr(field, "step", None)  # of networks: half of what they can tell
     return None if step is None else 2 * float(step)
 

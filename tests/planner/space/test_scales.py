@@ -40,7 +40,7 @@ def test_they_grow_with_place_and_robot(factor: float):
 
 def test_a_map_is_no_finer_than_the_field_nor_than_memory_and_patience_allow():
     coarse = field_of(house(), 0.2)
-    assert scales_of(coarse, ROBOT.body).voxel >= float(coarse.spacing.max())
+    assert scales_of(coarse, ROBOT.body).voxel >= coarse.resolution
     huge = field_of(house().scaled(1000.0), 500.0)
     assert huge.box.size.double().prod().item() / scales_of(huge, ROBOT.body).voxel ** 3 < 3e7
 

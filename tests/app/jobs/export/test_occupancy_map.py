@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from nerfnav.field.proof.occupancy_grid import Occupancy
+from nerfnav.field.core.occupancy import Occupancy
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.planner.space.scales import threshold_of
 from nerfnav_app.cli.main import BAD_INPUT, main
