@@ -4,13 +4,13 @@ Whoever wants every iteration takes the generators that these run to their end: 
 and `nerfnav.navigation.loop.navigate`.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal
 
 import torch
 
 import nerfnav.world as world  # loaded where it is first used: half a second, for which no plan need wait
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import ConsiderCovariance, FastFilter
 from nerfnav.field import GridField, UnknownSpace, planning_field, render_image
 from nerfnav.geometry import Camera
@@ -29,10 +29,10 @@ from nerfnav.navigation import (
 from nerfnav.planner import (
     FastPlanConfig,
     PlanProblem,
-    PlanStep,
+    PlanResult,
+    PlanSteps,
     estimate_timing,
     find_shortest_plan,
-    last_step,
     map_for,
     path_length,
     plan_fast,
@@ -42,8 +42,8 @@ from nerfnav.planner import (
 
 def plan(
     problem: PlanProblem, config: FastPlanConfig | None = None, duration: Literal["auto"] | None = None
-) -> PlanStep:
-    """The trajectory that minimises paper Eq. 2, by the fast planner: its last step, which has the outcome.
+) -> PlanResult:
+    """The trajectory that minimises paper Eq. 2, by the fast planner.
 
     The problem says how long the robot takes, which is the paper's 2 s unless it says otherwise; with the duration
     "auto", the shortest plan is found that keeps the robot's limits (see planner/solvers/duration.py), as places of
@@ -52,15 +52,15 @@ def plan(
     """
     problem = _careful(problem)
     if duration is None:
-        return last_step(plan_fast(problem, config))
+        return run_steps(plan_fast(problem, config))
     config = FastPlanConfig() if config is None else config
     occupancy = map_for(problem, config.occupancy).remembering()
     timing = estimate_timing(problem.robot, path_length(problem, occupancy, config.search), problem.dt)
 
-    def lasting(steps: int) -> Iterator[PlanStep]:
+    def lasting(steps: int) -> PlanSteps:
         return plan_fast(replace(problem, steps=steps, dt=timing.dt), config, occupancy)
 
-    return last_step(find_shortest_plan(lasting, problem.robot, timing.config))
+    return run_steps(find_shortest_plan(lasting, problem.robot, timing.config))
 
 
 def fly(

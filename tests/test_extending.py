@@ -31,7 +31,7 @@ from nerfnav.planner.planners.planner import FieldPlanner, PlannerEntry
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.space.astar import waypoints_along
 from nerfnav.planner.space.occupancy import OccupancyConfig, OccupancyMap
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanSteps
 from nerfnav.planner.terms.term import CostTerm, TermContext
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import ROBOTS, RobotEntry
@@ -105,14 +105,15 @@ class DetourPlanner(FieldPlanner):
     again: DetourConfig = field(default_factory=DetourConfig)
     occupancy: OccupancyMap | None = None
 
-    def plan(self, route: Route) -> Iterator[PlanStep]:
+    def plan(self, route: Route) -> PlanSteps:
         """See Planner."""
         start, goal = route.start.position, route.goal.position
         beside = (start + goal) / 2 + torch.tensor([0.0, self.first.side, 0.0])
         waypoints = waypoints_along(torch.stack([start, beside, goal]), route.start, route.goal, route.steps)
-        yield plan_along(self.problem(route), waypoints, self.first.weights, PlanOutcome.CONVERGED)
+        yield from ()
+        return plan_along(self.problem(route), waypoints, self.first.weights, PlanOutcome.CONVERGED)
 
-    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
+    def replan(self, last: Motion, route: Route, executed: int) -> PlanSteps:
         """See Planner."""
         return self.plan(route)
 

@@ -47,7 +47,7 @@ def test_from_photographs_to_a_flight(tmp_path: Path) -> None:
     # The planner bends a trajectory through the field; the mesh, which it never saw, is the judge.
     robot, task = robots.load("quadrotor"), scene.tasks[0]
     quick = PlanConfig(iterations=150)
-    *_, planned = plan(PlanProblem(field, robot, task.start_state, task.goal_state), quick)
+    planned = run_steps(plan(PlanProblem(field, robot, task.start_state, task.goal_state), quick))
     assert torch.equal(planned.motion.states.position[-1], task.goal_state.position)
     assert judge(scene, robot.body, planned.motion.states).max_overlap_m3 == 0
 

@@ -11,8 +11,9 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import Arena
-from nerfnav.planner import FastPlanConfig, OccupancyMap, last_step, plan_fast, replan_from
+from nerfnav.planner import FastPlanConfig, OccupancyMap, plan_fast, replan_from
 from nerfnav_app.benchmarks.comparison import milliseconds
 from nerfnav_app.benchmarks.filter import bench_filter, situations
 from nerfnav_app.benchmarks.plan import both_threads, problems_of
@@ -86,9 +87,9 @@ def _calls(arena: Arena, tasks: int) -> dict[str, list[Callable[[], object]]]:
     pushed = [disturbed_plan(problem, generator) for problem in problems]
     fast = bench_filter(arena)
     return {
-        "plan": [lambda p=problem: last_step(plan_fast(p, config, occupancy)) for problem in problems],
+        "plan": [lambda p=problem: run_steps(plan_fast(p, config, occupancy)) for problem in problems],
         "replan": [
-            lambda p=rest, m=motion: last_step(replan_from(p, m, 1, config, occupancy)) for rest, motion in pushed
+            lambda p=rest, m=motion: run_steps(replan_from(p, m, 1, config, occupancy)) for rest, motion in pushed
         ],
         "filter": [lambda s=now: s.updated(fast) for now in situations(arena, tasks)],
     }

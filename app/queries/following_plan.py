@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.planner import InteractivePlanner, PlannerConfig, PlanStep, Route, last_step, planners
+from nerfnav.core.steps import run_steps
+from nerfnav.planner import InteractivePlanner, PlannerConfig, PlanOutcome, PlanResult, PlanStep, Route, planners
 from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobRun
 from nerfnav_app.jobs.plan import plan
@@ -27,11 +28,16 @@ class SessionPlan:
     """A plan that was made for a session, or why there is none."""
 
     steps: tuple[PlanStep, ...] = field(default=(), compare=False)
-    """Its iterations, the last with the outcome; empty where there is no plan."""
+    """Its iterations, then its result; empty where there is no plan."""
     summary: dict[str, Any] = field(default_factory=dict, compare=False)
     """The job's numbers; none of a draft."""
     refusal: str = ""
     """Why there is no plan."""
+
+    @property
+    def outcome(self) -> PlanOutcome | None:
+        """Return the outcome of the plan; None where there is no plan."""
+        return next((step.outcome for step in reversed(self.steps) if isinstance(step, PlanResult)), None)
 
 
 def plan_request(settings: PlanSettings, ends: Ends, planner: str, own: PlannerConfig | None) -> plan.PlanRequest:
@@ -66,11 +72,11 @@ def drafted(request: plan.PlanRequest, place: Place, last: Motion | None = None)
         request = replace(request, steps=len(last.actions), dt=last.dt * _stretch(last, request.ends))
     route = Route(start, goal, request.steps, request.dt)
     if last is not None and isinstance(finder, InteractivePlanner):
-        steps = finder.follow(last, route)
+        steps = finder.replan_moved_ends(last, route)
     else:
         steps = finder.plan(route)
     try:
-        return SessionPlan((last_step(steps),))
+        return SessionPlan((run_steps(steps),))
     except NerfnavError as error:
         return SessionPlan(refusal=str(error))
 

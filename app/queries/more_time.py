@@ -53,7 +53,7 @@ class MoreTimeQuery(Query[float | None]):
             if seconds > LONGEST_S:
                 return None
             request = plan_request(plan.settings.lasting(seconds), plan.ends, plan.planner, own)
-            steps = drafted(request, resources.place).steps
-            if not steps or steps[-1].outcome is not PlanOutcome.OVER_LIMITS:
-                return seconds if steps and steps[-1].outcome in FLYABLE else None
+            outcome = drafted(request, resources.place).outcome
+            if outcome is not PlanOutcome.OVER_LIMITS:
+                return seconds if outcome in FLYABLE else None
         return None

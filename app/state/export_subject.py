@@ -30,7 +30,7 @@ def make_recording(session: Session) -> Recording | None:
     if session.flight is not None and len(session.flight.steps) > 1:
         return Recording.of_flight(session.flight.steps, place.robot, title, session.surface)
     if session.plan is not None and session.plan.latest is not None:
-        return Recording.of_plan(session.plan.latest.motion, place.robot, title, session.plan.latest.outcome)
+        return Recording.of_plan(session.plan.latest.motion, place.robot, title, session.plan.outcome)
     return None
 
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from nerfnav.estimator import FilterStep, RelocaliseStep
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
-from nerfnav.planner import FLYABLE, PlanCost, PlanOutcome, PlanStep
+from nerfnav.planner import FLYABLE, PlanCost, PlanOutcome, PlanResult, PlanStep
 from nerfnav.robots import Motion, RigidState
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.state.settings import PlanSettings
@@ -102,7 +102,7 @@ class PlanRecord:
     @property
     def outcome(self) -> PlanOutcome | None:
         """None while it is computed, or when it was stopped."""
-        return None if self.latest is None else self.latest.outcome
+        return self.latest.outcome if isinstance(self.latest, PlanResult) else None
 
     @property
     def is_good(self) -> bool:

@@ -1,10 +1,10 @@
-"""Generators of steps: run one to its end, or convert its steps, and return its result.
+"""Generators of steps: run one to its end, convert its steps, or yield its result as the last step.
 
 A long computation yields steps while it runs and returns its result: `Generator[Step, Sent, Result]`. What is sent to
 it, such as a wish to stop, is optional.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any, TypeVar
 
 Step = TypeVar("Step")
@@ -33,3 +33,8 @@ def map_steps(
         except StopIteration as end:
             return end.value
         sent = yield convert(step)
+
+
+def yield_result(steps: Generator[Step, None, Result]) -> Iterator[Step | Result]:
+    """Yield the steps of a generator, then its result."""
+    yield (yield from steps)

@@ -22,6 +22,7 @@ import numpy as np
 import torch
 from scipy.stats import rankdata
 
+from nerfnav.core.steps import yield_result
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.planner import (
@@ -29,6 +30,7 @@ from nerfnav.planner import (
     OccupancyMap,
     PlanConfig,
     PlanProblem,
+    PlanResult,
     Route,
     Trajectory,
     collision_per_step,
@@ -140,8 +142,8 @@ def watch(arena: Arena, item: Watch) -> list[Row]:
     problem = PlanProblem(arena.field, _ROBOT, start.start, start.route.goal, start.steps, start.route.dt)
     config = PlanConfig(iterations=item.iterations, weights=CostWeights(samples_per_step=_SAMPLES, margin=0.0))
     rows = []
-    for step in replan(problem, start, config):
-        if step.iteration % item.every == 0 or step.outcome is not None:
+    for step in yield_result(replan(problem, start, config)):
+        if step.iteration % item.every == 0 or isinstance(step, PlanResult):
             loss = collision_per_step(arena.field, step.motion, _ROBOT.body, _SAMPLES).sum().item()
             overlap = overlap_along(arena, step.motion)
             rows.append({"task": item.task.name, "iteration": step.iteration, "loss": loss, "overlap_m4": overlap})

@@ -14,10 +14,11 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import FastFilter, FilterConfig
 from nerfnav.experiments.study import Arena, Row, Study, TrialDone, run_trials
 from nerfnav.geometry import FORWARD_MOUNT
-from nerfnav.planner import FastPlanConfig, FastPlanner, Route, last_step, with_room
+from nerfnav.planner import FastPlanConfig, FastPlanner, Route, with_room
 from nerfnav.robots import CAMERA, Motion, Quadrotor, RigidState, StateNoise
 from nerfnav.world import MeshRenderer, Task, contact_check
 
@@ -91,4 +92,4 @@ def _share_in_sight(renderer: MeshRenderer, state: RigidState) -> float:
 def _plan(arena: Arena, task: Task) -> Motion:
     """The flight as it was planned, with room for noise."""
     planner = FastPlanner(arena.field, Quadrotor(), with_room(FastPlanConfig()))
-    return last_step(planner.plan(Route(task.start_state, task.goal_state, STEPS, DT))).motion
+    return run_steps(planner.plan(Route(task.start_state, task.goal_state, STEPS, DT))).motion

@@ -23,16 +23,16 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import OccupiedError
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
 from nerfnav.geometry import so3
 from nerfnav.planner import (
     CostTerm,
     PlanProblem,
-    PlanStep,
+    PlanResult,
     TermContext,
     collision_probability_bound,
-    last_step,
     plan_fast,
     terms,
 )
@@ -161,7 +161,7 @@ def drive(arena: Arena, item: Drive) -> tuple[Row, Way] | None:
         "robot": item.task.robot,
         "heading_held": item.held,
         "height_m": item.task.start[2],
-        "outcome": planned.outcome.name.lower() if planned.outcome else "",
+        "outcome": planned.outcome.name.lower(),
         "touched": bool(report.touched_poses.any()),
         "max_overlap_m3": report.max_overlap_m3,
         "lateral_speed_max_mps": lateral_speed(motion),
@@ -172,12 +172,12 @@ def drive(arena: Arena, item: Drive) -> tuple[Row, Way] | None:
     return row, torch.cat([motion.states.position[:, :2], yaw[:, None]], -1).tolist()
 
 
-def plan_of(arena: Arena, item: Drive) -> PlanStep:
+def plan_of(arena: Arena, item: Drive) -> PlanResult:
     """The fast planner's plan."""
     start, goal = item.task.start_state, item.task.goal_state
-    counted = (*terms.counted(), HEADING_HELD) if item.held else terms.counted()
+    counted = (*terms.list_terms(), HEADING_HELD) if item.held else terms.list_terms()
     problem = PlanProblem(arena.field, robots.load(item.task.robot), start, goal, _STEPS, _DT, counted)
-    return last_step(plan_fast(problem))
+    return run_steps(plan_fast(problem))
 
 
 def lateral_speed(motion: Motion) -> float:

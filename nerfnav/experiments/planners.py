@@ -17,9 +17,19 @@ from typing import TYPE_CHECKING
 import torch
 
 from nerfnav.core.errors import MissingExtraError
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments.figures import bars, panels
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
-from nerfnav.planner import OccupancyMap, Planner, PlanOutcome, PlanStep, Route, RRTConfig, collision_per_step, planners
+from nerfnav.planner import (
+    OccupancyMap,
+    Planner,
+    PlanOutcome,
+    PlanResult,
+    Route,
+    RRTConfig,
+    collision_per_step,
+    planners,
+)
 from nerfnav.planner.baselines.rrt import BallCheck, ball_check, require_ompl
 from nerfnav.planner.risk.costs import control
 from nerfnav.robots import Quadrotor
@@ -138,11 +148,11 @@ def fly(arena: Arena, flight: Flight) -> Row:
     """Plan one flight and judge it."""
     contender = contender_for(arena, flight.planner, flight.seed)
     begun = time.perf_counter()
-    *_, last = contender.plan(Route(flight.task.start_state, flight.task.goal_state, _STEPS, _DT))
-    return _row(arena, flight, last, 1e3 * (time.perf_counter() - begun))
+    planned = run_steps(contender.plan(Route(flight.task.start_state, flight.task.goal_state, _STEPS, _DT)))
+    return _row(arena, flight, planned, 1e3 * (time.perf_counter() - begun))
 
 
-def _row(arena: Arena, flight: Flight, plan: PlanStep, plan_ms: float) -> Row:
+def _row(arena: Arena, flight: Flight, plan: PlanResult, plan_ms: float) -> Row:
     motion, goal = plan.motion, flight.task.goal_state.position
     report = judge(arena.scene, ROBOT.body, motion.states)
     missed_m = (motion.states.position[-1] - goal).norm().item()
@@ -150,7 +160,7 @@ def _row(arena: Arena, flight: Flight, plan: PlanStep, plan_ms: float) -> Row:
     return {
         "task": flight.task.name,
         "planner": flight.planner,
-        "outcome": plan.outcome.name.lower() if plan.outcome else "",
+        "outcome": plan.outcome.name.lower(),
         "failed": touched or plan.outcome in _NO_PLAN or missed_m > _ARRIVED,
         "touched": touched,
         "max_overlap_m3": report.max_overlap_m3,

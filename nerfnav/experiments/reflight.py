@@ -28,6 +28,7 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.core.extras import import_extra
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments.figures import bars, panels
 from nerfnav.experiments.planners import ROBOT, contender_for
 from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
@@ -35,7 +36,7 @@ from nerfnav.export import Exported, Recording
 from nerfnav.export.crazyflie import FitConfig, crazyflie
 from nerfnav.export.px4 import px4
 from nerfnav.geometry import so3
-from nerfnav.planner import PlanStep, Route
+from nerfnav.planner import PlanResult, Route
 from nerfnav.robots import Quadrotor, QuadrotorConfig, RigidState
 from nerfnav.world import Task, judge
 
@@ -304,15 +305,16 @@ def run(study: Study) -> Iterator[ExperimentStep]:
 
 def reflown(arena: Arena, task: Task) -> list[Row]:
     """Plan a task, and fly its exports."""
-    *_, plan = contender_for(arena, "nerfnav", 1).plan(Route(task.start_state, task.goal_state, _STEPS, _DT))
+    route = Route(task.start_state, task.goal_state, _STEPS, _DT)
+    plan = run_steps(contender_for(arena, "nerfnav", 1).plan(route))
     return [_row(arena, task, plan, vehicle) for vehicle in VEHICLES]
 
 
-def _row(arena: Arena, task: Task, plan: PlanStep, vehicle: Vehicle) -> Row:
+def _row(arena: Arena, task: Task, plan: PlanResult, vehicle: Vehicle) -> Row:
     told: Row = {
         "task": task.name,
         "vehicle": vehicle.name,
-        "plan": plan.outcome.name.lower() if plan.outcome else "",
+        "plan": plan.outcome.name.lower(),
         "plan_touched": bool(judge(arena.scene, ROBOT.body, plan.motion.states).touched_poses.any()),
     }
     try:

@@ -10,13 +10,13 @@ first two accelerations are given by how it leans, and one that began anew more 
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
 
 from nerfnav.core.errors import NerfnavError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief
 from nerfnav.field import Field, UnknownSpace, planning_field
 from nerfnav.live.answer import Goal, Guidance, Order, Setpoint
@@ -30,13 +30,13 @@ from nerfnav.planner import (
     Planner,
     PlanOutcome,
     PlanProblem,
-    PlanStep,
+    PlanResult,
+    PlanSteps,
     Route,
     collision_probability_bound,
     downgrade_outcome,
     estimate_timing,
     fits,
-    last_step,
     nearest_free_pose,
     path_length,
     planners,
@@ -145,10 +145,10 @@ class Guide:
         """Plan, and tell the plan if it is safe."""
         planner, guard = self._pilot(float(end.position[2]))
         last = self._course if self._course is not None and self._course.goal == goal else None
-        step = last_step(self._again(planner, last, start, end, time) if last else self._anew(planner, start, end))
+        step = run_steps(self._again(planner, last, start, end, time) if last else self._anew(planner, start, end))
         outcome = self._outcome(step)
         if outcome is PlanOutcome.OVER_LIMITS:  # the vehicle was pushed off its plan: allow more time
-            last, step = None, last_step(self._anew(planner, start, end, _PATIENCE))
+            last, step = None, run_steps(self._anew(planner, start, end, _PATIENCE))
             outcome = self._outcome(step)
         if outcome in FLYABLE:
             bound = collision_probability_bound(self.field, place_on_curve(step.motion), self.robot.body)
@@ -159,7 +159,7 @@ class Guide:
         backup = None if guard is None else guard.beside(step, step.motion.dt)[0]
         return _stopping(outcome, backup, time)
 
-    def _anew(self, planner: Planner, start: RigidState, end: RigidState, patience: float = 1.0) -> Iterator[PlanStep]:
+    def _anew(self, planner: Planner, start: RigidState, end: RigidState, patience: float = 1.0) -> PlanSteps:
         """A plan from scratch that may take so many times the usual time."""
         config = self.config
         problem = PlanProblem(self.field, self.robot, start, end)
@@ -170,7 +170,7 @@ class Guide:
 
     def _again(
         self, planner: Planner, last: _Course, start: RigidState, end: RigidState, time: float
-    ) -> Iterator[PlanStep]:
+    ) -> PlanSteps:
         """The rest of the last plan."""
         dt, before = last.motion.dt, len(last.motion.actions)
         left = max(0, min(before, round((last.arrival - time) / dt)))
@@ -182,9 +182,8 @@ class Guide:
     def _begun(self, start: RigidState, end: RigidState, dt: float, leaning: RigidState | None = None) -> RigidState:
         return self.robot.settled(shift_half_step_back(start, dt, leaning), end)
 
-    def _outcome(self, step: PlanStep) -> PlanOutcome:
+    def _outcome(self, step: PlanResult) -> PlanOutcome:
         """How planning ended, or what is wrong with the curve through the setpoints."""
-        assert step.outcome is not None, "the last step of a planner has the outcome"
         if step.outcome not in FLYABLE:
             return step.outcome
         problem = PlanProblem(self.field, self.robot, step.motion.states[0], step.motion.states[-1], dt=step.motion.dt)

@@ -14,7 +14,6 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -22,26 +21,23 @@ from torch import Tensor
 from nerfnav.field import Field
 from nerfnav.planner import (
     NEAR_CERTAIN,
-    PAPER_NOISE,
     CollisionMap,
     CostTerm,
     CostWeights,
     FieldPlanner,
-    NoiseModel,
     OccupancyMap,
     Planner,
     PlannerConfig,
     PlannerEntry,
     PlanOutcome,
     PlanProblem,
-    PlanStep,
+    PlanResult,
     RiskContext,
     collision_probability_bound,
     fits,
 )
-from nerfnav.planner.kernels.terms import endangered
 from nerfnav.planner.terms.risk import RISK
-from nerfnav.robots import Motion, RigidState, Robot, StateNoise
+from nerfnav.robots import PAPER_NOISE, Motion, NoiseModel, RigidState, Robot, StateNoise
 
 _NO_GOOD = (
     PlanOutcome.IN_COLLISION, PlanOutcome.LIKELY_COLLISION, PlanOutcome.NO_PATH, PlanOutcome.DIVERGED,
@@ -83,12 +79,12 @@ class SafetyFilter:
     """Where, as planners see it."""
     robot: Robot
     """Who."""
-    disturbance: NoiseModel = PAPER_NOISE
-    """What pushes it."""
+    noise: NoiseModel = PAPER_NOISE
+    """Noise of the flight."""
     config: FallbackConfig = dataclasses.field(default_factory=FallbackConfig)
     """How."""
 
-    def beside(self, planned: PlanStep, dt: float) -> tuple[FallbackTrajectory, bool]:
+    def beside(self, planned: PlanResult, dt: float) -> tuple[FallbackTrajectory, bool]:
         """The backup from where a plan starts, and whether it is to be flown: it is safe, and the plan is not.
 
         Beside a good plan it is to brake straight on; evading is tried where the plan is no longer good.
@@ -108,7 +104,7 @@ class SafetyFilter:
         """Collisions to be expected of noise along a plan."""
         states = motion.states
         problem = PlanProblem(
-            self.field, self.robot, states[0], states[-1], len(motion.actions), motion.dt, disturbance=self.disturbance
+            self.field, self.robot, states[0], states[-1], len(motion.actions), motion.dt, noise=self.noise
         )
         with torch.no_grad():
             return RISK.value(problem.context(CostWeights(risk=1.0)), motion).item()
@@ -128,17 +124,14 @@ class SafetyFilter:
     def _slope(self, start: RigidState, dt: float) -> Float[Tensor, "3"]:
         """Along which the chance of being pushed into something rises most."""
         height = start.position[2].item() if self.robot.planar else None
-        danger = CollisionMap.of(self.field, self.robot, RiskContext(dt, self.disturbance, height=height)).later
-        here, turned = (np.repeat(part.double().numpy()[None], 2, 0) for part in (start.position, start.rotation))
-        slope = np.zeros((2, 3))
-        endangered(here, turned, np.array([0.5]), danger, 0.0, 1.0, slope, np.zeros((2, 3)))
-        return torch.from_numpy(slope.sum(0)).to(start.velocity)
+        chances = CollisionMap.of(self.field, self.robot, RiskContext(dt, self.noise, height=height))
+        return torch.from_numpy(chances.gradient_at(start)).to(start.velocity)
 
     def _braking(self, start: RigidState, wanted: Float[Tensor, "3"], dt: float) -> Motion:
         """Brake to a velocity, for so long as the robot evades, then to rest."""
         velocities = wanted.new_zeros(self.config.steps, 3)
         velocities[: self.config.evading] = wanted
-        return self.robot.held(start, velocities, dt, self.config.resting)
+        return self.robot.roll_out_hold(start, velocities, dt, self.config.resting)
 
     def _judged(self, motion: Motion) -> FallbackTrajectory:
         bound, last = self._bound(motion), motion.states[-1]
@@ -162,9 +155,9 @@ def build_safe_planner(
     """
     field, occupancy, robot = where
     again = again or entry.again(settings)
-    risk, pushed = again.weights.risk, NoiseModel(noise.deviations)
+    risk, pushed = again.weights.risk, NoiseModel(noise)
     first = replace(settings, weights=replace(settings.weights, risk=risk))
     planner = entry.planner(field, robot, first, again, occupancy)
     if isinstance(planner, FieldPlanner):
-        planner = replace(planner, disturbance=pushed, terms=planner.terms if terms is None else terms)
+        planner = replace(planner, noise=pushed, terms=planner.terms if terms is None else terms)
     return planner, SafetyFilter(field, robot, pushed) if risk else None

@@ -20,7 +20,7 @@ from nerfnav.navigation.fallback import SafetyFilter
 from nerfnav.navigation.realtime import Clock
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.supervisor import Relocaliser, Supervisor, SupervisorConfig
-from nerfnav.planner import Planner, PlanStep, fits
+from nerfnav.planner import Planner, PlanResult, fits
 from nerfnav.planner.active_yaw import YawObjective, choose_goal_heading, choose_headings
 from nerfnav.planner.visibility import find_best_turn
 from nerfnav.robots import Motion, RigidState, StateNoise
@@ -65,7 +65,7 @@ class ActiveGoal:
         """Where the next plan leads."""
         return self.end or self.goal
 
-    def after(self, planned: PlanStep) -> "ActiveGoal":
+    def after(self, planned: PlanResult) -> "ActiveGoal":
         """The course after a plan, which has kept its headings unless it was made anew."""
         return replace(self, keeps_headings=self.keeps_headings and planned.restart is None)
 
@@ -198,7 +198,7 @@ class FlightContext:
         if watch is None:
             return replace(course, end=course.goal), rest
         way = rest.states if leads else RigidState.stack([here, course.goal])
-        sights, goal = watch.sights(way), course.leads_to
+        sights, goal = watch.profile_along(way), course.leads_to
         end = choose_goal_heading(watch, sights, (here, goal))
         turned = choose_headings(watch, sights, rest, (here, goal, end), self.simulator.robot) if leads else None
         if turned is None:

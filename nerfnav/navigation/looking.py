@@ -9,7 +9,7 @@ from nerfnav.geometry import so3
 from nerfnav.navigation.flight import FlightContext
 from nerfnav.navigation.steps import NavigationStep, SupervisorMemory
 from nerfnav.navigation.supervisor import SupervisorState, come_to_rest
-from nerfnav.planner.active_yaw import turning_rate, wrapped
+from nerfnav.planner.active_yaw import limit_yaw_rate, wrap_yaw
 from nerfnav.robots import Motion, RigidState
 
 _ARRIVING = 0.8
@@ -38,7 +38,7 @@ class YawRateCommand:
         if self.aim is None:
             return self.around
         soon = so3.yaw_of(so3.retract(state.rotation, state.body_rate * self.dt)).item()
-        return max(-self.most, min(self.most, _ARRIVING * wrapped(self.aim - soon) / self.dt))
+        return max(-self.most, min(self.most, _ARRIVING * wrap_yaw(self.aim - soon) / self.dt))
 
 
 def choose_turn(doubt: SupervisorMemory, flight: FlightContext, lost: bool) -> YawRateCommand:
@@ -46,7 +46,7 @@ def choose_turn(doubt: SupervisorMemory, flight: FlightContext, lost: bool) -> Y
     where it was when that began; else to the middle of the place, for there is more to be seen than outside."""
     began, guard, dt = doubt.way.states[0], flight.pilot.guard, flight.mission.dt
     config = flight.config.recovery
-    most = max(config.turn, turning_rate(flight.simulator.robot, config.glance))
+    most = max(config.turn, limit_yaw_rate(flight.simulator.robot, config.glance))
     turn = 0.0 if lost else flight.sees(began)[1]
     side = 1.0 if guard is None else side_of(began, guard.field.box.center)
     around = math.copysign(config.turn, turn if turn else side)

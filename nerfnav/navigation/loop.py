@@ -22,7 +22,7 @@ from nerfnav.navigation.realtime import Overrun, measure_time
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep, SupervisorMemory
 from nerfnav.navigation.supervisor import LITTLE, SupervisorState
-from nerfnav.planner import PlanOutcome, PlanStep, Route
+from nerfnav.planner import PlanOutcome, PlanResult, Route
 from nerfnav.robots import Motion, RigidState
 
 
@@ -89,6 +89,7 @@ def _begin(flight: FlightContext) -> Generator[LoopEvent, None, tuple[Navigation
         planned, spent_ms = yield from measure_time(
             flight.pilot.planner.plan(Route(start, goal, mission.steps, mission.dt))
         )
+        yield planned
         motion = planned.motion
         if planned.outcome is PlanOutcome.NO_PATH or not _is_finite(motion):
             outcome = EpisodeOutcome.NO_PLAN
@@ -101,6 +102,7 @@ def _begin(flight: FlightContext) -> Generator[LoopEvent, None, tuple[Navigation
         course, motion = flight.seeing(ActiveGoal(goal), start, motion)
         route = Route(belief.mean, course.leads_to, motion.actions.shape[-2], motion.dt, course.keeps_headings)
         planned, again_ms = yield from measure_time(flight.pilot.planner.replan(motion, route, executed=0))
+        yield planned
         course, motion, spent_ms = course.after(planned), planned.motion, spent_ms + again_ms
     guard, expected = flight.pilot.guard, None
     if outcome is None and guard is not None:
@@ -169,7 +171,7 @@ def _advance(
 
 def _replanned(
     flight: FlightContext, course: ActiveGoal, doubt: SupervisorMemory, here: RigidState, told: tuple[bool, bool]
-) -> Generator[LoopEvent, None, tuple[ActiveGoal, PlanStep, float]]:
+) -> Generator[LoopEvent, None, tuple[ActiveGoal, PlanResult, float]]:
     """The next plan, which carries the last one on, in other headings where little is seen; and how long it took [ms].
 
     What is told: whether the robot is elsewhere than that plan, or goes elsewhere, and whether it sees little.
@@ -184,6 +186,7 @@ def _replanned(
     turned_ms = 1e3 * (clock() - began)
     route = Route(here, course.leads_to, left, rest.dt, course.keeps_headings)
     planned, planned_ms = yield from measure_time(flight.pilot.planner.replan(rest, route, executed=0), clock)
+    yield planned
     return course.after(planned), planned, turned_ms + planned_ms
 
 

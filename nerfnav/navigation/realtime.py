@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 
@@ -27,19 +27,18 @@ Step = TypeVar("Step")
 
 def measure_time(
     steps: Iterator[Step], clock: Callable[[], float] = perf_counter
-) -> Generator[Step, None, tuple[Step, float]]:
-    """Pass all steps on; returns the last one and the time that the work took [ms] by a clock [s]."""
+) -> Generator[Step, None, tuple[Any, float]]:
+    """Pass all steps on; returns the result, else the last step, and the time of the work [ms] by a clock [s]."""
     spent, last = 0.0, None
     while True:
         began = clock()
-        step = next(steps, None)
+        try:
+            last = next(steps)
+        except StopIteration as end:
+            spent += clock() - began
+            return last if end.value is None else end.value, 1e3 * spent
         spent += clock() - began
-        if step is None:
-            break
-        last = step
-        yield step
-    assert last is not None, "lasting work yields at least one step"
-    return last, 1e3 * spent
+        yield last
 
 
 Clock = Callable[[], float]

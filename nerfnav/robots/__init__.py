@@ -1,4 +1,4 @@
-"""Robots: how flat outputs become motion, how actions move the state, and what the body is made of."""
+"""Robots: flatness maps from flat outputs to motion, dynamics, bodies, limits and noise."""
 
 import lazy_loader
 

@@ -208,7 +208,7 @@ def _iteration(step: p.PlanStep) -> dict[str, Any]:
         "risk": cost.risk,
         "added": {term.name: term.value for term in cost.added},
         "total": cost.total,
-        "outcome": None if step.outcome is None else step.outcome.name,
+        "outcome": step.outcome.name if isinstance(step, p.PlanResult) else None,
         "restart": None if step.restart is None else step.restart.name,
     }
 

@@ -12,7 +12,7 @@ from nerfnav.estimator.core.prediction import predict
 from nerfnav.navigation.flight import FlightRequest
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.planner.solvers.warm_start import shift_warm_start
-from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanResult, PlanStep, PlanSteps
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots import StateNoise
 from nerfnav.robots.quadrotor import Quadrotor
@@ -48,26 +48,26 @@ class StraightPlanner:
     starts: list[RigidState] = field(default_factory=list)
     horizons: list[int] = field(default_factory=list)
 
-    def plan(self, route: Route) -> Iterator[PlanStep]:
+    def plan(self, route: Route) -> PlanSteps:
         start, goal, steps, dt = route.start, route.goal, route.steps, route.dt
         share = torch.linspace(0, 1, steps + 1)[:, None]
         share = share**3 * (10 - 15 * share + 6 * share.square())
         positions = start.position + share * (goal.position - start.position)
         free = ROBOT.encode(torch.cat([positions, torch.zeros(steps + 1, 1)], -1), start, goal, dt)
-        yield from self._steps(Trajectory(free, route), self.outcome)
+        return (yield from self._steps(Trajectory(free, route), self.outcome))
 
-    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
+    def replan(self, last: Motion, route: Route, executed: int) -> PlanSteps:
         self.starts.append(route.start)
         self.horizons.append(route.steps)
         rest = shift_warm_start(last, route.start, route.goal, ROBOT, executed=executed, steps=route.steps)
-        yield from self._steps(rest, PlanOutcome.CONVERGED)
+        return (yield from self._steps(rest, PlanOutcome.CONVERGED))
 
-    def _steps(self, trajectory: Trajectory, outcome: PlanOutcome) -> Iterator[PlanStep]:
+    def _steps(self, trajectory: Trajectory, outcome: PlanOutcome) -> PlanSteps:
         motion = trajectory.motion(ROBOT)
         if self.broken:
             motion = motion.map(lambda tensor: tensor * torch.nan)
         yield PlanStep(0, trajectory, motion, COST)
-        yield PlanStep(1, trajectory, motion, COST, outcome)
+        return PlanResult(1, trajectory, motion, COST, outcome=outcome)
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,18 @@
 """Ways to come to rest, kept ready beside plans and flown where these are no longer good."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.navigation.fallback import SafetyFilter
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep, SupervisorMemory
 from nerfnav.navigation.supervisor import SupervisorState
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
 from tests.navigation.doubles import CALM, ROBOT, Oracle, StraightPlanner, draws, simulator
@@ -39,22 +39,20 @@ class Blocked(StraightPlanner):
     blocked: range = range(0)
     count: int = field(default=0)
 
-    def replan(self, last: Motion, route: Route, executed: int) -> Iterator[PlanStep]:
-        *steps, end = super().replan(last, route, executed)
+    def replan(self, last: Motion, route: Route, executed: int) -> PlanSteps:
+        end = yield from super().replan(last, route, executed)
         outcome = PlanOutcome.IN_COLLISION if self.count in self.blocked else end.outcome
         self.count += 1
-        yield from steps
-        yield replace(end, outcome=outcome)
+        return replace(end, outcome=outcome)
 
 
 def moving(x: float, z: float, speed: float) -> RigidState:
     return replace(RigidState.at_rest((x, 0.5, z)), velocity=torch.tensor([speed, 0.0, 0.0]))
 
 
-def planned(start: RigidState, outcome: PlanOutcome) -> PlanStep:
+def planned(start: RigidState, outcome: PlanOutcome) -> PlanResult:
     """Straight to the other side through whatever there is."""
-    *_, step = StraightPlanner(outcome).plan(Route(start, RigidState.at_rest((0.6, 0.5, 0.3)), 12))
-    return step
+    return run_steps(StraightPlanner(outcome).plan(Route(start, RigidState.at_rest((0.6, 0.5, 0.3)), 12)))
 
 
 def test_beside_a_good_plan_there_is_a_way_to_brake_and_the_plan_is_flown():

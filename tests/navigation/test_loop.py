@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from nerfnav.core.errors import OccupiedError
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
 from nerfnav.estimator.schmidt_kalman import ConsiderCovariance
@@ -19,7 +20,7 @@ from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, LoopEvent, NavigationStep
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner.space.ends import fits
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanStep, PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots import ProcessNoise, StateNoise
 from nerfnav.robots.state import RigidState
@@ -107,8 +108,8 @@ def test_what_the_field_is_wrong_by_is_told_and_neither_averages_out_nor_holds_t
 def test_each_time_step_is_filter_then_plan_then_its_record():
     kinds = [type(event) for event in fly()]
     first = kinds.index(NavigationStep)
-    assert kinds[:first] == [PlanStep] * 4
-    assert kinds[first + 1 : first + 5] == [FilterStep, PlanStep, PlanStep, NavigationStep]
+    assert kinds[:first] == [PlanStep, PlanResult] * 2
+    assert kinds[first + 1 : first + 5] == [FilterStep, PlanStep, PlanResult, NavigationStep]
     assert kinds[-1] is NavigationStep
 
 
@@ -150,9 +151,9 @@ def test_the_horizon_shrinks_but_never_below_the_minimum():
 
 
 def test_a_given_first_plan_is_not_planned_again():
-    *_, planned = StraightPlanner().plan(Route(START, GOAL, 12))
+    planned = run_steps(StraightPlanner().plan(Route(START, GOAL, 12)))
     events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), mission=FlightRequest(GOAL, 12, 0.1, planned.motion))
-    assert [type(event) for event in events[:3]] == [PlanStep, PlanStep, NavigationStep]
+    assert [type(event) for event in events[:3]] == [PlanStep, PlanResult, NavigationStep]
     assert steps_of(events)[-1].outcome is EpisodeOutcome.REACHED
 
 
@@ -223,7 +224,7 @@ def test_without_noise_open_loop_meets_the_goal_exactly():
 
 def test_what_the_planner_refuses_is_refused_here():
     class Refusing(StraightPlanner):
-        def plan(self, route: Route) -> Iterator[PlanStep]:
+        def plan(self, route: Route) -> PlanSteps:
             raise OccupiedError("the goal is in occupied space", None)
 
     with pytest.raises(OccupiedError, match="occupied"):

@@ -20,8 +20,8 @@ from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.supervisor import Supervisor, SupervisorConfig, SupervisorState, come_to_rest
-from nerfnav.planner.risk.tracking_error import PAPER_NOISE, tracking_deviations
-from nerfnav.robots import StateNoise
+from nerfnav.planner.risk.tracking_error import tracking_deviations
+from nerfnav.robots import PAPER_NOISE, StateNoise
 from nerfnav.robots.state import POSITION
 from tests.navigation.doubles import CALM, MISSION, ROBOT, Oracle, StraightPlanner, draws, grey, simulator
 
@@ -352,7 +352,7 @@ def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_
         spread, pictures = 1e-6 * torch.eye(12), 0
         while pictures < 50 and not Supervisor(None).is_blind(Belief(world.state, spread), little, doubts=False):
             spread, pictures = spread + StateNoise().covariance(), pictures + 1
-        level, _ = tracking_deviations(ROBOT, MISSION.dt, PAPER_NOISE)[-1]
+        level = tracking_deviations(ROBOT, MISSION.dt, PAPER_NOISE)[-1].level
         assert 1 < pictures <= 5 and SupervisorConfig().widest <= level
         assert not Supervisor(None).is_blind(Belief(world.state, spread), FilterOutcome.UPDATED, doubts=False)
 

@@ -125,6 +125,6 @@ save_field(field_of(hall(), 0.04), Path({str(tmp_path / "hall.npz")!r}))
         [sys.executable, "-c", _HALL, str(tmp_path / "hall.npz")], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert told["outcome"] == "CONVERGED"
-    assert told["peak"] < 4e9
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["outcome"] == "CONVERGED"
+    assert found["peak"] < 4e9

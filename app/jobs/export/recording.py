@@ -26,7 +26,7 @@ def read_run(folder: Path) -> Recording:
     try:
         table = table_of_json(path.read_text())
         name = str(table.info.get("robot_file") or table.info.get("robot", ""))
-        if not robots.known(name):
+        if not robots.is_known(name):
             return Recording(table)
         robot = robots.load(name)
         return Recording(table, extents=robot.body.extents, robot=robot)

@@ -8,7 +8,7 @@ from typing import Any
 from nerfnav.estimator import RelocaliseStep
 from nerfnav.export import csv_text, episode_table, json_text
 from nerfnav.navigation import Episode, NavigationStep
-from nerfnav.planner import FLYABLE, PlanStep
+from nerfnav.planner import FLYABLE, PlanResult, PlanStep
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.export.recording import TRAJECTORY
 from nerfnav_app.jobs.fly.request import FlyRequest, GoalRecorder
@@ -76,7 +76,7 @@ def run(request: FlyRequest, place: Place) -> JobEvents:
             elif isinstance(event, PlanStep) and not flown:
                 fraction = min(1.0, (event.iteration + 1) / request.route.settings.iterations)
                 stop = (yield Progress("optimising the first plan", fraction)) or stop
-                if event.outcome is not None and request.plan is None:
+                if isinstance(event, PlanResult) and request.plan is None:
                     if request.cautious and event.outcome not in FLYABLE:
                         return JobResult({"outcome": event.outcome.name.lower()})
                     request = replace(request, plan=event.motion)  # what follows is planned again from the belief

@@ -66,7 +66,7 @@ def render_view(place: Place, state: RigidState, rough: bool = False) -> np.ndar
 
 def warm_up_filter(place: Place, state: RigidState) -> Iterator[FilterStep]:
     """Correct a belief by a small picture of the field, taken where the robot believes to be, and hold there."""
-    place.robot.held(state, torch.zeros(1, 3), dt=0.1, rest=0.0)
+    place.robot.roll_out_hold(state, torch.zeros(1, 3), dt=0.1, rest=0.0)
     camera = Camera.from_fov(64, 64, 90)
     picture = render_image(place.field, camera, state.pose.compose(place.robot.mount)).image
     belief, draws = Belief(state, NavigateConfig().initial.covariance()), torch.Generator().manual_seed(0)

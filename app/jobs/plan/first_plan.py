@@ -16,7 +16,8 @@ def first_plan(place: str) -> dict[str, float]:
     The processor's time of the plan is told too: nothing else that the machine does is in it.
     """
     begun = time.perf_counter()
-    from nerfnav.planner import FastPlanConfig, PlanProblem, last_step, plan_fast
+    from nerfnav.core.steps import run_steps
+    from nerfnav.planner import FastPlanConfig, PlanProblem, plan_fast
     from nerfnav_app.places.derived import build_occupancy
     from nerfnav_app.places.place import open_place
 
@@ -26,7 +27,7 @@ def first_plan(place: str) -> dict[str, float]:
     task, config = opened.tasks[0], FastPlanConfig()
     problem = PlanProblem(opened.field, opened.robot, task.start_state, task.goal_state)
     occupancy = build_occupancy(opened, config.occupancy, problem.start.position[2].item())
-    last_step(plan_fast(problem, config, occupancy))
+    run_steps(plan_fast(problem, config, occupancy))
     return {
         "import_s": imported - begun, "open_s": ready - imported, "first_plan_s": time.perf_counter() - ready,
         "first_plan_cpu_s": time.process_time() - worked,

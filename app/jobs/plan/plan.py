@@ -1,7 +1,6 @@
 """Plan: from a start and a goal to a trajectory through the field, judged on the mesh; and the request of one."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from nerfnav.planner import (
     PlannerEntry,
     PlanOutcome,
     PlanProblem,
-    PlanStep,
+    PlanSteps,
     Route,
     SearchConfig,
     Timing,
@@ -90,19 +89,23 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
     entry, place = planners.load(request.planner), prepare_place(place, request.unknown)
     out = None if request.out is None else prepare_folder(request.out)
     yield Progress("finding a way", 0.0)
-    last, worked_s = None, 0.0
-    for step, seconds in _timed(_steps(request, place, entry)):
-        last, worked_s = step, seconds
+    steps, planned, worked_s = _optimise(request, place, entry), None, 0.0
+    while planned is None:
+        began = time.perf_counter()
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            step = planned = end.value
+        worked_s += time.perf_counter() - began
         yield step
         yield Progress("optimising", min(1.0, (step.iteration + 1) / request.settings.iterations))
-    assert last is not None, "a planner yields at least one step"
     yield Progress("judging", 1.0)
-    overlap = mesh_overlap_m3(place, last.motion)
-    if overlap and last.outcome in FLYABLE:
-        last = replace(last, outcome=PlanOutcome.TOUCHES_MESH)
-        yield last
-    summary = summary_of(last, place, worked_s, overlap, request.max_collision, request.settings.weights.risk)
-    return JobResult(summary, () if out is None else save(out, last.motion, place, summary, request.unknown))
+    overlap = mesh_overlap_m3(place, planned.motion)
+    if overlap and planned.outcome in FLYABLE:
+        planned = replace(planned, outcome=PlanOutcome.TOUCHES_MESH)
+        yield planned
+    summary = summary_of(planned, place, worked_s, overlap, request.max_collision, request.settings.weights.risk)
+    return JobResult(summary, () if out is None else save(out, planned.motion, place, summary, request.unknown))
 
 
 def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep_dt: bool = False) -> Timing:
@@ -114,37 +117,21 @@ def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep
     return estimate_timing(place.robot, length, request.dt, request.dt if keep_dt or request.keep_dt else None)
 
 
-def _steps(request: PlanRequest, place: Place, entry: PlannerEntry) -> Iterator[PlanStep]:
-    """Plan as often as the request asks for: for the duration, then for the bound on collisions."""
+def _optimise(request: PlanRequest, place: Place, entry: PlannerEntry) -> PlanSteps:
+    """Plan as often as the request needs: for the duration, then for the bound on collisions."""
     occupancy = build_occupancy(place, request.settings.occupancy, request.ends.start.position[2])
     occupancy = occupancy.remembering() if request.shortest else occupancy
     finder = entry.planner(place.field, place.robot, request.settings, occupancy=occupancy)
-    start, goal, dt, last = request.ends.start.state(), request.ends.goal.state(), request.dt, None
+    start, goal, dt = request.ends.start.state(), request.ends.goal.state(), request.dt
     if request.shortest:
         timing = timing_for(request, place, occupancy)
         dt = timing.dt
         steps = find_shortest_plan(lambda count: finder.plan(Route(start, goal, count, dt)), place.robot, timing.config)
     else:
         steps = finder.plan(Route(start, goal, request.steps, dt))
-    for last in steps:
-        if last.outcome is None:
-            yield last
-    assert last is not None, "a planner yields at least one step"
+    planned = yield from steps
     if request.max_collision is None:
-        yield last
-        return
-    problem = PlanProblem(place.field, place.robot, start, goal, last.trajectory.steps, dt)
+        return planned
+    problem = PlanProblem(place.field, place.robot, start, goal, planned.trajectory.steps, dt)
     careful = FastPlanConfig(weights=request.settings.weights, occupancy=request.settings.occupancy)
-    yield from enforce_chance_constraint(problem, last, careful, request.max_collision, occupancy)
-
-
-def _timed(steps: Iterator[PlanStep]) -> Iterator[tuple[PlanStep, float]]:
-    """Each step with the time [s] in which it and those before were made, whatever the consumer did between them."""
-    worked_s = 0.0
-    while True:
-        began = time.perf_counter()
-        step = next(steps, None)
-        worked_s += time.perf_counter() - began
-        if step is None:
-            return
-        yield step, worked_s
+    return (yield from enforce_chance_constraint(problem, planned, careful, request.max_collision, occupancy))

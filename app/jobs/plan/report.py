@@ -6,14 +6,14 @@ from typing import Any
 
 from nerfnav.export import csv_text, json_text, motion_table
 from nerfnav.field import UnknownSpace
-from nerfnav.planner import PlanCost, PlanOutcome, PlanStep, Safety, assess_safety
+from nerfnav.planner import PlanCost, PlanOutcome, PlanResult, Safety, assess_safety
 from nerfnav.robots import Motion, limit_uses
 from nerfnav_app.places.place import Place
 from nerfnav_app.storage.output_files import json_line, write_text
 
 
 def summary_of(
-    step: PlanStep,
+    planned: PlanResult,
     place: Place,
     wall_s: float,
     overlap_m3: float | None,
@@ -21,20 +21,20 @@ def summary_of(
     risk: float = 0.0,
 ) -> dict[str, Any]:
     """What `plan --json` prints, for the last step of a planner whose J weighed collisions by noise with `risk`."""
-    motion = step.motion
+    motion = planned.motion
     safety = assess_safety(place.field, motion, place.robot.body)
     return {
-        "outcome": step.outcome.name.lower() if step.outcome else None,
-        "iterations": step.iteration + 1,
+        "outcome": planned.outcome.name.lower(),
+        "iterations": planned.iteration + 1,
         "wall_s": wall_s,
-        "cost": _cost(step.cost),
+        "cost": _cost(planned.cost),
         "collision_probability_bound": safety.bound,
         "mesh_overlap_m3": overlap_m3,
         "max_thrust_n": _max_thrust_n(place, motion),
         "max_body_rate": motion.states.body_rate.norm(dim=-1).max().item(),
         "duration_s": motion.actions.shape[-2] * motion.dt,
         "limits": _limits(place, motion),
-        "safety": _safety(safety, step, max_collision, risk),
+        "safety": _safety(safety, planned, max_collision, risk),
     }
 
 
@@ -59,7 +59,7 @@ def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
     }  # fmt: skip
 
 
-def _safety(safety: Safety, step: PlanStep, max_collision: float | None, risk: float) -> dict[str, Any]:
+def _safety(safety: Safety, planned: PlanResult, max_collision: float | None, risk: float) -> dict[str, Any]:
     """What the field believes that the plan risks, and by how much this is more than was asked for."""
     told: dict[str, Any] = {
         "bound": safety.bound,
@@ -67,10 +67,10 @@ def _safety(safety: Safety, step: PlanStep, max_collision: float | None, risk: f
         "min_clearance_m": safety.min_clearance_m,
         "worst_step": safety.worst_step,
     }
-    by_noise = step.cost.risk / risk if risk else 0.0
+    by_noise = planned.cost.risk / risk if risk else 0.0
     if risk:
         told["expected_by_noise"] = by_noise
-    if step.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
+    if planned.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
         told["missed_by"] = min(1.0, safety.bound + by_noise) - max_collision
     return told
 
