@@ -21,7 +21,7 @@ from websockets.http11 import Request, Response
 
 from nerfnav.core.errors import NerfnavError
 from nerfnav.live import Answer, Navigator, messages
-from nerfnav.live.pictures import pixels_of
+from nerfnav.live.navigator import pixels_of
 from nerfnav_app.security.access import AccessPolicy
 from nerfnav_app.system import TORCH_THREADS
 

@@ -1,17 +1,19 @@
-"""Plan and fly in one call each, with the settings of `nerfnav plan` and `nerfnav fly`.
+"""Plan, fly and filter in one call each, with the settings of `nerfnav plan` and `nerfnav fly`.
 
-Whoever wants every iteration takes the generators that these run to their end: `nerfnav.planner.solvers.fast.plan_fast`
-and `nerfnav.navigation.loop.navigate`.
+For every iteration, use the generators that these run to their end: `nerfnav.planner.solvers.fast.plan_fast`,
+`nerfnav.navigation.loop.navigate` and `Estimator.update`.
 """
 
 from dataclasses import replace
 from typing import Literal
 
 import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
 
 import nerfnav.world as world  # loaded where it is first used: half a second, for which no plan need wait
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator import ConsiderCovariance, FastFilter
+from nerfnav.estimator import Belief, ConsiderCovariance, Estimator, FastFilter, FilterResult
 from nerfnav.field import GridField, UnknownSpace, planning_field, render_image
 from nerfnav.geometry import Camera
 from nerfnav.navigation import (
@@ -99,6 +101,22 @@ def fly(
     mission = FlightRequest(problem.goal, problem.steps, problem.dt)
     events = navigate(mission, simulator, pilot, config, generator)
     return Episode.of([event for event in events if isinstance(event, NavigationStep)])
+
+
+def update(
+    estimator: Estimator,
+    belief: Belief,
+    image: UInt8[Tensor, "height width 3"] | None,
+    action: Float[Tensor, " a"],
+    dt: float,
+    generator: torch.Generator,
+) -> FilterResult:
+    """Predict over an action of `dt` [s], and correct by the picture taken then (None: a dropped frame).
+
+    Returns the posterior, its outcome, and the compared pixels. Raises InvalidInputError for a picture of another
+    camera.
+    """
+    return run_steps(estimator.update(belief, image, action, dt, generator))
 
 
 def _careful(problem: PlanProblem) -> PlanProblem:

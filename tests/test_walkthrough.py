@@ -8,8 +8,8 @@ import torch
 import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.core.steps import run_steps
-from nerfnav.estimator.paper.adam import DescentConfig
-from nerfnav.estimator.paper.pose_filter import FilterConfig, PoseFilter
+from nerfnav.estimator.core.filter_config import DescentConfig, FilterConfig
+from nerfnav.estimator.paper.pose_filter import PoseFilter
 from nerfnav.export.tables import csv_text, episode_table, table_of_csv
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.field.train.config import TrainConfig

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.field import TrainStep
 from nerfnav.importers import UNIT_ASSUMED, warn_implausible_size
 from nerfnav.navigation import NavigationStep
@@ -50,6 +50,8 @@ def reported(session: Session, event: e.JobReport) -> Session:
             if flight is not None and session.in_flight:
                 flight = flight.with_iteration(event)
             return replace(session, flight=flight, search=LocalizationRecord(event, len(shown.steps) if shown else 0))
+        case RelocaliseResult() if session.search is not None:
+            return replace(session, search=replace(session.search, step=event.step, outcome=event.outcome))
         case e.FrameTracked():
             return session if session.track is None else replace(session, track=session.track.with_frame(event))
         case e.JobFinished(_, result):

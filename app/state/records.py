@@ -7,7 +7,7 @@ The actions are those of a person on a plan that is not to be flown.
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from nerfnav.estimator import FilterStep, RelocaliseStep
+from nerfnav.estimator import FilterStep, RelocaliseOutcome, RelocaliseStep
 from nerfnav.navigation import EpisodeOutcome, NavigationStep
 from nerfnav.planner import FLYABLE, PlanCost, PlanOutcome, PlanResult, PlanStep
 from nerfnav.robots import Motion, RigidState
@@ -162,6 +162,8 @@ class LocalizationRecord:
     """The likeliest poses so far."""
     at: int
     """How many time steps the flight had then."""
+    outcome: RelocaliseOutcome | None = None
+    """None while the search goes on."""
 
     def in_sight(self, steps: int) -> bool:
         """Whether it is still to be seen where the flight shows so many time steps."""

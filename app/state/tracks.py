@@ -35,7 +35,7 @@ TrackAction = StartTrack | ForgetTrack
 
 
 @dataclass(frozen=True)
-class TrackedFrame:
+class FrameRecord:
     """A picture and where its camera was."""
 
     tracked: TrackedFrame
@@ -56,7 +56,7 @@ class TrackRecord:
 
     name: str
     """What was tracked."""
-    steps: tuple[TrackedFrame, ...] = ()
+    steps: tuple[FrameRecord, ...] = ()
     """Its frames so far."""
     summary: dict[str, Any] = field(default_factory=dict)
     """The job's numbers, once it has finished."""
@@ -84,5 +84,5 @@ class TrackRecord:
         """With one more frame."""
         assert event.seen is not None, "the page shows what it tracks"
         shown = None if event.shown is None else encode_image(event.shown.numpy(), _QUALITY)
-        frame = TrackedFrame(event.tracked, encode_image(event.seen.numpy(), _QUALITY), shown)
+        frame = FrameRecord(event.tracked, encode_image(event.seen.numpy(), _QUALITY), shown)
         return replace(self, steps=(*self.steps, frame))

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, FilterOutcome
 from nerfnav.experiments.disturbed_flights import Trial, fast_filter, fly_disturbed, run_over_flights
 from nerfnav.experiments.figures import COLORS, panels
@@ -92,16 +93,15 @@ def corrected(
     truth, image = seen
     belief = prior(truth, size, generator)
     begun = time.perf_counter()
-    *_, last = fast_filter(arena).correct(belief, image, generator)
+    result = run_steps(fast_filter(arena).correct(belief, image, generator))
     ms = 1e3 * (time.perf_counter() - begun)
-    assert last.posterior is not None, "the last step of an estimator has the posterior"
-    error = last.posterior.mean.local(truth)
+    error = result.posterior.mean.local(truth)
     errors = {
         "position_m": error[POSITION].norm().item(),
         "rotation_deg": math.degrees(error[ATTITUDE].norm().item()),
     }
     converged = all(errors[name] < bound for name, bound in CONVERGED.items())
-    outcome = (last.outcome or FilterOutcome.UPDATED).name.lower()
+    outcome = result.outcome.name.lower()
     return {"error_m": size[0], "error_rad": size[1]} | errors | {"converged": converged, "outcome": outcome, "ms": ms}
 
 

@@ -22,7 +22,9 @@ from nerfnav.estimator import (
     ColorNoise,
     ConsiderCovariance,
     FilterOutcome,
+    FilterResult,
     FilterStep,
+    FilterUpdate,
     GlobalLocalizer,
     estimators,
 )
@@ -142,13 +144,12 @@ class TrueStateEstimator:
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         """The true state, whatever the arguments (see Estimator)."""
         truth = Belief(self.simulator.state, KNOWN.covariance())
-        yield FilterStep(
-            0, truth.mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0),
-            posterior=truth, outcome=FilterOutcome.UPDATED,
-        )  # fmt: skip
+        step = FilterStep(0, truth.mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0))
+        yield step
+        return FilterResult(truth, FilterOutcome.UPDATED, step)
 
 
 SPARE = 0.08

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from nerfnav.estimator import Belief, Estimator, FilterOutcome, inerf
-from nerfnav.estimator.core.covariance import POSE
+from nerfnav.core.steps import run_steps
+from nerfnav.estimator import Belief, Estimator, inerf
+from nerfnav.estimator.core.belief import POSE
 from nerfnav.experiments.disturbed_flights import DT, STEPS, Trial, fast_filter, fly_disturbed, run_over_flights
 from nerfnav.experiments.figures import COLORS, panels
 from nerfnav.experiments.held_out_views import make_renderer, take_picture
@@ -126,12 +127,11 @@ def follow(arena: Arena, trial: Trial) -> list[Row]:
         generator = torch.Generator().manual_seed(trial.seed)
         belief = Belief(start, _FIRST.covariance())
         for index, (action, image) in enumerate(zip(actions, images, strict=True)):
-            *_, last = _estimators(arena)[method].update(belief, image, action, DT, generator)
-            assert last.posterior is not None, "the last step of an estimator has the posterior"
-            belief = last.posterior
+            result = run_steps(_estimators(arena)[method].update(belief, image, action, DT, generator))
+            belief = result.posterior
             judged = errors_of(belief, truths[index + 1])
             rows.append({"seed": trial.seed, "task": trial.task.name, "method": method, "step": index + 1} | judged
-                        | {"outcome": (last.outcome or FilterOutcome.UPDATED).name.lower()})  # fmt: skip
+                        | {"outcome": result.outcome.name.lower()})  # fmt: skip
     return rows
 
 

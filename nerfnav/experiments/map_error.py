@@ -40,6 +40,5 @@ def _found(arena: Arena, flights: int) -> Iterator[tuple[Float[np.ndarray, "3"],
             if step.update is None or step.update.outcome is not FilterOutcome.UPDATED:
                 continue  # of a picture that says little, little is believed, with any floor
             posterior = step.update.posterior
-            assert posterior is not None, "the last step of an update has the posterior"
             said = posterior.covariance[POSITION, POSITION].double().numpy()
             yield posterior.mean.local(step.truth)[POSITION].double().numpy(), said - assumed**2 * np.eye(3)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from nerfnav.estimator import Belief, Corrector, FilterOutcome, FilterStep
+from nerfnav.estimator import Belief, Corrector, FilterOutcome, FilterResult
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.geometry import so3
 from nerfnav.navigation.flight import ActiveGoal, FlightContext, FlightRequest, NavigateConfig, NavigationStack
@@ -118,7 +118,7 @@ def _begin(flight: FlightContext) -> Generator[LoopEvent, None, tuple[Navigation
 
 def _look(
     told: Belief, flight: FlightContext
-) -> Generator[LoopEvent, None, tuple[Tensor | None, FilterStep | None, float]]:
+) -> Generator[LoopEvent, None, tuple[Tensor | None, FilterResult | None, float]]:
     """A picture before anything is done, what it says, and how long that took [ms]; nothing where nobody looks, or the
     estimator makes nothing of what it was told."""
     estimator = flight.pilot.estimator
@@ -130,7 +130,7 @@ def _look(
     return image, update, filter_ms
 
 
-def _told_by(update: FilterStep | None) -> Belief | None:
+def _told_by(update: FilterResult | None) -> Belief | None:
     """What a picture says where the robot is; None where there was none, or it says little or something else."""
     return update.posterior if update is not None and update.outcome is FilterOutcome.UPDATED else None
 
@@ -207,10 +207,9 @@ def _onward(last: NavigationStep, belief: Belief, flight: FlightContext) -> Rigi
 
 
 def _trusted(
-    update: FilterStep, image: Tensor | None, flight: FlightContext, doubt: SupervisorMemory
+    update: FilterResult, image: Tensor | None, flight: FlightContext, doubt: SupervisorMemory
 ) -> Generator[LoopEvent, None, tuple[Belief, SupervisorState | None]]:
     """The belief to go on with after an update, and what was done where it is not the update's own."""
-    assert update.posterior is not None, "the last step of an estimator has the posterior"
     lookout, belief, wanted = flight.lookout, update.posterior, flight.orders.search
     if update.outcome is FilterOutcome.DIVERGED or lookout.is_lost(doubt.lost):
         return (yield from lookout.recover(belief, image, doubt.lost + 1, at_once=wanted))

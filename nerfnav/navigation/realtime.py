@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import torch
 
+from nerfnav.core.steps import run_steps
 from nerfnav.estimator import ConsiderCovariance, Estimator
 from nerfnav.navigation.simulator import Simulator
 from nerfnav.navigation.steps import NavigationStep
@@ -73,9 +74,7 @@ class Overrun:
         for late in range(1, self.missed + 1):
             flown = advance_plan(self.before, late - 1, belief.mean, robot)
             touched = self.simulator.follow(flown, believed=belief.mean)
-            *_, blind = self.estimator.update(belief, None, flown.actions[0], dt, self.generator)
-            assert blind.posterior is not None, "the last step of an estimator has the posterior"
-            belief = blind.posterior
+            belief = run_steps(self.estimator.update(belief, None, flown.actions[0], dt, self.generator)).posterior
             made = self.step.plan if late == self.missed else self.before
             index = self.step.index + late
             yield NavigationStep(

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from nerfnav.estimator import Belief, FilterStep, RelocaliseStep
+from nerfnav.estimator import Belief, FilterResult, FilterStep, RelocaliseResult, RelocaliseStep
 from nerfnav.navigation.fallback import FallbackTrajectory
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner import PlanStep, estimate_timing
@@ -43,8 +43,8 @@ class NavigationStep:
     """Where it believes to be."""
     image: UInt8[Tensor, "height width 3"] | None
     """What its camera saw; None in open loop, where no picture came, and at index 0 where the robot did not look."""
-    update: FilterStep | None
-    """The last iteration of the filter, with its pixels; None where there was no picture."""
+    update: FilterResult | None
+    """Result of the filter, with its pixels; None where there was no picture."""
     plan: Motion
     """What it intends to do from here, from the belief's mean or the nearest state that the robot can be in; in open
     loop what is left of the first plan, wherever it believes to be."""
@@ -70,7 +70,7 @@ class NavigationStep:
     backup: FallbackTrajectory | None = None
     """The way to come to rest that was kept ready beside the plan; None where nothing kept one."""
     apparent: Belief | None = None
-    """Where the field shows the robot, without errors that come with every picture (estimator/schmidt_kalman.py): what
+    """Where the field shows the robot, without errors that come with every picture (estimator/map_error.py): what
     the estimator goes on with, and what doubts are about; None: as `belief`, which has them."""
 
     @property
@@ -125,5 +125,5 @@ class SupervisorMemory:
 
 Iteration = PlanStep | FilterStep
 """What planner and filter go through within a time step."""
-LoopEvent = Iteration | RelocaliseStep | NavigationStep
+LoopEvent = Iteration | RelocaliseStep | RelocaliseResult | NavigationStep
 """What `navigate` yields, in the order in which it happens."""

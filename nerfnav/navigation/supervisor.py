@@ -7,7 +7,7 @@ nothing to the filter. Meanwhile the robot holds: it comes to rest by what it be
 better than its place.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Protocol, runtime_checkable
@@ -17,7 +17,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.core.errors import require_not_negative, require_positive
-from nerfnav.estimator import Belief, FilterOutcome, RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator import Belief, FilterOutcome, Relocalisation, RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.geometry import FORWARD_MOUNT, Pose
 from nerfnav.robots import Motion, RigidState, Robot, StateNoise
 
@@ -29,8 +29,8 @@ LITTLE = (FilterOutcome.WEAK, FilterOutcome.PREDICTED_ONLY)
 class Relocaliser(Protocol):
     """Anything that finds a camera from one picture alone."""
 
-    def relocalise(self, image: UInt8[Tensor, "height width 3"]) -> Iterator[RelocaliseStep]:
-        """Search; the last step has the outcome."""
+    def relocalise(self, image: UInt8[Tensor, "height width 3"]) -> Relocalisation:
+        """Search; returns the outcome."""
         ...
 
 
@@ -119,7 +119,7 @@ class Supervisor:
 
     def recover(
         self, belief: Belief, image: Tensor | None, lost: int, at_once: bool = False
-    ) -> Generator[RelocaliseStep, None, tuple[Belief, SupervisorState]]:
+    ) -> Generator[RelocaliseStep | RelocaliseResult, None, tuple[Belief, SupervisorState]]:
         """The belief to go on with after `lost` pictures in a row disagreed, and what was done.
 
         Yields the steps of a search, if it is time for one, or one is wanted at once.
@@ -143,12 +143,12 @@ class Supervisor:
     def is_blind(self, belief: Belief, outcome: FilterOutcome | None, doubts: bool) -> bool:
         """Whether a robot whose picture did not disagree had better look around all the same."""
         if doubts:
-            return outcome is FilterOutcome.PREDICTED_ONLY or belief.spread > self.config.sure
-        return outcome in LITTLE and belief.spread > self.config.widest
+            return outcome is FilterOutcome.PREDICTED_ONLY or belief.position_std > self.config.sure
+        return outcome in LITTLE and belief.position_std > self.config.widest
 
     def look_around(
         self, belief: Belief, image: Tensor | None, adrift: int
-    ) -> Generator[RelocaliseStep, None, tuple[Belief, SupervisorState]]:
+    ) -> Generator[RelocaliseStep | RelocaliseResult, None, tuple[Belief, SupervisorState]]:
         """What is done for a BLIND robot: the belief to go on with, and the name of it.
 
         `adrift` pictures before have left it as wide as `SupervisorConfig.adrift`, those not counted that showed
@@ -156,24 +156,24 @@ class Supervisor:
         of them disagreed.
         """
         config = self.config
-        if self.relocaliser is None or image is None or belief.spread <= config.adrift:
+        if self.relocaliser is None or image is None or belief.position_std <= config.adrift:
             return belief, SupervisorState.BLIND
         searched, since = divmod(adrift, config.between)
         found = None if since or searched >= config.searches else (yield from self.search(belief, image))
         return (belief, SupervisorState.ADRIFT) if found is None else (found, SupervisorState.RELOCALISED)
 
-    def search(self, belief: Belief, image: Tensor | None) -> Generator[RelocaliseStep, None, Belief | None]:
+    def search(
+        self, belief: Belief, image: Tensor | None
+    ) -> Generator[RelocaliseStep | RelocaliseResult, None, Belief | None]:
         """Look everywhere, whatever is believed; the new belief, or None where not one place alone looks right, or no
         picture came."""
         if self.relocaliser is None or image is None:
             return None
-        step = None
-        for step in self.relocaliser.relocalise(image):
-            yield step
-        assert step is not None, "a search yields at least one step"
-        if step.outcome is not RelocaliseOutcome.FOUND:
+        found = yield from self.relocaliser.relocalise(image)
+        yield found
+        if found.outcome is not RelocaliseOutcome.FOUND:
             return None
-        return Belief(belief.mean.moved_to(step.body_poses(self.mount)[0]), self.config.found.covariance())
+        return Belief(belief.mean.moved_to(found.step.body_poses(self.mount)[0]), self.config.found.covariance())
 
 
 def come_to_rest(

@@ -19,7 +19,7 @@ OpenTab = Callable[[App], Tab]
 def last_search(app: App) -> RelocaliseStep | None:
     """The last search, if it has ended."""
     search = app.session.search
-    return None if search is None or search.step.outcome is None else search.step
+    return None if search is None or search.outcome is None else search.step
 
 
 def moves(app: App) -> list[float]:

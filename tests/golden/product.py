@@ -30,7 +30,7 @@ import nerfnav_scenes as scenes
 from nerfnav import robots
 from nerfnav.estimator import Belief, FilterConfig, FilterOutcome, RelocaliseOutcome
 from nerfnav.estimator import estimators as _estimators
-from nerfnav.estimator.paper.adam import DescentConfig
+from nerfnav.estimator.core.filter_config import DescentConfig
 from nerfnav.estimator.photometric.pixel_selection import PixelDraw, PixelSource
 from nerfnav.experiments import Results
 from nerfnav.export import (
@@ -79,7 +79,7 @@ from nerfnav.planner.objective.problem import InitialGuess
 from nerfnav.planner.steps import Restart
 from nerfnav.robots import Motion, RigidState, StateNoise, decode_robot_file, describe_robot, to_yaml
 from nerfnav.tracking import TrackedFrame
-from nerfnav.tracking.tracked_frame import TrackStatus
+from nerfnav.tracking.frame import TrackStatus
 from nerfnav.world import Paint, Scene, Vantage
 from nerfnav_app.cli.main import _STYLE, COMMANDS, main, parse
 from nerfnav_app.jobs.events import JobEvents, JobResult

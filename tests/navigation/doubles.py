@@ -1,13 +1,12 @@
 """Stand-ins for planner and estimator that take microseconds, so that the loop itself is tested."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
 
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterResult, FilterStep, FilterUpdate
 from nerfnav.estimator.core.prediction import predict
 from nerfnav.navigation.flight import FlightRequest
 from nerfnav.navigation.simulator import Simulator
@@ -79,11 +78,10 @@ class Oracle:
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         prediction = predict(belief, action, ROBOT, dt, CALM)
         tells = self.outcome is FilterOutcome.UPDATED
         seen = Belief(self.simulator.state, CALM.covariance() if tells else prediction.covariance)
-        step = FilterStep(
-            0, seen.mean, 1.0, 1.0, torch.zeros(1, 2, dtype=torch.long), torch.zeros(1), seen, self.outcome
-        )
+        step = FilterStep(0, seen.mean, 1.0, 1.0, torch.zeros(1, 2, dtype=torch.long), torch.zeros(1))
         yield step
+        return FilterResult(seen, self.outcome, step)

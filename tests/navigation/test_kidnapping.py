@@ -3,12 +3,12 @@
 import pytest
 import torch
 
+from nerfnav.estimator.core.filter_config import FilterConfig
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
-from nerfnav.estimator.paper.pose_filter import FilterConfig
 from nerfnav.estimator.photometric.residuals import ColorNoise
 from nerfnav.estimator.relocalize.global_localization import RelocaliseConfig, RelocaliseStep
+from nerfnav.estimator.relocalize.localizer import GlobalLocalizer
 from nerfnav.estimator.relocalize.panorama import PanoramaConfig
-from nerfnav.estimator.relocalize.searcher import GlobalLocalizer
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator

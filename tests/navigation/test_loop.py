@@ -1,6 +1,6 @@
 """Algorithm 1, with stand-ins for planner and estimator."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -11,8 +11,8 @@ from torch import Tensor
 from nerfnav.core.errors import OccupiedError
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
-from nerfnav.estimator.core.filter_step import FilterOutcome, FilterStep
-from nerfnav.estimator.schmidt_kalman import ConsiderCovariance
+from nerfnav.estimator.core.filter_step import FilterOutcome, FilterResult, FilterStep, FilterUpdate
+from nerfnav.estimator.map_error import ConsiderCovariance
 from nerfnav.geometry import so3
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack, OperatorRequests
 from nerfnav.navigation.loop import navigate
@@ -52,9 +52,9 @@ class _Told:
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         says, self.index = self.says(self.index), self.index + 1
-        yield from Oracle(self.simulator, says).update(belief, image, action, dt, generator)
+        return (yield from Oracle(self.simulator, says).update(belief, image, action, dt, generator))
 
 
 def flown_by(says: Callable[[int], FilterOutcome]) -> list[LoopEvent]:
@@ -81,9 +81,9 @@ class _Listening:
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         self.asked.append(belief)
-        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+        return (yield from Oracle(self.simulator).update(belief, image, action, dt, generator))
 
 
 def test_what_the_field_is_wrong_by_is_told_and_neither_averages_out_nor_holds_the_robot_up():
@@ -355,16 +355,17 @@ class _Corrector:
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         self.corrected += 1
         seen = Belief(self.simulator.state, CALM.covariance())
-        nothing = torch.zeros(1, 2, dtype=torch.long), torch.zeros(1)
-        yield FilterStep(0, seen.mean, 1.0, 1.0, *nothing, seen, self.outcome)
+        step = FilterStep(0, seen.mean, 1.0, 1.0, torch.zeros(1, 2, dtype=torch.long), torch.zeros(1))
+        yield step
+        return FilterResult(seen, self.outcome, step)
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Tensor, dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
-        yield from Oracle(self.simulator).update(belief, image, action, dt, generator)
+    ) -> FilterUpdate:
+        return (yield from Oracle(self.simulator).update(belief, image, action, dt, generator))
 
 
 def begun(config: NavigateConfig, **how: object) -> tuple[NavigationStep, _Corrector, StraightPlanner]:

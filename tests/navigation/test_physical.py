@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from torch import Tensor
 
 from nerfnav import robots
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator import Belief, FilterOutcome, FilterStep
+from nerfnav.estimator import Belief, FilterOutcome, FilterResult, FilterStep, FilterUpdate
 from nerfnav.geometry import Pose, so3
 from nerfnav.inertial import Increments, propagate_state
 from nerfnav.navigation.flight import NavigateConfig, NavigationStack
@@ -304,7 +304,7 @@ class Seeing:
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         prior, pose = prediction.covariance.double(), [0, 1, 2, 6, 7, 8]
         seen = prediction.mean.local(self.where())[pose] + self.noise * torch.randn(6, generator=generator)
         gain = torch.linalg.solve(prior[pose][:, pose] + self.noise**2 * torch.eye(6).double(), prior[pose]).T
@@ -313,9 +313,9 @@ class Seeing:
         told[:, pose] -= gain
         covariance = told @ prior @ told.T + self.noise**2 * gain @ gain.T
         posterior = Belief(mean, covariance.float())
-        yield FilterStep(
-            0, mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0), posterior, FilterOutcome.UPDATED
-        )
+        step = FilterStep(0, mean, 0.0, 0.0, torch.zeros(0, 2, dtype=torch.long), torch.zeros(0))
+        yield step
+        return FilterResult(posterior, FilterOutcome.UPDATED, step)
 
 
 def looking_at(world: PhysicalSimulator, trust_dynamics: bool = True) -> LatencyCompensation:

@@ -2,6 +2,7 @@
 
 
 import time
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from jaxtyping import UInt8
 from torch import Tensor
 
-from nerfnav.estimator import ColorNoise, GlobalLocalizer, RelocaliseConfig, RelocaliseStep
+from nerfnav.estimator import ColorNoise, GlobalLocalizer, Relocalisation, RelocaliseConfig, RelocaliseResult
 from nerfnav.field import StoredField, load_field
 from nerfnav.geometry import Camera, check_image
 from nerfnav.geometry.so3 import quaternion_from_matrix, yaw_of
@@ -19,8 +20,9 @@ from nerfnav_app.places.derived import build_searcher
 from nerfnav_app.places.place import Place, field_file
 
 
-def summary_of(step: RelocaliseStep) -> dict[str, Any]:
+def summary_of(result: RelocaliseResult) -> dict[str, Any]:
     """What `localize --json` prints: the outcome, and the likeliest poses of the camera's carrier, best first."""
+    step = result.step
     poses = step.body_poses()
     found = [
         {
@@ -32,8 +34,7 @@ def summary_of(step: RelocaliseStep) -> dict[str, Any]:
         }
         for index in range(len(step.weights))
     ]
-    assert step.outcome is not None, "the last step of a search has its outcome"
-    return {"outcome": step.outcome.name.lower(), "advice": step.outcome.value, **found[0], "candidates": found}
+    return {"outcome": result.outcome.name.lower(), "advice": result.outcome.value, **found[0], "candidates": found}
 
 
 _AROUND = 0.5
@@ -76,13 +77,21 @@ def search(searcher: GlobalLocalizer, image: Tensor) -> JobEvents:
     for share in searcher.prepare():  # here, so that it is timed on its own
         yield Progress("looking around in the field", _AROUND * share)
     looks_s = time.perf_counter() - begun
-    begun, step = time.perf_counter(), None
-    for step in searcher.relocalise(image):
+    begun = time.perf_counter()
+    result = yield from _with_progress(searcher.relocalise(image))
+    yield result
+    seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
+    return JobResult(summary_of(result) | seconds)
+
+
+def _with_progress(search: Relocalisation) -> Generator[Any, Any, RelocaliseResult]:
+    while True:
+        try:
+            step = next(search)
+        except StopIteration as end:
+            return end.value
         yield step
         yield Progress("comparing", _AROUND + (1 - _AROUND) * step.fraction)
-    assert step is not None, "a search yields at least one step"
-    seconds = {"looks_s": looks_s, "search_s": time.perf_counter() - begun}
-    return JobResult(summary_of(step) | seconds)
 
 
 def find(place: Place, image: UInt8[Tensor, "height width 3"]) -> JobEvents:

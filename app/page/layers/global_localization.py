@@ -4,7 +4,7 @@ import numpy as np
 import torch
 import viser
 
-from nerfnav.estimator import RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator import RelocaliseOutcome
 from nerfnav.geometry import Pose
 from nerfnav.geometry.so3 import quaternion_from_matrix
 from nerfnav_app.page.kit.theme import CANDIDATE
@@ -47,25 +47,27 @@ class GlobalLocalizationLayer:
         with self._server.atomic():
             if session.place is not None:
                 self._ghosts.shape(body_shape(session.place.robot.body))
-            self._draw(None if search is None else search.step)
+            self._draw(search)
 
-    def _draw(self, step: RelocaliseStep | None) -> None:
-        if step is None:
+    def _draw(self, search: LocalizationRecord | None) -> None:
+        if search is None:
             self._ghosts.show(*_NOBODY)
             self._frusta.show(None)
         else:
+            step = search.step
             bodies = step.body_poses()
             wxyzs = quaternion_from_matrix(bodies.rotation)
             self._ghosts.show(bodies.position.numpy().astype(np.float32), wxyzs.numpy().astype(np.float32))
             self._frusta.show(frusta(step.poses) if len(step.weights) <= _MOST_FRUSTA else None)
-        told = step if step is not None and step.outcome is not None else None
+        ended = search is not None and search.outcome not in (None, RelocaliseOutcome.LOST)
+        shown = search.step if search is not None and ended else None
         for index, label in enumerate(self._labels):
             # the unlikely are in the panel's table, and would only cover the likely
-            share = told.weights[index].item() if told is not None and index < len(told.weights) else 0.0
-            label.visible = share >= _LEAST_LIKELY and told is not None and told.outcome is not RelocaliseOutcome.LOST
-            if told is not None and label.visible:
+            share = shown.weights[index].item() if shown is not None and index < len(shown.weights) else 0.0
+            label.visible = share >= _LEAST_LIKELY and shown is not None
+            if shown is not None and label.visible:
                 label.text = f"{index + 1}: {100 * share:.0f} %"
-                label.position = tuple((told.poses.position[index] + torch.tensor([0.0, 0.0, _ABOVE])).tolist())
+                label.position = tuple((shown.poses.position[index] + torch.tensor([0.0, 0.0, _ABOVE])).tolist())
 
 
 def frusta(poses: Pose) -> np.ndarray:

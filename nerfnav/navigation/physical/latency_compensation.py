@@ -5,7 +5,7 @@ Both times by what the inertial unit has measured meanwhile, whose biases are le
 and again.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import torch
@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator import Belief, Corrector, FilterStep
+from nerfnav.estimator import Belief, Corrector, FilterUpdate
 from nerfnav.inertial import ImuConfig, inertial_motion
 from nerfnav.inertial.inertial_motion import InertialBelief
 from nerfnav.navigation.physical.inertial import InertialInterval
@@ -36,7 +36,7 @@ class LatencyCompensation:
 
     def update(
         self, belief: Belief, image: Tensor | None, action: Float[Tensor, " a"], dt: float, generator: torch.Generator
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         """See Estimator. Raises InvalidInputError where pictures come later than a time step."""
         if self.delay_s >= dt:
             raise InvalidInputError(
@@ -45,11 +45,9 @@ class LatencyCompensation:
         before, after = self.felt()
         then, noise = self._moved(self._known(belief), before)
         held = MeasuredNoise(noise.to(belief.covariance))
-        for step in self.estimator.correct(then.belief, image, generator, held):
-            if step.posterior is not None:
-                self._last, _ = self._moved(self._corrected(then, step.posterior), after)
-                step = replace(step, posterior=self._last.belief)
-            yield step
+        result = yield from self.estimator.correct(then.belief, image, generator, held)
+        self._last, _ = self._moved(self._corrected(then, result.posterior), after)
+        return replace(result, posterior=self._last.belief)
 
     @property
     def trust_dynamics(self) -> bool:
@@ -58,7 +56,7 @@ class LatencyCompensation:
 
     def correct(
         self, prediction: Belief, image: Tensor | None, generator: torch.Generator, noise: ProcessNoise | None = None
-    ) -> Iterator[FilterStep]:
+    ) -> FilterUpdate:
         """See Corrector: of a robot that rests, pictures are not late."""
         return self.estimator.correct(prediction, image, generator, noise)
 

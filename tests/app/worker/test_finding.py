@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseStep
+from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
 from nerfnav.navigation.steps import EpisodeOutcome
 from nerfnav.navigation.supervisor import SupervisorState
@@ -27,11 +27,16 @@ from tests.app.doubles import flight_step
 from tests.app.sessions import after, planned, reports
 
 
-def candidates(outcome: RelocaliseOutcome | None = RelocaliseOutcome.FOUND) -> RelocaliseStep:
+def candidates() -> RelocaliseStep:
     """Two places, one of them likely."""
     bodies = RigidState.stack([RigidState.at_rest((0.1, 0.2, 0.3), 0.5), RigidState.at_rest((0.4, 0.2, 0.3))]).pose
     poses = bodies.compose(Pose(FORWARD_MOUNT.rotation, FORWARD_MOUNT.position))
-    return RelocaliseStep(1.0, poses, torch.tensor([0.9, 0.1]), torch.tensor([0.02, 0.05]), outcome)
+    return RelocaliseStep(1.0, poses, torch.tensor([0.9, 0.1]), torch.tensor([0.02, 0.05]))
+
+
+def ended(outcome: RelocaliseOutcome | None = RelocaliseOutcome.FOUND) -> LocalizationRecord:
+    """A search with these places; None: it goes on."""
+    return LocalizationRecord(candidates(), 0, outcome)
 
 
 def flying(opened: Session, steps: int) -> Session:
@@ -58,8 +63,8 @@ def test_after_a_flight_the_robot_is_looked_for_by_its_last_picture(opened: Sess
     finding = after(session, m.FindRobot())
     assert finding.job is not None and finding.job.kind is JobKind.FIND
     assert finding.flight is session.flight, "the flight stays in sight"
-    found = reports(finding, candidates(None), candidates())
-    assert found.search is not None and found.search.at == 6 and found.search.step.outcome is RelocaliseOutcome.FOUND
+    found = reports(finding, candidates(), RelocaliseResult(RelocaliseOutcome.FOUND, candidates()))
+    assert found.search is not None and found.search.at == 6 and found.search.outcome is RelocaliseOutcome.FOUND
     told = {"outcome": "found", "advice": "one place looks like the picture"}
     done = reports(found, JobFinished("localize", JobResult(told)))
     assert done.job is None and (done.notices[-1].title, done.notices[-1].bad) == ("Found", False)
@@ -128,11 +133,11 @@ def test_the_first_search_says_how_far_it_has_looked_around_and_may_be_left(open
 
 
 def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None:
-    told = estimate.found(candidates())
+    told = estimate.found(ended())
     for text in ("One place looks like the picture.", "0.10, 0.20, 0.30", "90 %", "29°"):
         assert text in told
-    assert "2 places are left" in estimate.found(candidates(None))
-    assert "move and look again" in estimate.found(candidates(RelocaliseOutcome.AMBIGUOUS))
+    assert "2 places are left" in estimate.found(ended(None))
+    assert "move and look again" in estimate.found(ended(RelocaliseOutcome.AMBIGUOUS))
 
 
 def test_the_panel_says_what_a_robot_does_that_does_not_know_where_it_is(opened: Session) -> None:
@@ -152,6 +157,6 @@ def test_a_frustum_begins_at_the_camera_and_opens_where_it_looks() -> None:
 
 
 def test_where_no_place_looks_like_the_picture_none_is_called_likely() -> None:
-    told = estimate.found(candidates(RelocaliseOutcome.LOST))
+    told = estimate.found(ended(RelocaliseOutcome.LOST))
     assert "No place looks like the picture" in told and "90 %" not in told
-    assert "90 %" in estimate.found(candidates())
+    assert "90 %" in estimate.found(ended())

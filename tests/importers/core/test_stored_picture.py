@@ -14,7 +14,7 @@ from nerfnav.importers.captures.pictures import read_pixels
 from nerfnav.importers.captures.views import Lens
 from nerfnav.importers.core.stored_picture import read_picture
 from nerfnav.live.messages import Picture
-from nerfnav.live.pictures import pixels_of
+from nerfnav.live.navigator import pixels_of
 from nerfnav.tracking.sources.registry import SourceOptions, open_source
 from nerfnav_app.jobs.track.camera import GivenCamera, read_image
 

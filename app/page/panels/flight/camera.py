@@ -10,7 +10,7 @@ from nerfnav.navigation import NavigationStep
 from nerfnav_app.page.kit.theme import BELIEF, HIT
 from nerfnav_app.queries.robot_view import RobotView, RobotViewQuery
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.tracks import TrackedFrame
+from nerfnav_app.state.tracks import FrameRecord
 
 _GAP = 6  # [pixels] between two pictures
 _DARK = 30  # level of grey of the gap
@@ -61,7 +61,7 @@ class CameraPanel:
         self._folder = server.gui.add_folder("Camera", visible=False)
         with self._folder:
             self._picture = server.gui.add_image(_NOTHING, label=_FROM_THE_ENDS, jpeg_quality=85)
-        self._shown: tuple[RobotView | TrackedFrame, int] | None = None
+        self._shown: tuple[RobotView | FrameRecord, int] | None = None
 
     def show(self, session: Session) -> None:
         """Show the last picture, once the field's answer to it is there."""
@@ -81,7 +81,7 @@ class CameraPanel:
         self._picture.label, self._picture.image = compose(view, query.step_of(session.shown_flight))
         self._folder.visible = True
 
-    def _show_frame(self, frame: TrackedFrame) -> None:
+    def _show_frame(self, frame: FrameRecord) -> None:
         """Show a frame of a track."""
         if self._shown is None or self._shown[0] is not frame:
             self._shown = frame, 0
@@ -89,7 +89,7 @@ class CameraPanel:
             self._folder.visible = True
 
 
-def tracked_pictures(frame: TrackedFrame) -> np.ndarray:
+def tracked_pictures(frame: FrameRecord) -> np.ndarray:
     """The picture of a track's frame, and beside it what the field shows from there, where that is known."""
     seen = read_picture(frame.seen).pixels
     believed = np.zeros_like(seen) if frame.shown is None else read_picture(frame.shown).pixels
@@ -101,7 +101,7 @@ def compose(view: RobotView, step: NavigationStep | None) -> tuple[str, np.ndarr
     if step is None or step.image is None:
         return _FROM_THE_ENDS, beside(*view)
     seen, (believed, *_) = step.image.numpy(), view
-    pictures = [with_pixels(seen, step.update), believed]
+    pictures = [with_pixels(seen, None if step.update is None else step.update.step), believed]
     if seen.shape == believed.shape:
         pictures.append(difference(seen, believed))
     return _FLYING, beside(*pictures)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from nerfnav.estimator import Belief, RelocaliseOutcome, RelocaliseStep, estimators
+from nerfnav.estimator import Belief, RelocaliseOutcome, estimators
 from nerfnav.geometry.so3 import yaw_of
 from nerfnav.navigation import NavigationStep, SupervisorState
 from nerfnav.robots import ATTITUDE, POSITION, RigidState
@@ -15,7 +15,7 @@ from nerfnav_app.page.kit.widgets import Binder, ChoiceList
 from nerfnav_app.page.layers.global_localization import MOST_CANDIDATES
 from nerfnav_app.page.panels.flight.flight_charts import ERRORS, FlightChart
 from nerfnav_app.state.actions import Command, FindRobot, KidnapRobot, Settings
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.records import FlightRecord, LocalizationRecord
 from nerfnav_app.state.session import Session
 from nerfnav_app.text import number, sentence
 
@@ -35,7 +35,7 @@ def describe(flight: FlightRecord | None) -> str:
         ("Error against expectation", _times(nees), f"NEES of the pose: {nees:.3g}; 6 on average where it is honest"),
         *_of_update(last),
     ]
-    words = last.update.outcome.value if last.update is not None and last.update.outcome is not None else ""
+    words = last.update.outcome.value if last.update is not None else ""
     return table(rows) + (note(sentence(words)) if words else "") + _of_recovery(last)
 
 
@@ -46,12 +46,13 @@ def _of_recovery(step: NavigationStep) -> str:
     return say(sentence(step.recovery.value))
 
 
-def found(step: RelocaliseStep) -> str:
+def found(search: LocalizationRecord) -> str:
     """The likeliest places of a search, as HTML."""
-    if step.outcome is None:
+    step, outcome = search.step, search.outcome
+    if outcome is None:
         return note(f"{len(step.weights)} places are left to compare.")
-    if step.outcome is RelocaliseOutcome.LOST:  # the shares among places that all look otherwise say nothing
-        return warning(sentence(step.outcome.value))
+    if outcome is RelocaliseOutcome.LOST:  # the shares among places that all look otherwise say nothing
+        return warning(sentence(outcome.value))
     poses = step.body_poses()
     rows = [
         (
@@ -62,8 +63,8 @@ def found(step: RelocaliseStep) -> str:
         )
         for index in range(min(len(step.weights), MOST_CANDIDATES))
     ]
-    say = fine if step.outcome is RelocaliseOutcome.FOUND else warning
-    return say(sentence(step.outcome.value)) + columns(("", "place [m]", "heading", "likely"), rows)
+    say = fine if outcome is RelocaliseOutcome.FOUND else warning
+    return say(sentence(outcome.value)) + columns(("", "place [m]", "heading", "likely"), rows)
 
 
 def nees_of_pose(belief: Belief, truth: RigidState) -> float:
@@ -75,9 +76,9 @@ def nees_of_pose(belief: Belief, truth: RigidState) -> float:
 
 
 def _of_update(step: NavigationStep) -> list[tuple[str, str]]:
-    update = step.update
-    if update is None:
+    if step.update is None:
         return []
+    update = step.update.step
     count = len(update.pixels)
     used = count if update.believed is None else int(update.believed.sum())
     return [
@@ -135,6 +136,6 @@ class EstimatePanel:
         self._carry.visible = session.in_flight
         self._found.visible = session.search is not None
         if session.search is not None:
-            self._found.content = found(session.search.step)
+            self._found.content = found(session.search)
         self._numbers.visible = session.track is None
         self._numbers.content = describe(session.shown_flight)

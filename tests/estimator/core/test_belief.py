@@ -2,7 +2,7 @@
 
 import torch
 
-from nerfnav.estimator.core.covariance import Curvature, hessian, posterior_covariance
+from nerfnav.estimator.core.belief import Curvature, hessian, posterior_covariance
 from tests.estimator.places import draws
 
 ROOT = torch.randn(12, 12, generator=draws(0)) + 4 * torch.eye(12)

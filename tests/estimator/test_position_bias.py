@@ -1,4 +1,4 @@
-"""What errors of positions have beyond what was said of each."""
+"""Position bias: errors of positions beyond their reported covariances."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from nerfnav.estimator import fit_position_bias
 
 
-def said(draws: np.random.Generator, count: int) -> np.ndarray:
+def reported_covariances(draws: np.random.Generator, count: int) -> np.ndarray:
     """Covariances as pictures tell them: one to three millimetres, a direction three times as far as the others."""
     turns = np.linalg.qr(draws.standard_normal((count, 3, 3)))[0]
     sizes = 1e-3 * draws.uniform(1, 3, (count, 1)) * np.array([0.3, 0.3, 1.0])
@@ -18,16 +18,16 @@ def drawn(draws: np.random.Generator, covariances: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
-@pytest.mark.parametrize("floor", [4e-4, 1e-3, 5e-3])
-def test_what_was_left_unsaid_is_found_at_any_size(floor: float, scale: float) -> None:
+@pytest.mark.parametrize("bias", [4e-4, 1e-3, 5e-3])
+def test_what_was_left_unsaid_is_found_at_any_size(bias: float, scale: float) -> None:
     draws = np.random.default_rng(1)
-    told = said(draws, 2000)
-    errors = drawn(draws, told + floor**2 * np.eye(3))
-    assert fit_position_bias(scale * errors, scale**2 * told) == pytest.approx(scale * floor, rel=0.06)
+    reported = reported_covariances(draws, 2000)
+    errors = drawn(draws, reported + bias**2 * np.eye(3))
+    assert fit_position_bias(scale * errors, scale**2 * reported) == pytest.approx(scale * bias, rel=0.06)
 
 
 def test_errors_that_were_told_leave_nothing() -> None:
     draws = np.random.default_rng(2)
-    told = said(draws, 2000)
-    assert fit_position_bias(0.9 * drawn(draws, told), told) == 0
-    assert fit_position_bias(np.zeros((30, 3)), told[:30]) == 0
+    reported = reported_covariances(draws, 2000)
+    assert fit_position_bias(0.9 * drawn(draws, reported), reported) == 0
+    assert fit_position_bias(np.zeros((30, 3)), reported[:30]) == 0
