@@ -10,7 +10,7 @@ from nerfnav import robots
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.filter_config import DescentConfig, FilterConfig
 from nerfnav.estimator.paper.pose_filter import PoseFilter
-from nerfnav.export.tables import csv_text, episode_table, table_of_csv
+from nerfnav.export.tables import csv_text, episode_table
 from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import train
@@ -26,6 +26,7 @@ from nerfnav.planner.solvers.adam import PlanConfig, plan
 from nerfnav.world.capture import CaptureConfig, capture, split
 from nerfnav.world.contact import contact_check, judge
 from nerfnav.world.raycast import MeshRenderer
+from tests.export.readers import table_of_csv
 
 
 @pytest.mark.slow

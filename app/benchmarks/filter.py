@@ -13,7 +13,7 @@ from torch import Tensor
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, Estimator, FastFilter, FilterConfig, PixelConfig, PoseFilter, PyramidConfig
 from nerfnav.experiments import Arena
-from nerfnav.experiments.held_out_views import SUPERSAMPLE, held_out_poses, take_picture
+from nerfnav.experiments.arena import SUPERSAMPLE, held_out_poses, take_picture
 from nerfnav.robots import ATTITUDE, CAMERA, POSITION, Quadrotor, RigidState, StateNoise
 from nerfnav.world import MeshRenderer
 from nerfnav_app.benchmarks.comparison import Comparison, milliseconds, time_interleaved

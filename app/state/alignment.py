@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from nerfnav.importers import AlignmentRequest
+from nerfnav.importers import AlignmentRequest, MeasuredDistance
 
 Vector = tuple[float, float, float]
 
@@ -81,7 +81,7 @@ class AlignmentDraft:
             up = (x, y, z)
         measured = None
         if len(self.measured) == 2 and self.distance is not None:
-            measured = (*self.measured, self.distance)
+            measured = MeasuredDistance(*self.measured, self.distance)
         return AlignmentRequest(measured, floor=floor, find_floor=self.find_floor, up=up, kept=self.kept)
 
 

@@ -1,100 +1,35 @@
 """Comparison of pose filters (paper): follow a robot by its pictures with the fast filter and with iNeRF.
 
 Disturbed flights (see experiments/disturbed_flights.py) are photographed from the mesh; all estimators get the same
-first belief, the same actions and the same pictures. Errors of a belief come with its NEES, which tells whether its
-covariance covers them.
+first belief, the same actions and the same pictures. Errors of a belief come with its NEES (normalized
+estimation error squared), which measures the consistency of its covariance.
 """
 
-
 import math
-from collections.abc import Iterator, Sequence
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from functools import partial
 
 import torch
 
 from nerfnav.core.steps import run_steps
 from nerfnav.estimator import Belief, Estimator, inerf
 from nerfnav.estimator.core.belief import POSE
+from nerfnav.experiments.arena import Arena, make_renderer, per_arena, take_picture
 from nerfnav.experiments.disturbed_flights import DT, STEPS, Trial, fast_filter, fly_disturbed, run_over_flights
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.held_out_views import make_renderer, take_picture
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study
+from nerfnav.experiments.figures import COLORS, Figure, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study
 from nerfnav.robots import ATTITUDE, BODY_RATE, POSITION, VELOCITY, RigidState, StateNoise
 
-if TYPE_CHECKING:
-    import matplotlib.figure
-
-
 METHODS = ("nerfnav", "inerf")
-"""Who takes part: the fast filter, and dynamically-informed iNeRF."""
+"""Contenders: the fast filter, and dynamically-informed iNeRF."""
 ERRORS = {"position_m": POSITION, "rotation_rad": ATTITUDE, "velocity_mps": VELOCITY, "rate_radps": BODY_RATE}
 """Parts of the error, the length of each."""
-_LOST = {"position_m": 0.1, "rotation_rad": 0.2}
-"""A trial has diverged that ends further off than this."""
-
-
-def summary_of(rows: Sequence[Row]) -> Row:
-    """Errors of both methods over all steps and at the end, and the honesty of nerfnav's covariance."""
-    methods = {method: _summary([row for row in rows if row["method"] == method]) for method in METHODS}
-    own = [row for row in rows if row["method"] == "nerfnav"]
-    return {
-        "methods": methods,
-        "ratios": {
-            name: methods["nerfnav"][name] / methods["inerf"][name]
-            for name in methods["nerfnav"]
-            if "rmse" in name and methods["inerf"][name] > 0
-        },
-        "nees_pose_mean": _mean(own, "nees_pose"),
-        "nees_mean": _mean(own, "nees"),
-        "inside_95": _mean(own, "inside_95"),
-    }
-
-
-def picture(rows: Sequence[Row]) -> "matplotlib.figure.Figure":
-    """Mean errors over the steps, with bands of one standard deviation, as in the paper."""
-    units = {"position_m": "[m]", "rotation_rad": "[rad]", "velocity_mps": "[m/s]", "rate_radps": "[rad/s]"}
-    figure, axes = panels([f"{name.rpartition('_')[0].capitalize()} error {unit}" for name, unit in units.items()])
-    for ax, name in zip(axes, ERRORS, strict=True):
-        for method, color in zip(METHODS, COLORS, strict=False):
-            steps = range(1, STEPS + 1)
-            table = [
-                torch.tensor([row[name] for row in rows if row["method"] == method and row["step"] == step])
-                for step in steps
-            ]
-            mean = torch.stack([entries.mean() for entries in table])
-            spread = torch.stack([entries.std(correction=0) for entries in table])
-            ax.plot(steps, mean, color=color, label=method)
-            ax.fill_between(steps, (mean - spread).clamp_min(0), mean + spread, color=color, alpha=0.25, linewidth=0)
-        ax.set_xlabel("step")
-        ax.set_ylim(bottom=0)
-    axes[0].legend(frameon=False)
-    return figure
-
-
-def _summary(rows: Sequence[Row]) -> Row:
-    last = [row for row in rows if row["step"] == STEPS]
-    unit = {name: f"{name.rpartition('_')[0]}_rmse_{name.rpartition('_')[2]}" for name in ERRORS}
-    summary: Row = {unit[name]: _rms(rows, name) for name in ERRORS}
-    summary |= {f"final_{unit[name]}": _rms(last, name) for name in ("position_m", "rotation_rad")}
-    lost = [row for row in last if any(not row[name] <= bound for name, bound in _LOST.items())]
-    return summary | {"diverged": len(lost), "trials": len(last)}
-
-
-def _rms(rows: Sequence[Row], name: str) -> float:
-    return math.sqrt(sum(row[name] ** 2 for row in rows) / len(rows))
-
-
-def _mean(rows: Sequence[Row], name: str) -> float:
-    return sum(row[name] for row in rows) / len(rows)
-
-
 _ELLIPSOID_95 = 7.815
 """95 % of a chi-squared of three numbers."""
 
 
 def errors_of(belief: Belief, truth: RigidState) -> Row:
-    """How far off a belief is, and whether it knew."""
+    """Errors and consistency of a belief."""
     error = belief.mean.local(truth)
     covariance = belief.covariance.double()
 
@@ -107,13 +42,13 @@ def errors_of(belief: Belief, truth: RigidState) -> Row:
     return lengths | {"nees_pose": nees(POSE), "nees": nees([*range(12)]), "inside_95": place < _ELLIPSOID_95}
 
 
-_FIRST = StateNoise.isotropic(0.01**2)  # spread of the first belief: 1 cm, 0.01 rad
+_FIRST = StateNoise.isotropic(0.01**2)  # standard deviations of the first belief: 1 cm, 0.01 rad
 
 
-def run(study: Study) -> Iterator[ExperimentStep]:
+def run(study: Study) -> ExperimentSteps:
     """Fly and estimate; the table has a line for each trial, method and time step."""
     rows = yield from run_over_flights(study, "estimating", follow)
-    yield Results(summary_of(rows), tuple(rows), {"estimation": partial(picture, rows)})
+    return Results(summarize(rows), tuple(rows), {"estimation": partial(draw_figure, rows)})
 
 
 def follow(arena: Arena, trial: Trial) -> list[Row]:
@@ -135,8 +70,69 @@ def follow(arena: Arena, trial: Trial) -> list[Row]:
     return rows
 
 
-@lru_cache(maxsize=2)
+@per_arena
 def _estimators(arena: Arena) -> dict[str, Estimator]:
     """All methods, made once in each process."""
     own = fast_filter(arena)
     return {"nerfnav": own, "inerf": inerf(own.field, own.robot, own.camera, config=own.config)}
+
+
+_LOST = {"position_m": 0.1, "rotation_rad": 0.2}
+"""A trial has diverged that ends further off than this."""
+
+
+def summarize(rows: Sequence[Row]) -> Row:
+    """Summarize the errors of both methods over all steps and at the end, and the consistency of nerfnav's
+    covariance."""
+    methods = {method: _summary([row for row in rows if row["method"] == method]) for method in METHODS}
+    own = [row for row in rows if row["method"] == "nerfnav"]
+    return {
+        "methods": methods,
+        "ratios": {
+            name: methods["nerfnav"][name] / methods["inerf"][name]
+            for name in methods["nerfnav"]
+            if "rmse" in name and methods["inerf"][name] > 0
+        },
+        "nees_pose_mean": _mean(own, "nees_pose"),
+        "nees_mean": _mean(own, "nees"),
+        "inside_95": _mean(own, "inside_95"),
+    }
+
+
+def draw_figure(rows: Sequence[Row]) -> Figure:
+    """Mean errors over the steps, with bands of one standard deviation, as in the paper."""
+    units = {"position_m": "[m]", "rotation_rad": "[rad]", "velocity_mps": "[m/s]", "rate_radps": "[rad/s]"}
+    figure, axes = panels([f"{name.rpartition('_')[0].capitalize()} error {unit}" for name, unit in units.items()])
+    for ax, name in zip(axes, ERRORS, strict=True):
+        for method, color in zip(METHODS, COLORS, strict=False):
+            steps = range(1, STEPS + 1)
+            table = [
+                torch.tensor([row[name] for row in rows if row["method"] == method and row["step"] == step])
+                for step in steps
+            ]
+            mean = torch.stack([entries.mean() for entries in table])
+            deviation = torch.stack([entries.std(correction=0) for entries in table])
+            ax.plot(steps, mean, color=color, label=method)
+            lower, upper = (mean - deviation).clamp_min(0), mean + deviation
+            ax.fill_between(steps, lower, upper, color=color, alpha=0.25, linewidth=0)
+        ax.set_xlabel("step")
+        ax.set_ylim(bottom=0)
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def _summary(rows: Sequence[Row]) -> Row:
+    last = [row for row in rows if row["step"] == STEPS]
+    unit = {name: f"{name.rpartition('_')[0]}_rmse_{name.rpartition('_')[2]}" for name in ERRORS}
+    summary: Row = {unit[name]: _rms(rows, name) for name in ERRORS}
+    summary |= {f"final_{unit[name]}": _rms(last, name) for name in ("position_m", "rotation_rad")}
+    lost = [row for row in last if any(not row[name] <= bound for name, bound in _LOST.items())]
+    return summary | {"diverged": len(lost), "trials": len(last)}
+
+
+def _rms(rows: Sequence[Row], name: str) -> float:
+    return math.sqrt(sum(row[name] ** 2 for row in rows) / len(rows))
+
+
+def _mean(rows: Sequence[Row], name: str) -> float:
+    return sum(row[name] for row in rows) / len(rows)

@@ -9,11 +9,9 @@ its heading, at any time.
 Planned on the field, judged on the mesh. Drives that the field does not allow to begin or end are counted as refused.
 """
 
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -24,8 +22,9 @@ from torch import Tensor
 from nerfnav import robots
 from nerfnav.core.errors import OccupiedError
 from nerfnav.core.steps import run_steps
-from nerfnav.experiments.figures import COLORS, panels
-from nerfnav.experiments.study import Arena, ExperimentStep, Results, Row, Study, run_trials
+from nerfnav.experiments.arena import Arena
+from nerfnav.experiments.figures import COLORS, Axes, Figure, panels
+from nerfnav.experiments.study import ExperimentSteps, Results, Row, Study, run_trials
 from nerfnav.geometry import so3
 from nerfnav.planner import (
     CostTerm,
@@ -39,67 +38,13 @@ from nerfnav.planner import (
 from nerfnav.robots import Motion, unwrap_angles
 from nerfnav.world import Task, judge
 
-if TYPE_CHECKING:
-    import matplotlib.axes
-    import matplotlib.figure
-
-
-Way = list[list[float]]
+PlanarPath = list[list[float]]
 """x, y [m] and heading [rad] at each time."""
 COUCH, WHEELS = "couch", "diffdrive"
 
 
-def summary_of(rows: Sequence[Row]) -> Row:
-    """Overlaps of couches that may turn and may not, and whether wheels slid."""
-    turning, held = ([row for row in rows if row["robot"] == COUCH and row["heading_held"] is so]
-                     for so in (False, True))  # fmt: skip
-    wheels = [row for row in rows if row["robot"] == WHEELS]
-    return {
-        "couch_drives": len(turning),
-        "couch_touched": sum(row["touched"] for row in turning),
-        "couch_max_overlap_m3": max((row["max_overlap_m3"] for row in turning), default=None),
-        "couch_held_touched": sum(row["touched"] for row in held),
-        "couch_held_max_overlap_m3": max((row["max_overlap_m3"] for row in held), default=None),
-        "gap_overlap_m3": turning[0]["max_overlap_m3"] if turning else None,
-        "gap_overlap_held_m3": held[0]["max_overlap_m3"] if held else None,
-        "wheel_drives": len(wheels),
-        "wheel_touched": sum(row["touched"] for row in wheels),
-        "wheel_lateral_speed_max_mps": max((row["lateral_speed_max_mps"] for row in wheels), default=None),
-        "goal_missed_max_m": max((row["goal_missed_by_m"] for row in rows), default=None),
-    }
-
-
-def picture(rows: Sequence[Row], ways: Sequence[Way], walls: np.ndarray) -> "matplotlib.figure.Figure":
-    """The first couch with and without its turn, and the ways of all wheels, from above."""
-    from matplotlib.collections import LineCollection
-
-    figure, (free, held, wheels) = panels(("May turn", "May not turn", "On wheels"), height=3.8)
-    for axes, so in ((free, False), (held, True)):
-        index = next((i for i, row in enumerate(rows) if row["robot"] == COUCH and row["heading_held"] is so), None)
-        if index is not None:
-            _trail(axes, ways[index], COUCH, COLORS[4 if rows[index]["touched"] else 0])
-            overlap = 1e6 * rows[index]["max_overlap_m3"]
-            axes.set_title(f"{axes.get_title()}: overlap {overlap:.3g} cm$^3$", fontsize=10)
-    for k, index in enumerate(i for i, row in enumerate(rows) if row["robot"] == WHEELS):
-        _trail(wheels, ways[index], WHEELS, COLORS[k // 2 % len(COLORS)])
-    for axes in (free, held, wheels):
-        axes.add_collection(LineCollection(walls.tolist(), colors="0.45", linewidths=0.8), autolim=False)
-        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    return figure
-
-
-def _trail(axes: "matplotlib.axes.Axes", way: Way, name: str, color: str) -> None:
-    """Outlines of a robot along its way."""
-    half = 0.5 * torch.tensor(robots.load(name).body.extents[:2])
-    outline = half * torch.tensor([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
-    for x, y, heading in way:
-        corners = outline @ so3.from_yaw(torch.tensor(heading))[:2, :2].T + torch.tensor([x, y])
-        axes.plot(*corners.T.tolist(), color=color, linewidth=0.6, alpha=0.7)
-    axes.plot([x for x, _, _ in way], [y for _, y, _ in way], color=color, linewidth=1.2)
-
-
 def outlines(arena: Arena, height: float) -> np.ndarray:
-    """Where the solids are cut at a height [m]: pieces of lines, (n, 2, 2)."""
+    """Sections of the solids at a height [m]: line segments, (n, 2, 2)."""
     cuts = [trimesh.intersections.mesh_plane(solid, [0, 0, 1], [0, 0, height]) for solid in arena.scene.solids]
     return np.concatenate([np.reshape(cut, (-1, 2, 3))[..., :2] for cut in cuts])
 
@@ -109,7 +54,7 @@ _HELD = 1e4
 
 
 def heading_held(_: TermContext, motion: Motion) -> Float[Tensor, "*batch"]:
-    """What it costs to turn away from the first attitude: squared angles [rad^2], summed over time."""
+    """Cost of turning away from the first attitude: squared angles [rad^2], summed over time."""
     rotation = motion.states.rotation
     turned = so3.local(rotation[..., :1, :, :].expand_as(rotation), rotation)
     return turned.square().sum((-2, -1))
@@ -120,12 +65,12 @@ HEADING_HELD = CostTerm("heading held", heading_held, _HELD)
 
 @dataclass(frozen=True)
 class Drive:
-    """One trial."""
+    """Trial of the experiment: one drive."""
 
     task: Task
-    """From where to where, and with which robot."""
+    """Start, goal and robot."""
     held: bool = False
-    """Whether the heading must stay that of the start."""
+    """Hold the heading of the start."""
 
 
 def drives_of(task: Task) -> list[Drive]:
@@ -136,7 +81,7 @@ def drives_of(task: Task) -> list[Drive]:
 
 
 def _back(task: Task) -> Task:
-    """The way back, in reverse gear."""
+    """Return trip, in reverse gear."""
     return replace(
         task, name=f"{task.name}, and back", start=task.goal, goal=task.start, start_yaw=task.goal_yaw,
         goal_yaw=task.start_yaw,
@@ -147,8 +92,8 @@ _STEPS, _DT = 30, 0.1
 """Length of a drive: 3 s."""
 
 
-def drive(arena: Arena, item: Drive) -> tuple[Row, Way] | None:
-    """Plan one drive and judge it; also its way. None where the field has something dense at one of the ends."""
+def drive(arena: Arena, item: Drive) -> tuple[Row, PlanarPath] | None:
+    """Plan one drive and judge it; also its path. None where the field has something dense at one of the ends."""
     try:
         planned = plan_of(arena, item)
     except OccupiedError:
@@ -185,13 +130,62 @@ def lateral_speed(motion: Motion) -> float:
     return (motion.states.rotation[..., 1] * motion.states.velocity).sum(-1).abs().max().item()
 
 
-def run(study: Study) -> Iterator[ExperimentStep]:
+def run(study: Study) -> ExperimentSteps:
     """Plan all drives of couches and differential drives; those of other robots are left out."""
     tasks = [task for task in study.tasks if task.robot in (COUCH, WHEELS)]
     drives = [one for task in study.first(tasks, "ground tasks") for one in drives_of(task)]
     answers = yield from run_trials(study, "planning", drive, drives)
     done = [answer for answer in answers if answer is not None]
-    rows, ways = tuple(row for row, _ in done), [way for _, way in done]
+    rows, paths = tuple(row for row, _ in done), [path for _, path in done]
     walls = outlines(study.open_arena(), rows[0]["height_m"]) if rows else np.empty((0, 2, 2))
-    summary = {**summary_of(rows), "refused": len(answers) - len(done)}
-    yield Results(summary, rows, {"ground_robots": partial(picture, rows, ways, walls)})
+    summary = {**summarize(rows), "refused": len(answers) - len(done)}
+    return Results(summary, rows, {"ground_robots": partial(draw_figure, rows, paths, walls)})
+
+
+def summarize(rows: Sequence[Row]) -> Row:
+    """Overlaps of couches that may turn and may not, and whether wheels slid."""
+    turning, held = ([row for row in rows if row["robot"] == COUCH and row["heading_held"] is so]
+                     for so in (False, True))  # fmt: skip
+    wheels = [row for row in rows if row["robot"] == WHEELS]
+    return {
+        "couch_drives": len(turning),
+        "couch_touched": sum(row["touched"] for row in turning),
+        "couch_max_overlap_m3": max((row["max_overlap_m3"] for row in turning), default=None),
+        "couch_held_touched": sum(row["touched"] for row in held),
+        "couch_held_max_overlap_m3": max((row["max_overlap_m3"] for row in held), default=None),
+        "gap_overlap_m3": turning[0]["max_overlap_m3"] if turning else None,
+        "gap_overlap_held_m3": held[0]["max_overlap_m3"] if held else None,
+        "wheel_drives": len(wheels),
+        "wheel_touched": sum(row["touched"] for row in wheels),
+        "wheel_lateral_speed_max_mps": max((row["lateral_speed_max_mps"] for row in wheels), default=None),
+        "goal_missed_max_m": max((row["goal_missed_by_m"] for row in rows), default=None),
+    }
+
+
+def draw_figure(rows: Sequence[Row], paths: Sequence[PlanarPath], walls: np.ndarray) -> Figure:
+    """Plot the first couch with and without its turn, and the paths of all wheels, from above."""
+    from matplotlib.collections import LineCollection
+
+    figure, (free, held, wheels) = panels(("May turn", "May not turn", "On wheels"), height=3.8)
+    for axes, so in ((free, False), (held, True)):
+        index = next((i for i, row in enumerate(rows) if row["robot"] == COUCH and row["heading_held"] is so), None)
+        if index is not None:
+            _trail(axes, paths[index], COUCH, COLORS[4 if rows[index]["touched"] else 0])
+            overlap = 1e6 * rows[index]["max_overlap_m3"]
+            axes.set_title(f"{axes.get_title()}: overlap {overlap:.3g} cm$^3$", fontsize=10)
+    for k, index in enumerate(i for i, row in enumerate(rows) if row["robot"] == WHEELS):
+        _trail(wheels, paths[index], WHEELS, COLORS[k // 2 % len(COLORS)])
+    for axes in (free, held, wheels):
+        axes.add_collection(LineCollection(walls.tolist(), colors="0.45", linewidths=0.8), autolim=False)
+        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    return figure
+
+
+def _trail(axes: Axes, path: PlanarPath, name: str, color: str) -> None:
+    """Draw outlines of a robot along its path."""
+    half = 0.5 * torch.tensor(robots.load(name).body.extents[:2])
+    outline = half * torch.tensor([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
+    for x, y, heading in path:
+        corners = outline @ so3.from_yaw(torch.tensor(heading))[:2, :2].T + torch.tensor([x, y])
+        axes.plot(*corners.T.tolist(), color=color, linewidth=0.6, alpha=0.7)
+    axes.plot([x for x, _, _ in path], [y for _, y, _ in path], color=color, linewidth=1.2)

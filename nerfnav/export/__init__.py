@@ -1,4 +1,4 @@
-"""Taking plans and episodes away: to files, robots and viewers."""
+"""Export of plans and flights: to files, robots and viewers."""
 
 import lazy_loader
 

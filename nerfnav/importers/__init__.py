@@ -1,4 +1,4 @@
-"""What others have made becomes a field or a scene: captures, meshes, trained NeRFs, Gaussian splats."""
+"""Importers: turn captures, meshes, trained NeRFs and Gaussian splats into fields and scenes."""
 
 import lazy_loader
 

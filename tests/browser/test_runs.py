@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from playwright.sync_api import BrowserContext
 
-from nerfnav.export.tum import poses_of_tum
 from nerfnav_app.jobs.events import JobEvents, JobResult, PlaceOpened
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings, StartFlight
@@ -17,6 +16,7 @@ from tests.app.doubles import ScriptedWork, balls_place
 from tests.app.storage.stored_runs import put
 from tests.browser.tab import Tab
 from tests.export.flights import flown
+from tests.export.readers import poses_of_tum
 from tests.waiting import PATIENCE_S, until
 
 Serve = Callable[..., App]

@@ -19,10 +19,10 @@ from nerfnav.core.steps import run_steps
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.estimator.core.filter_config import FilterConfig
 from nerfnav.estimator.gauss_newton.fast_filter import FastFilter
+from nerfnav.experiments.arena import Arena, make_renderer, take_picture
 from nerfnav.experiments.disturbed_flights import DT, Trial, fly_disturbed
 from nerfnav.experiments.estimation import errors_of
-from nerfnav.experiments.held_out_views import make_renderer, take_picture
-from nerfnav.experiments.study import Arena, Row
+from nerfnav.experiments.study import Row
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
 from nerfnav.robots import CAMERA, StateNoise

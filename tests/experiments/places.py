@@ -5,7 +5,7 @@ from functools import cache
 import torch
 import trimesh
 
-from nerfnav.experiments.study import Arena
+from nerfnav.experiments.arena import Arena
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.world.scene import Scene, Task

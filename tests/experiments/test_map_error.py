@@ -7,8 +7,8 @@ import pytest
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.map_error import position_floor
-from nerfnav.experiments.study import Arena
 from nerfnav.field import VoxelField, load_field, save_field
 from nerfnav_scenes.measure import main
 

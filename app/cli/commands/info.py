@@ -13,6 +13,7 @@ from tyro.conf import Positional
 
 import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError
+from nerfnav.core.steps import run_steps
 from nerfnav.experiments import (
     FreeSpaceAccuracy,
     GeometryReport,
@@ -67,7 +68,7 @@ def free_space_accuracy_of(field: StoredField, path: Path) -> FreeSpaceAccuracy:
 
 def geometry_of(field: StoredField, scene: Scene) -> GeometryReport:
     """The field against the mesh, seen from where the photographs that it was trained from were taken."""
-    return measure_geometry(field, grain(field)["voxel_m"], scene, _seen_from(field, scene))
+    return measure_geometry(field, grain(field)["voxel_m"], scene, *_seen_from(field, scene))
 
 
 def _seen_from(field: StoredField, scene: Scene) -> tuple[Camera, Pose]:
@@ -90,9 +91,7 @@ def truth_of(what: str, field: StoredField, path: Path) -> Scene:
     if own is not None and (scene := own.load()).name == Path(what).name:
         return scene
     box = (_corner(field.box.lower), _corner(field.box.upper))
-    *_, last = import_mesh(Path(what), SceneConfig(Placement(box=box)))
-    assert last.imported is not None  # the last step carries the scene
-    return last.imported.scene
+    return run_steps(import_mesh(Path(what), SceneConfig(Placement(box=box)))).scene
 
 
 def _corner(point: torch.Tensor) -> tuple[float, float, float]:

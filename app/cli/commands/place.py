@@ -7,7 +7,7 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from nerfnav.importers import AlignmentRequest
-from nerfnav_app.cli.commands.train import Corners, Up, vector
+from nerfnav_app.cli.commands.train import Corners, Up, measured_distance, vector
 from nerfnav_app.cli.number_arguments import numbers_argument
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.field.georeference import PlaceRequest
@@ -49,7 +49,7 @@ def run(arguments: Arguments) -> None:
     """Put the field right, store it, and print what has changed."""
     measured, floor, box = arguments.measure, arguments.floor, arguments.box
     correction = AlignmentRequest(
-        measured=None if measured is None else (vector(measured[:3]), vector(measured[3:6]), measured[6]),
+        measured=None if measured is None else measured_distance(measured),
         scale=arguments.scale,
         floor=None if floor is None else (vector(floor[:3]), vector(floor[3:6]), vector(floor[6:])),
         find_floor=arguments.find_floor,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from nerfnav.importers import AXES, MeshOptions, Placement
+from nerfnav.importers import AXES, MeasuredDistance, MeshOptions, Placement
 from nerfnav_app.cli.number_arguments import numbers_argument, parse_count, words_argument
 from nerfnav_app.cli.progress import run_and_print
 from nerfnav_app.jobs.field.request import NeuralOptions, Photographs, QualityName, TrainRequest
@@ -42,7 +42,7 @@ class PlacementArguments:
         return Placement(
             up,
             self.scale,
-            None if picked is None else (vector(picked[:3]), vector(picked[3:6]), picked[6]),
+            None if picked is None else measured_distance(picked),
             None if box is None else (vector(box[:3]), vector(box[3:])),
         )
 
@@ -125,3 +125,8 @@ def vector(numbers: tuple[float, ...]) -> tuple[float, float, float]:
     """Three numbers."""
     x, y, z = numbers
     return x, y, z
+
+
+def measured_distance(numbers: tuple[float, ...]) -> MeasuredDistance:
+    """Two points and their distance, from seven numbers."""
+    return MeasuredDistance(vector(numbers[:3]), vector(numbers[3:6]), numbers[6])

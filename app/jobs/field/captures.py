@@ -6,9 +6,8 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.importers import ImportConfig, ImportedCapture, import_capture, make_capture_of_video
 from nerfnav.importers.core.kinds import VIDEOS
-from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.field.request import TrainRequest
-from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.field.training_data import Gathering, TrainingData, relay_import
 from nerfnav_app.jobs.field.unpacking import capture_unpacked
 
 ITERATIONS = 2000
@@ -36,22 +35,15 @@ def gather(request: TrainRequest) -> Gathering:
     )
     with capture_unpacked(Path(request.source)) as (source, within):
         if (video := Path(request.source)).suffix.lower() in VIDEOS:
-            for posing in make_capture_of_video(video, source):
-                if (yield Progress(posing.doing, posing.fraction)):
-                    raise StoppedError("stopped while posing the video: nothing was learned yet, so nothing is saved")
+            yield from relay_import(make_capture_of_video(video, source), "posing the video")
         photographs = request.photographs
         config = ImportConfig(
             request.placement, photographs.downscale, photographs.held_out_every, request.depth is not False, within
         )
-        for step in import_capture(source, config):
-            stop = yield Progress("reading photographs", step.fraction)
-            if step.capture is not None:
-                if request.depth and not step.capture.report.images_with_depth:
-                    raise InvalidInputError(f"{source} has no depth maps (depth_file_path) to learn with")
-                return _material(step.capture, request.budget)
-            if stop:
-                raise StoppedError("stopped while reading photographs: nothing was learned yet, so nothing is saved")
-    raise AssertionError("an import ends with its capture")
+        capture = yield from relay_import(import_capture(source, config), "reading photographs")
+        if request.depth and not capture.report.images_with_depth:
+            raise InvalidInputError(f"{source} has no depth maps (depth_file_path) to learn with")
+        return _material(capture, request.budget)
 
 
 def _material(capture: ImportedCapture, budget: float | None) -> TrainingData:

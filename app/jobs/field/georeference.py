@@ -88,7 +88,7 @@ def moved_field(field: StoredField, change: Alignment) -> Generator[JobEvent, bo
 def placed_splats(splats: Splats, change: Alignment) -> Splats:
     """Splats where they belong: nothing of them is lost."""
     similarity = change.similarity
-    placed = splats.placed(similarity.rotation.numpy(), similarity.scale)
+    placed = splats.to_world(similarity.rotation.numpy(), similarity.scale)
     return replace(placed, centers=(placed.centers + similarity.translation.numpy()).astype("float32"))
 
 
@@ -183,7 +183,7 @@ def run(request: PlaceRequest) -> JobEvents:
     splats = placed_splats(load_splats(beside), change) if beside.is_file() else None
     changed = (yield from moved_field(field, change)) if splats is None else voxels_of(splats, field, change)
     truth, told = truth_of(field, path, change, changed)
-    told = (*change.told, *cut_in_words(change, changed), *told)
+    told = (*change.changes, *cut_in_words(change, changed), *told)
     changed = replace(changed, info=info_of(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
     yield Progress("storing the field", 0.95)
     return save(Placed(changed, splats, truth, told), out)

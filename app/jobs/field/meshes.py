@@ -1,18 +1,16 @@
 """Training data from a mesh: it becomes a scene, is photographed from where it is free, and is its own ground truth."""
 
-from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 
 import torch
 
 from nerfnav.field import TrainConfig
-from nerfnav.importers import Imported, SceneConfig, import_mesh
+from nerfnav.importers import SceneConfig, import_mesh
 from nerfnav.world import split
-from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.bundled import images_for, iterations_for, photograph
 from nerfnav_app.jobs.field.request import TrainRequest
-from nerfnav_app.jobs.field.training_data import Gathering, StoppedError, TrainingData
+from nerfnav_app.jobs.field.training_data import Gathering, TrainingData, relay_import
 from nerfnav_app.jobs.field.unpacking import mesh_unpacked
 
 LEAST_NODES, NODES_PER_SECOND = 3e5, 4e4
@@ -24,7 +22,7 @@ def gather(request: TrainRequest) -> Gathering:
     request.require_unset("a mesh", downscale=request.photographs.downscale)
     with mesh_unpacked(Path(request.source)) as path:
         config = SceneConfig(request.placement, request.mesh, request.voxel, _nodes(request.budget))
-        imported = yield from _imported(path, config)
+        imported = yield from relay_import(import_mesh(path, config), "reading the mesh")
     scene = imported.scene
     assert scene.voxel is not None  # an imported scene says what suits it
     # places of all sizes take as much work, in voxels
@@ -43,13 +41,3 @@ def gather(request: TrainRequest) -> Gathering:
 def _nodes(budget: float | None) -> float:
     """How many nodes can be trained in a time [s]: a grid that no ray has reached yet is worse than a coarse one."""
     return SceneConfig.nodes if budget is None else min(SceneConfig.nodes, max(LEAST_NODES, NODES_PER_SECOND * budget))
-
-
-def _imported(path: Path, config: SceneConfig) -> Generator[JobEvent, bool | None, Imported]:
-    for step in import_mesh(path, config):
-        stop = yield Progress(step.doing, step.fraction)
-        if stop:
-            raise StoppedError("stopped while reading the mesh: nothing was learned yet, so nothing is saved")
-        if step.imported is not None:
-            return step.imported
-    raise AssertionError("an import ends with its scene")

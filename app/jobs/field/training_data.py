@@ -8,6 +8,7 @@ import importlib
 from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from jaxtyping import Float
 from torch import Tensor
@@ -16,9 +17,12 @@ import nerfnav_scenes as scenes
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav.geometry import Box, PosedImages
 from nerfnav.importers import SourceKind, source_kind, wrong_kind_error
+from nerfnav.importers.core.progress import ImportStep
 from nerfnav.world import Scene
-from nerfnav_app.jobs.events import JobEvent
+from nerfnav_app.jobs.events import JobEvent, Progress
 from nerfnav_app.jobs.field.request import Photographs, TrainRequest
+
+Imported = TypeVar("Imported")
 
 
 class StoppedError(NerfnavError):
@@ -60,6 +64,19 @@ class TrainingData:
         return tuple(map(str, told)) if isinstance(told, list | tuple) else ()
 
 
+def relay_import(
+    steps: Generator[ImportStep, None, Imported], doing: str
+) -> Generator[JobEvent, bool | None, Imported]:
+    """Yield the steps of an import as progress, and return its result. Raises StoppedError where it is stopped."""
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return end.value
+        if (yield Progress(step.doing, step.fraction)):
+            raise StoppedError(f"stopped while {doing}: nothing was learned yet, so nothing is saved")
+
+
 Gathering = Generator[JobEvent, bool | None, TrainingData]
 """Training data in the making: yields progress, and returns it. Send True to stop early."""
 
@@ -72,7 +89,7 @@ KINDS = {
 }
 """The file for each kind; it is imported only when it is needed."""
 
-__all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather"]
+__all__ = ["Gathering", "Photographs", "StoppedError", "TrainRequest", "TrainingData", "gather", "relay_import"]
 
 
 def gather(request: TrainRequest) -> Gathering:

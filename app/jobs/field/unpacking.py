@@ -13,8 +13,7 @@ from nerfnav.importers import (
 )
 from nerfnav.importers.captures.archive import extract, unpack_capture
 from nerfnav.importers.core.kinds import ARCHIVES, VIDEOS
-from nerfnav.importers.meshes.files import SUFFIXES
-from nerfnav.importers.meshes.folders import mesh_file, meshes_in_archive, only_one
+from nerfnav.importers.meshes.files import SUFFIXES, list_archived_meshes, resolve_mesh, select_mesh
 
 _BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".tif", ".tiff")
 """Endings of the files that meshes in an archive may need."""
@@ -24,10 +23,10 @@ _BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".t
 def mesh_unpacked(source: Path) -> Iterator[Path]:
     """The mesh file, unpacked where it came in an archive."""
     if source.suffix.lower() != ".zip":
-        yield mesh_file(source)
+        yield resolve_mesh(source)
         return
-    names = meshes_in_archive(source)
-    name = only_one([PurePosixPath(name) for name in names])
+    names = list_archived_meshes(source)
+    name = select_mesh([PurePosixPath(name) for name in names])
     if name is None:
         raise InvalidInputError(f"{source} holds {len(names)} meshes ({', '.join(names[:5])}): pack one alone")
     with tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True) as folder:

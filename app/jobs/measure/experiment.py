@@ -4,7 +4,7 @@ A new experiment is a file in nerfnav/experiments and an entry in EXPERIMENTS.
 """
 
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,9 +12,10 @@ from pathlib import Path
 from nerfnav import __version__
 from nerfnav.core.errors import InvalidInputError, MissingExtraError
 from nerfnav.core.registry import Registry
+from nerfnav.core.steps import map_steps
 from nerfnav.experiments import (
     Arena,
-    ExperimentStep,
+    ExperimentSteps,
     FlightOptions,
     Journal,
     Results,
@@ -46,7 +47,7 @@ class Experiment:
 
     name: str
     """What users call it."""
-    run: Callable[[Study], Iterator[ExperimentStep]]
+    run: Callable[[Study], ExperimentSteps]
     """What does it."""
     purpose: str
     """What it shows, for people."""
@@ -169,13 +170,7 @@ def run(request: ExperimentRequest) -> JobEvents:
     )  # fmt: skip
     further = experiment.beside if request.place is None else ()
     study = replace(study, beside=tuple(_elsewhere(study, name, about) for name in further))
-    results: Results | None = None
-    for step in experiment.run(study):
-        if isinstance(step, TrialDone):
-            yield Progress(f"{step.label}, {step.done} of {step.total}", step.done / max(1, step.total))
-        else:
-            results = step
-    assert results is not None, "an experiment ends with its results"
+    results = yield from map_steps(experiment.run(study), _progress)
     figures: dict[str, bytes] = {}
     if out is not None:
         figures, left_out = _drawn(results)
@@ -184,6 +179,10 @@ def run(request: ExperimentRequest) -> JobEvents:
     if journal is not None:
         journal.path.unlink(missing_ok=True)
     return JobResult(results.summary, files)
+
+
+def _progress(step: TrialDone) -> Progress:
+    return Progress(f"{step.label}, {step.done} of {step.total}", step.done / max(1, step.total))
 
 
 def _drawn(results: Results) -> tuple[dict[str, bytes], Row]:

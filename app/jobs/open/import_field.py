@@ -57,7 +57,7 @@ def import_splats(request: ImportRequest, out: Path) -> JobEvents:
     yield Progress("reading the splats", 0.0)
     place, read = request.placement, load_splats(request.source)
     stands = place_splats(read, place, request.source)
-    splats = read.placed(rotation_to_z(np.array(stands.up)), stands.scale)
+    splats = read.to_world(rotation_to_z(np.array(stands.up)), stands.scale)
     yield Progress("filling the voxels", 0.2)
     box = None if place.box is None else Box.of(*place.box)
     made = voxelize(splats, VoxelizeConfig(voxel=request.voxel, box=box), request.source.name)

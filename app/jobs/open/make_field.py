@@ -9,7 +9,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.field import load_field
 from nerfnav.importers import field_name
 from nerfnav.importers.core.kinds import ARCHIVES, folder_of_source
-from nerfnav.importers.meshes.folders import meshes_in_archive
+from nerfnav.importers.meshes.files import list_archived_meshes
 from nerfnav_app.jobs.events import JobEvents
 from nerfnav_app.jobs.field import train
 from nerfnav_app.jobs.field.train import TrainRequest
@@ -50,7 +50,7 @@ def _called(source: Path) -> set[str]:
     if source.is_dir():
         inside = {path.name for path in (*source.glob("*"), *source.glob("meshes/*"))}
     elif source.suffix.lower() in ARCHIVES:
-        inside = {Path(name).name for name in meshes_in_archive(source)}
+        inside = {Path(name).name for name in list_archived_meshes(source)}
     return {source.name, f"capture {source.name}", *inside}
 
 

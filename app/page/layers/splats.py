@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from nerfnav.importers import Splats
-from nerfnav.importers.splats.gaussians import in_half_precision
+from nerfnav.importers.splats.gaussians import fit_half_precision
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import Backdrop
 
@@ -36,4 +36,4 @@ def arrays(splats: Splats) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
 
     It gets covariances in half precision: what that would make infinite or negative is brought within its range.
     """
-    return splats.centers, in_half_precision(splats.covariances), splats.rgbs, splats.opacities[:, None]
+    return splats.centers, fit_half_precision(splats.covariances), splats.rgbs, splats.opacities[:, None]

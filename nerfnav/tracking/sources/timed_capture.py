@@ -7,7 +7,7 @@ from typing import Any
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Camera, read_camera
-from nerfnav.importers.captures.transforms import head_and_frames
+from nerfnav.importers.captures.transforms import read_frames
 from nerfnav.tracking.frame import Frame, ImuMeasurements
 from nerfnav.tracking.sources.pictures import TimedFile, pictures_of
 
@@ -29,7 +29,7 @@ class PosedSource:
     def of(cls, path: Path) -> "PosedSource":
         """The photographs of a capture, in the order of their times. Raises InvalidInputError where one tells none."""
         path = path / _NAME if path.is_dir() else path
-        head, frames = head_and_frames(path)
+        head, frames = read_frames(path)
         camera = read_camera(path) if "fl_x" in head else None  # which took all of them
         return cls(tuple(sorted(_entry(frame, path) for frame in frames)), camera)
 
@@ -48,7 +48,7 @@ def is_capture_with_times(path: Path) -> bool:
     path = path / _NAME if path.is_dir() else path
     if path.name != _NAME or not path.is_file():
         return False
-    return any("time_s" in frame for frame in head_and_frames(path)[1])
+    return any("time_s" in frame for frame in read_frames(path)[1])
 
 
 def _entry(frame: dict[str, Any], path: Path) -> TimedFile:

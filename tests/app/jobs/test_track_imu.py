@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from nerfnav.export.tum import poses_of_tum
 from nerfnav.field import save_field
 from nerfnav_app.cli.main import main
+from tests.export.readers import poses_of_tum
 from tests.tracking.shaken import BIASES, MOUNT, Shaken
 from tests.tracking.walks import CAMERA, every, field
 

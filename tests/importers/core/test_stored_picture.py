@@ -79,7 +79,7 @@ def test_what_is_known_of_a_camera_tells_the_proportions_of_its_pictures() -> No
 
 
 @pytest.mark.parametrize(("mode", "colored"), [("RGB", True), ("RGBA", True), ("L", False), ("P", True)])
-def test_grey_pictures_are_told_from_coloured_ones(mode: str, colored: bool) -> None:
+def test_grey_pictures_are_distinguished_from_coloured_ones(mode: str, colored: bool) -> None:
     assert read_picture(turned(1, mode)).colored is colored
 
 

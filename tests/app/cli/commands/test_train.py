@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nerfnav.core.errors import NerfnavError
-from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.core.placement import MeasuredDistance, Placement
 from nerfnav_app.cli.main import main, parse
 from tests.importers.captures.synthetic import changed, write_transforms
 
@@ -30,7 +30,8 @@ def test_up_is_a_direction_or_an_axis() -> None:
 
 def test_two_picked_points_and_a_distance_are_seven_numbers_and_a_box_is_six() -> None:
     words = ["--picked", "0", "0", "-1", "0", "3", "3", "2.5", "--box", "-1", "-1", "0", "1", "1", "2"]
-    assert placement(*words) == Placement(picked=((0, 0, -1), (0, 3, 3), 2.5), box=((-1, -1, 0), (1, 1, 2)))
+    picked = MeasuredDistance((0, 0, -1), (0, 3, 3), 2.5)
+    assert placement(*words) == Placement(picked=picked, box=((-1, -1, 0), (1, 1, 2)))
     assert placement(*words).meters_per_unit == 0.5
 
 

@@ -13,7 +13,6 @@ from nerfnav.export import formats
 from nerfnav.export.formats import FORMATS, ExportFormat
 from nerfnav.export.recording import Exported, Recording
 from nerfnav.export.tables import json_text, motion_table
-from nerfnav.export.tum import poses_of_tum
 from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field, save_field
@@ -28,6 +27,7 @@ from nerfnav_app.storage.step_log import FILE
 from tests.app.following import result_of
 from tests.app.storage.stored_runs import put
 from tests.export.flights import flown, hover_to_hover
+from tests.export.readers import poses_of_tum
 
 
 def exported(folder: Path, format: str, out: Path) -> dict:

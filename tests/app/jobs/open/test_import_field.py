@@ -11,7 +11,7 @@ from nerfnav.core.errors import InvalidInputError
 from nerfnav.field.models.neural import NeuralField
 from nerfnav.field.models.voxel import VoxelField
 from nerfnav.field.storage.checkpoint import load_field
-from nerfnav.importers.core.placement import Placement
+from nerfnav.importers.core.placement import MeasuredDistance, Placement
 from nerfnav_app.cli import main as cli
 from nerfnav_app.jobs.events import Progress
 from nerfnav_app.jobs.open import make_field as adopt
@@ -65,7 +65,7 @@ def test_a_place_of_absurd_size_is_told_to_be_measured(tmp_path: Path) -> None:
     last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "moon.npz", voxel=30.0)))
     told = [guess for guess in last.summary["source"]["guesses"] if "measure something" in guess]
     assert len(told) == 1 and "would be 1.2 km long" in told[0]
-    picked = ((0.0, 0.0, 0.0), (0.0, 0.0, 600.0), 2.0)
+    picked = MeasuredDistance((0.0, 0.0, 0.0), (0.0, 0.0, 600.0), 2.0)
     placement = Placement(picked=picked)
     last = result_of(run(ImportRequest(tmp_path / "moon.ply", tmp_path / "small.npz", voxel=0.1, placement=placement)))
     assert not any("measure something" in guess for guess in last.summary["source"]["guesses"])

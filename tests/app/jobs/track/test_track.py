@@ -11,11 +11,11 @@ import pytest
 import torch
 
 from nerfnav.export.track import OPENCV
-from nerfnav.export.tum import poses_of_tum
 from nerfnav.field import save_field
 from nerfnav.geometry import Camera, so3
 from nerfnav.geometry.similarity import Similarity
 from nerfnav_app.cli.main import main
+from tests.export.readers import poses_of_tum
 from tests.tracking.walks import CAMERA, DT, every, field, pose, walk
 
 PLACED = Similarity(so3.exp(torch.tensor([0.3, -0.2, 0.5]).double()), torch.tensor([1.0, 2.0, 3.0]).double(), 2.0)

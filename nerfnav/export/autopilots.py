@@ -1,12 +1,18 @@
-"""Messages for PX4, as CSV with one row for each message and one column for each number of it.
+"""Autopilots: setpoints and odometry for PX4 and ArduPilot, as CSV with one row for each message.
 
-The columns have the names of the fields of px4_msgs of PX4 1.16 and later (MESSAGE_VERSION 0 of both messages), arrays
-as ulog2csv and pandas have them: position[0], position[1], ... The first line begins with # and says so.
+Each column is a number of the message. The world is taken for NED (see nerfnav.export.setpoints), the body for FRD (x
+forward, y right, z down). The first line is a comment that begins with #.
 
     px4             TrajectorySetpoint   for offboard mode; kinematically consistent at every row
-    px4-odometry    VehicleOdometry      what the robot believed on a flight, for the topic vehicle_visual_odometry
+    px4-odometry    VehicleOdometry      the robot's estimate on a flight, for the topic vehicle_visual_odometry
+    ardupilot       SET_POSITION_TARGET_LOCAL_NED (84) of MAVLink, for guided mode
 
-The world is taken for NED (see nerfnav.export.setpoints), the body for FRD (x forward, y right, z down).
+Columns of PX4 have the names of the fields of px4_msgs of PX4 1.16 and later (MESSAGE_VERSION 0 of both messages),
+arrays as ulog2csv and pandas have them: position[0], position[1], ...
+
+Columns of ArduPilot have the names of the message's fields. Frame MAV_FRAME_LOCAL_NED (1): positions count from the
+origin of the vehicle's estimator, which must be that of the world, north along the world's y axis. Type mask 2048:
+position, velocity, acceleration and yaw are used, the yaw rate is not.
 """
 
 import numpy as np
@@ -37,10 +43,16 @@ ODOMETRY_COLUMNS = (
 """The same for odometry."""
 _FLIP = torch.diag(torch.tensor([1.0, -1.0, -1.0], dtype=torch.float64))
 _NED_OF_ENU = torch.tensor([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], dtype=torch.float64)
+TYPE_MASK, _LOCAL_NED = 2048, 1
+ARDUPILOT_COLUMNS = (
+    "time_boot_ms", "coordinate_frame", "type_mask", "x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw",
+    "yaw_rate",
+)  # fmt: skip
+"""Names of the message's fields; the time counts from the start [ms]."""
 
 
 def px4(recording: Recording) -> Exported:
-    """Setpoints along the smooth curve of a plan or a flight."""
+    """Export setpoints along the smooth curve of a plan or a flight."""
     curve, times = setpoints_of(recording)
     rows = ned_rows(curve, times)
     table = [times[:, None], *(rows[name] for name in _ARRAYS), rows["yaw"][:, None], rows["yawspeed"][:, None]]
@@ -53,7 +65,7 @@ def px4(recording: Recording) -> Exported:
 
 
 def px4_odometry(recording: Recording) -> Exported:
-    """What the robot believed, with variances: a flight as vision that PX4's estimator takes in.
+    """Export the robot's estimate with variances: a flight as vision for PX4's estimator.
 
     Raises InvalidInputError for a plan.
     """
@@ -65,6 +77,25 @@ def px4_odometry(recording: Recording) -> Exported:
     )
     rows = [_odometry(step) for step in recording.steps]
     return Exported(csv_of(comment, ODOMETRY_COLUMNS, rows), {"message_version": MESSAGE_VERSION, "frame": "NED"})
+
+
+def ardupilot(recording: Recording) -> Exported:
+    """Export setpoints along the smooth curve of a plan or a flight."""
+    curve, times = setpoints_of(recording)
+    times = np.append(times[:-1], -(-times[-1] // 1000) * 1000)  # the message counts whole milliseconds
+    rows = ned_rows(curve, times)
+    fixed = np.tile([_LOCAL_NED, TYPE_MASK], (len(times), 1))
+    vectors = [rows[name] for name in ("position", "velocity", "acceleration")]
+    table = [times[:, None] // 1000, fixed, *vectors, rows["yaw"][:, None], rows["yawspeed"][:, None]]
+    comment = (
+        f"MAVLink SET_POSITION_TARGET_LOCAL_NED; coordinate_frame {_LOCAL_NED} (MAV_FRAME_LOCAL_NED), origin of the "
+        f"estimator at the origin of the world; type_mask {TYPE_MASK} (all but yaw_rate); {RATE_HZ} Hz; "
+        f"of {curve.motion}; {_ending(recording)}"
+    )
+    content = csv_of(comment, ARDUPILOT_COLUMNS, np.concatenate(table, -1).tolist())
+    return Exported(
+        content, {"type_mask": TYPE_MASK, "origin": "the world's", **describe_setpoints(recording, curve)}, curve.shape
+    )
 
 
 def _odometry(step: NavigationStep) -> list[float]:

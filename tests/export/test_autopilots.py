@@ -9,8 +9,14 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.export.ardupilot import COLUMNS, ardupilot
-from nerfnav.export.px4 import ODOMETRY_COLUMNS, SETPOINT_COLUMNS, px4, px4_odometry
+from nerfnav.export.autopilots import (
+    ARDUPILOT_COLUMNS,
+    ODOMETRY_COLUMNS,
+    SETPOINT_COLUMNS,
+    ardupilot,
+    px4,
+    px4_odometry,
+)
 from nerfnav.export.recording import Recording
 from nerfnav.export.setpoints import cell_of, ned_of_enu, yaw_ned_of_enu
 from nerfnav.geometry import so3
@@ -84,11 +90,11 @@ def test_a_plan_begins_and_ends_where_it_should_at_rest_and_unaccelerated() -> N
 
 def test_what_a_setpoint_asks_is_never_more_than_what_the_plan_asks() -> None:
     recording = hover_to_hover()
-    told, velocity = px4(recording).info, recording.velocity
+    reported, velocity = px4(recording).info, recording.velocity
     pull = velocity.diff(dim=0) / recording.times[1] + torch.tensor([0, 0, Quadrotor().config.gravity])
-    assert told["max_thrust_n"] <= Quadrotor().config.mass * pull.norm(dim=-1).max() + 1e-6
-    assert told["max_speed_mps"] <= velocity.norm(dim=-1).max() + 1e-6
-    assert np.cos(np.radians(told["max_tilt_deg"])) >= (pull[:, 2] / pull.norm(dim=-1)).min() - 1e-6
+    assert reported["max_thrust_n"] <= Quadrotor().config.mass * pull.norm(dim=-1).max() + 1e-6
+    assert reported["max_speed_mps"] <= velocity.norm(dim=-1).max() + 1e-6
+    assert np.cos(np.radians(reported["max_tilt_deg"])) >= (pull[:, 2] / pull.norm(dim=-1)).min() - 1e-6
 
 
 def test_no_zero_has_a_sign() -> None:
@@ -110,7 +116,7 @@ def test_a_heading_that_passes_half_a_turn_does_not_jump() -> None:
 def test_ardupilot_gets_every_field_that_its_type_mask_asks_for() -> None:
     made, setpoints = ardupilot(hover_to_hover()), read(px4(hover_to_hover()).content)
     rows = read(made.content)
-    assert tuple(rows.columns) == COLUMNS
+    assert tuple(rows.columns) == ARDUPILOT_COLUMNS
     assert set(rows["type_mask"]) == {2048} and set(rows["coordinate_frame"]) == {1}
     np.testing.assert_allclose(rows[["x", "y", "z"]], vectors(setpoints, "position"), atol=1e-9)
     np.testing.assert_allclose(rows[["afx", "afy", "afz"]], vectors(setpoints, "acceleration"), atol=1e-9)
