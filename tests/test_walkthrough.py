@@ -15,11 +15,10 @@ from nerfnav.field.storage.checkpoint import load_field, save_field
 from nerfnav.field.train.config import TrainConfig
 from nerfnav.field.train.loop import train
 from nerfnav.geometry.camera import Camera
-from nerfnav.navigation.episode import Episode
+from nerfnav.navigation.episode import Episode, NavigationStep
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.simulator import Simulator
-from nerfnav.navigation.steps import NavigationStep
 from nerfnav.planner.objective.problem import PlanProblem
 from nerfnav.planner.planners.paper import PaperPlanner
 from nerfnav.planner.solvers.adam import PlanConfig, plan
@@ -66,12 +65,12 @@ def test_from_photographs_to_a_flight(tmp_path: Path) -> None:
     # The filter turns each picture into a belief; the plan is made anew from it: three steps of the paper's loop.
     filtering = FilterConfig(descent=DescentConfig(iterations=150)).for_field(field.info)
     settings = NavigateConfig(filter=filtering)
-    pilot = NavigationStack(
+    stack = NavigationStack(
         PaperPlanner(field, robot, again=PlanConfig(iterations=20)),
         PoseFilter(field, robot, camera, config=filtering),
     )
     flown: list[NavigationStep] = []
-    for event in navigate(FlightRequest(task.goal_state, plan=planned.motion), simulator, pilot, settings, generator):
+    for event in navigate(FlightRequest(task.goal_state, plan=planned.motion), simulator, stack, settings, generator):
         if isinstance(event, NavigationStep):
             flown.append(event)
         if len(flown) == 4:

@@ -14,7 +14,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from nerfnav.field import TrainStep
-from nerfnav.navigation import LoopEvent
+from nerfnav.navigation import FlightStep
 from nerfnav.robots import Motion
 from nerfnav.tracking import TrackedFrame
 from nerfnav_app.places.place import Place
@@ -121,7 +121,7 @@ class FrameTracked:
     """What the field shows from there; None likewise, and where nobody knows where that is."""
 
 
-JobEvent = LoopEvent | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | FrameTracked
+JobEvent = FlightStep | TrainStep | Progress | PlaceOpened | SurfaceShaped | PlannerCompared | FileMade | FrameTracked
 
 JobReport = JobEvent | JobFinished | JobFailed
 """What is told of a job that runs: what it yields, then how it ended."""

@@ -11,8 +11,8 @@ from nerfnav_app.jobs.events import JobResult
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import title_of
-from nerfnav_app.reducers.common import moved, noticed, settled, typed
-from nerfnav_app.reducers.jobs import begun, emptied
+from nerfnav_app.reducers.common import add_notice, enter_place, move_end, type_end
+from nerfnav_app.reducers.jobs import begin_job, discard_results
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import alignment as p
 from nerfnav_app.state.alignment import Ray
@@ -36,27 +36,27 @@ PlaceCommand = (
 )
 
 
-def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Session:
-    """The session after such a command, where `place` is open."""
+def command_place(session: Session, place: Place, command: PlaceCommand) -> Session:
+    """Reduce a command in the open `place`."""
     match command:
         case m.TypeEnd(which, end):
-            return typed(session, place, which, end)
+            return type_end(session, place, which, end)
         case m.MoveEnd(which, end, held):
-            return moved(session, place, which, end, held)
+            return move_end(session, place, which, end, held)
         case m.ChooseTask(name):
-            return _chosen_task(session, place, name)
+            return _choose_task(session, place, name)
         case m.OpenPlace(what):
-            return opening(session, what)
+            return open_place(session, what)
         case m.ChooseQuality(quality):
             return replace(session, quality=quality)
         case m.ListPlaces():
             return replace(session, places_asked=session.places_asked + 1)
         case m.Choose(choice):
-            return chosen(session, place, choice)
+            return make_choice(session, place, choice)
         case m.Aim(which):
             return replace(session, aiming=which, placing=replace(session.placing, pointing=None))
         case m.Point(origin, direction):
-            return _pointed(session, origin, direction)
+            return _point(session, origin, direction)
         case CameraMoved(client, eye):
             return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
         case CameraRested(view):
@@ -65,8 +65,8 @@ def place_commanded(session: Session, place: Place, command: PlaceCommand) -> Se
             return session.close_tab(client)
 
 
-def opening(session: Session, what: str) -> Session:
-    """The session that opens another place, and can go back to this one."""
+def open_place(session: Session, what: str) -> Session:
+    """Open another place, from which the session can go back to this one."""
     session = replace(session, before=None) if session.place is not None else session
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
     opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
@@ -76,33 +76,33 @@ def opening(session: Session, what: str) -> Session:
     return replace(opening, before=session if session.place is not None else session.before)
 
 
-def chosen(session: Session, place: Place, choice: Choice) -> Session:
-    """The session with another robot, planner or estimator; a notice where one of these is not known or not sound."""
+def make_choice(session: Session, place: Place, choice: Choice) -> Session:
+    """Choose another robot, planner or estimator; add a notice where one of these is unknown or invalid."""
     try:
         choice.check()
     except NerfnavError as error:
-        return noticed(session, "No such choice", sentence(str(error)), bad=True)
+        return add_notice(session, "No such choice", sentence(str(error)), bad=True)
     changed = replace(session, choice=choice)
     if choice.robot == session.choice.robot:
         return changed
-    # plans and flights are those of another body
-    return settled(emptied(changed), place)
+    # plans and flights belong to another body
+    return enter_place(discard_results(changed), place)
 
 
-def _chosen_task(session: Session, place: Place, name: str) -> Session:
-    """The session at the ends of a task, with the robot that the task is for."""
+def _choose_task(session: Session, place: Place, name: str) -> Session:
+    """Choose a task: its ends, and its robot."""
     task = next((task for task in place.tasks if task.name == name), None)
     if task is None:
         return session
     if task.robot != session.choice.robot:
-        session = chosen(session, place, replace(session.choice, robot=task.robot))
+        session = make_choice(session, place, replace(session.choice, robot=task.robot))
     return replace(
         session, task=name, home=name, ends=Ends.of_task(task), seeking=False, problems={}, offers={}, outside={}
     )
 
 
-def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
-    """The session that looks where a click lands, if an end is to be put there."""
+def _point(session: Session, origin: Vector, direction: Vector) -> Session:
+    """Point at the place with a click, which moves an end or measures."""
     if session.aiming is None:
         placing = session.placing
         if placing.pointing is None:
@@ -111,8 +111,8 @@ def _pointed(session: Session, origin: Vector, direction: Vector) -> Session:
     return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)
 
 
-def placing_commanded(session: Session, command: p.AlignmentAction) -> Session:
-    """The session after such a command, in an open place."""
+def command_alignment(session: Session, command: p.AlignmentAction) -> Session:
+    """Reduce a command of the alignment in an open place."""
     placing = session.placing
     match command:
         case p.PickPoints(pointing):
@@ -132,35 +132,35 @@ def placing_commanded(session: Session, command: p.AlignmentAction) -> Session:
         case p.DiscardAlignment():
             return replace(session, placing=p.AlignmentDraft(undo=placing.undo))
         case p.ApplyAlignment():
-            return _applied(session)
+            return _apply_alignment(session)
         case p.UndoAlignment():
-            return _undone(session)
+            return _undo_alignment(session)
 
 
-def placed(session: Session, result: JobResult) -> Session:
-    """The session that opens the place as it was put right, and can go back to it as it was."""
-    told = tuple(map(str, result.summary["changed"]))
-    placing = p.AlignmentDraft(undo=(*session.placing.undo, session.what), told=told)
-    opened = replace(opening(session, str(result.files[0])), placing=placing)
-    return noticed(opened, "Put right", sentence("; ".join(told)))
+def open_georeferenced(session: Session, result: JobResult) -> Session:
+    """Open the georeferenced place, from which the session can go back to the place before."""
+    changes = tuple(map(str, result.summary["changed"]))
+    placing = p.AlignmentDraft(undo=(*session.placing.undo, session.what), told=changes)
+    opened = replace(open_place(session, str(result.files[0])), placing=placing)
+    return add_notice(opened, "Georeferenced", sentence("; ".join(changes)))
 
 
-def _applied(session: Session) -> Session:
+def _apply_alignment(session: Session) -> Session:
     placing = session.placing
     if len(placing.measured) == 2 and placing.distance is None:
-        return noticed(session, "Not yet", "Type how far the two points are apart in truth.", bad=True)
+        return add_notice(session, "Not yet", "Type how far the two points are apart in truth.", bad=True)
     try:
         correction = placing.correction()
     except NerfnavError as error:
-        return noticed(session, "Not changed", sentence(str(error)), bad=True)
+        return add_notice(session, "Not changed", sentence(str(error)), bad=True)
     if correction.is_empty:
         text = "Measure something, click three points of the floor, or crop the place first."
-        return noticed(session, "Nothing to change", text, bad=True)
-    return begun(replace(session, placing=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
+        return add_notice(session, "Nothing to change", text, bad=True)
+    return begin_job(replace(session, placing=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
 
 
-def _undone(session: Session) -> Session:
+def _undo_alignment(session: Session) -> Session:
     placing = session.placing
     if not placing.undo:
-        return noticed(session, "Nothing to undo", "The place is as it was opened.", bad=True)
-    return replace(opening(session, placing.undo[-1]), placing=p.AlignmentDraft(undo=placing.undo[:-1]))
+        return add_notice(session, "Nothing to undo", "The place is as it was opened.", bad=True)
+    return replace(open_place(session, placing.undo[-1]), placing=p.AlignmentDraft(undo=placing.undo[:-1]))

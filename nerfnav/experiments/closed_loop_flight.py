@@ -30,7 +30,7 @@ from nerfnav.geometry import Camera, Pose
 from nerfnav.navigation import (
     WORLDS,
     FlightRequest,
-    LoopEvent,
+    FlightStep,
     NavigateConfig,
     NavigationStack,
     NavigationStep,
@@ -162,33 +162,33 @@ def make_problem(arena: Arena, task: Task, trial: FlightTrial) -> PlanProblem:
     return replace(problem, steps=estimate_timing(robot, length, problem.dt, problem.dt).steps)
 
 
-def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[LoopEvent]:
+def _flight(arena: Arena, problem: PlanProblem, trial: FlightTrial) -> Iterator[FlightStep]:
     world = WORLDS[trial.world]
-    config = world.expecting(NavigateConfig())
+    config = world.configure(NavigateConfig())
     config = replace(config, filter=config.filter.for_field(arena.field.info))
     robot, draws = _robot(problem.robot.source), world_generator(trial.seed)
     entry, settings = planners.load("fast"), FastPlanConfig()
-    where, again = (problem.field, _map(arena, problem), problem.robot), entry.in_flight(settings, trial.risk)
-    planner, guard = build_safe_planner(entry, where, settings, again, config.noise)
+    again, occupancy = entry.in_flight(settings, trial.risk), _map(arena, problem)
+    planner, safety_filter = build_safe_planner(
+        entry, problem.field, occupancy, problem.robot, settings, config.noise, again
+    )
     contact = contact_check(arena.scene, robot.body)
     look = partial(_black if trial.known else partial(_photo, make_renderer(arena)), robot.camera)
-    simulator = world.simulated(
+    simulator = world.simulate(
         Simulator(robot, problem.start, look, draws, robot.mount, noise=config.noise, contact=contact)
     )
     if trial.known:
-        config, pilot = (
-            replace(config, initial=KNOWN),
-            NavigationStack(planner, TrueStateEstimator(simulator), guard=guard),
-        )
+        config = replace(config, initial=KNOWN)
+        stack = NavigationStack(planner, TrueStateEstimator(simulator), safety_filter=safety_filter)
     else:
         make, camera = estimators.load("fast").make, robot.camera
-        lasting = ConsiderCovariance(arena.field.info.pose_floor, robot.mount)
+        map_error = ConsiderCovariance(arena.field.info.pose_floor, robot.mount)
         estimator = make(arena.field, robot, camera, mount=robot.mount, config=config.filter)
         searcher = make_searcher(arena, camera, config.filter.color_noise)
-        pilot = NavigationStack(planner, estimator, searcher, guard, arena.field, lasting)
-        pilot = compensate_latency(pilot, simulator)
-    mission = FlightRequest(problem.goal, problem.steps, problem.dt)
-    return navigate(mission, simulator, pilot, config, torch.Generator().manual_seed(trial.seed))
+        stack = NavigationStack(planner, estimator, searcher, safety_filter, arena.field, map_error)
+        stack = compensate_latency(stack, simulator)
+    request = FlightRequest(problem.goal, problem.steps, problem.dt)
+    return navigate(request, simulator, stack, config, torch.Generator().manual_seed(trial.seed))
 
 
 def _photo(renderer: MeshRenderer, camera: Camera, pose: Pose) -> Tensor:
@@ -220,4 +220,4 @@ def _robot(name: str) -> robots.Robot:
 @lru_cache
 def _planned(name: str, world: WorldName) -> robots.Robot:
     """The same as planners take it in a world."""
-    return WORLDS[world].planned(_robot(name))
+    return WORLDS[world].planning_robot(_robot(name))

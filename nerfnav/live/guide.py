@@ -156,7 +156,7 @@ class Guide:
             self._course = _Course(goal, step.motion, _arrival(last, step.motion, time), guidance)
             return guidance
         self._course = None
-        backup = None if guard is None else guard.beside(step, step.motion.dt)[0]
+        backup = None if guard is None else guard.make_fallback(step, step.motion.dt)
         return _stopping(outcome, backup, time)
 
     def _anew(self, planner: Planner, start: RigidState, end: RigidState, patience: float = 1.0) -> PlanSteps:
@@ -193,9 +193,10 @@ class Guide:
         """Planner and guard of flights, with the map at a height."""
         occupancy = self.map_at(height)
         if id(occupancy) not in self._pilots:
-            where = (self.field, occupancy, self.robot)
             planning, noise = self.config.planning, self.config.noise
-            self._pilots[id(occupancy)] = build_safe_planner(planners.load("fast"), where, planning, None, noise)
+            self._pilots[id(occupancy)] = build_safe_planner(
+                planners.load("fast"), self.field, occupancy, self.robot, planning, noise
+            )
         return self._pilots[id(occupancy)]
 
     def _given_up(self, reason: str) -> Guidance:

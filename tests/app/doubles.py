@@ -13,7 +13,7 @@ from nerfnav.field.models.analytic import BallsField
 from nerfnav.field.models.voxel import DENSITY_SCALE, EMPTY_RAW, VoxelField
 from nerfnav.geometry.box import Box
 from nerfnav.geometry.grid import node_positions, shape_for
-from nerfnav.navigation.steps import EpisodeOutcome, NavigationStep
+from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.planner.steps import PlanCost, PlanOutcome, PlanStep
 from nerfnav.planner.trajectory import Route, Trajectory
 from nerfnav.robots.quadrotor import Quadrotor

@@ -10,7 +10,7 @@ import pytest
 from nerfnav_app.page.kit.theme import HIT, PLAN
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.places.ends import EndRole
-from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, plan_request, planned
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, make_plan, plan_request
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.server import App
 from nerfnav_app.state.actions import Adjust, Settings
@@ -135,7 +135,7 @@ def test_the_plan_follows_the_hand_and_ends_as_good_as_one_from_scratch(
     assert plan is not None and plan.latest is not None and place is not None
     drawn = plan.latest.motion.states.position.numpy()
     assert "safety" in plan.summary, "nobody has judged it"
-    scratch = planned(plan_request(session.plan_settings, session.ends, session.choice.planner, None), place)
+    scratch = make_plan(plan_request(session.plan_settings, session.ends, session.choice.planner, None), place)
     assert plan.latest.cost.total <= 1.02 * scratch.steps[-1].cost.total
     tab.until(lambda: tab.says("Planned: "), "the page does not say how good it is")
     tab.until(lambda: tab.shows("/plan/line", drawn), "another plan is shown")

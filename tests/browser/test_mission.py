@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav_app.page.layers.ends import GIZMO
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.server import App

@@ -14,7 +14,7 @@ from nerfnav.experiments.closed_loop import draw_figure, fly, is_silent, run, su
 from nerfnav.experiments.closed_loop_flight import SPARE, FlightTrial, random_task
 from nerfnav.experiments.flight_options import FlightOptions
 from nerfnav.experiments.study import Study
-from nerfnav.navigation import FlightRequest, LoopEvent, NavigationStack, Simulator
+from nerfnav.navigation import FlightRequest, FlightStep, NavigationStack, Simulator
 from nerfnav.robots import Quadrotor, load
 from nerfnav.world import Task, contact_check
 from tests.experiments.places import TASKS, column
@@ -109,12 +109,12 @@ def test_equal_seeds_give_equal_flights_with_the_state_known() -> None:
 
 
 def test_flights_by_camera_tell_what_was_measured_of_the_field_at_training(monkeypatch: pytest.MonkeyPatch) -> None:
-    floor, pilots = tuple((1e-4 * torch.eye(6)).flatten().tolist()), []
+    floor, stacks = tuple((1e-4 * torch.eye(6)).flatten().tolist()), []
 
     def listened(
-        mission: FlightRequest, simulator: Simulator, pilot: NavigationStack, *rest: object
-    ) -> Iterator[LoopEvent]:
-        pilots.append(pilot)
+        request: FlightRequest, simulator: Simulator, stack: NavigationStack, *rest: object
+    ) -> Iterator[FlightStep]:
+        stacks.append(stack)
         return iter(())
 
     monkeypatch.setattr(closed_loop_flight, "navigate", listened)
@@ -122,9 +122,9 @@ def test_flights_by_camera_tell_what_was_measured_of_the_field_at_training(monke
     place = replace(place, field=replace(place.field, info=replace(place.field.info, pose_floor=floor)))
     for known in (False, True):
         fly(place, FlightTrial(TASKS[0], 1, known=known))
-    seen, given = pilots
-    assert seen.lasting.numbers == floor and torch.equal(seen.lasting.mount.rotation, Quadrotor().mount.rotation)
-    assert not given.lasting.numbers, "with the state known no pictures are compared"
+    seen, told = stacks
+    assert seen.map_error.numbers == floor and torch.equal(seen.map_error.mount.rotation, Quadrotor().mount.rotation)
+    assert not told.map_error.numbers, "who is told the state compares no pictures"
 
 
 def test_a_flight_that_the_field_refuses_is_reported_as_such() -> None:

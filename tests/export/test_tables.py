@@ -21,8 +21,7 @@ from nerfnav.export.tables import (
     table_of_json,
 )
 from nerfnav.geometry import so3
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import Episode, EpisodeOutcome
 from nerfnav.robots.quadrotor import Quadrotor
 from nerfnav.robots.state import Motion, RigidState
 from tests.export.readers import motion_of_table, table_of_csv

@@ -340,10 +340,10 @@ def told_of(value: Any) -> Any:
     return value
 
 
-def ordered(orders: Callable[[int], OperatorRequests]) -> Callable[[], OperatorRequests]:
-    """Orders by the number of the time step, as flights ask for them: once for each."""
+def ordered(requests: Callable[[int], OperatorRequests]) -> Callable[[], OperatorRequests]:
+    """Requests by the number of the time step, as flights ask for them: once for each."""
     counted: Iterator[int] = iter(range(1, 1 << 20))
-    return lambda: orders(next(counted))
+    return lambda: requests(next(counted))
 
 
 def registries() -> dict[str, Sequence[str]]:

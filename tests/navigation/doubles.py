@@ -19,7 +19,7 @@ from nerfnav.robots.state import Motion, RigidState
 
 ROBOT = Quadrotor()
 START, GOAL = RigidState.at_rest((-0.4, 0.0, 0.3)), RigidState.at_rest((0.4, 0.1, 0.3))
-MISSION = FlightRequest(GOAL, steps=12)
+REQUEST = FlightRequest(GOAL, steps=12)
 CALM = StateNoise(0.002, 0.001, 0.002, 0.001)
 COST = PlanCost(0.0, 1.0, 0.0)
 
@@ -33,7 +33,7 @@ def grey(pose: object) -> Tensor:
 
 
 def simulator(**parts: object) -> Simulator:
-    """A robot at START that sees grey in a calm world, unless told otherwise."""
+    """A robot at START that sees grey in a calm world, unless given other parts."""
     defaults: dict[str, object] = {"camera": grey, "generator": draws(0), "noise": CALM}
     return Simulator(ROBOT, START, **(defaults | parts))  # type: ignore[arg-type]
 

@@ -9,7 +9,9 @@ from nerfnav.field import UnknownSpace
 from nerfnav.planner import (
     FLYABLE,
     FastPlanConfig,
+    InteractivePlanner,
     OccupancyMap,
+    Planner,
     PlannerConfig,
     PlannerEntry,
     PlanOutcome,
@@ -25,6 +27,7 @@ from nerfnav.planner import (
     path_length,
     planners,
 )
+from nerfnav.robots import Motion
 from nerfnav_app.jobs.events import JobEvents, JobResult, Progress
 from nerfnav_app.jobs.plan.report import mesh_overlap_m3, save, summary_of
 from nerfnav_app.places.derived import build_occupancy, prepare_place
@@ -57,6 +60,10 @@ class PlanRequest:
     """Largest bound on the probability of a collision that is accepted; None accepts any."""
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
     """What space that no camera ever saw into is taken for."""
+    draft: bool = False
+    """Whether to plan as quickly as possible, without the verdict and the numbers of the job."""
+    warm_start: Motion | None = None
+    """Last plan, with which a draft begins, and from which it takes its speed where a duration is to be found."""
     out: Path | None = None
     """Folder for trajectory.csv, trajectory.json and plan.json; None writes nothing."""
 
@@ -99,6 +106,8 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
         worked_s += time.perf_counter() - began
         yield step
         yield Progress("optimising", min(1.0, (step.iteration + 1) / request.settings.iterations))
+    if request.draft:
+        return JobResult()
     yield Progress("judging", 1.0)
     overlap = mesh_overlap_m3(place, planned.motion)
     if overlap and planned.outcome in FLYABLE:
@@ -120,8 +129,10 @@ def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep
 def _optimise(request: PlanRequest, place: Place, entry: PlannerEntry) -> PlanSteps:
     """Plan as often as the request needs: for the duration, then for the bound on collisions."""
     occupancy = build_occupancy(place, request.settings.occupancy, request.ends.start.position[2])
-    occupancy = occupancy.remembering() if request.shortest else occupancy
+    occupancy = occupancy.remembering() if request.shortest and not request.draft else occupancy
     finder = entry.planner(place.field, place.robot, request.settings, occupancy=occupancy)
+    if request.draft:
+        return (yield from _draft(request, finder))
     start, goal, dt = request.ends.start.state(), request.ends.goal.state(), request.dt
     if request.shortest:
         timing = timing_for(request, place, occupancy)
@@ -135,3 +146,23 @@ def _optimise(request: PlanRequest, place: Place, entry: PlannerEntry) -> PlanSt
     problem = PlanProblem(place.field, place.robot, start, goal, planned.trajectory.steps, dt)
     careful = FastPlanConfig(weights=request.settings.weights, occupancy=request.settings.occupancy)
     return (yield from enforce_chance_constraint(problem, planned, careful, request.max_collision, occupancy))
+
+
+def _draft(request: PlanRequest, planner: Planner) -> PlanSteps:
+    """Plan once, from the warm start where there is one and the planner can use it."""
+    last, steps, dt = request.warm_start, request.steps, request.dt
+    start, goal = request.ends.start.state(), request.ends.goal.state()
+    if last is None:
+        return planner.plan(Route(start, goal, steps, dt))
+    if request.shortest:
+        steps, dt = len(last.actions), last.dt * _stretch(last, request.ends)
+    route = Route(start, goal, steps, dt)
+    interactive = isinstance(planner, InteractivePlanner)
+    return planner.replan_moved_ends(last, route) if interactive else planner.plan(route)
+
+
+def _stretch(last: Motion, ends: Ends) -> float:
+    """Ratio of the distance between the ends now and in the last plan, within a factor of two."""
+    before = (last.states.position[-1] - last.states.position[0]).norm().item()
+    now = (ends.goal.state().position - ends.start.state().position).norm().item()
+    return min(max(now / max(before, 1e-3), 0.5), 2.0)

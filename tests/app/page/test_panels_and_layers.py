@@ -10,7 +10,7 @@ import trimesh
 from nerfnav.core.glb import parts
 from nerfnav.estimator.core.belief import Belief
 from nerfnav.geometry import so3, to_linear, to_srgb, tone_map
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost
 from nerfnav.robots.state import RigidState
 from nerfnav_app.page.kit.html import table

@@ -3,7 +3,7 @@
 import pytest
 
 from nerfnav_app.places.sources import without_paths
-from nerfnav_app.reducers.common import noticed
+from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state.session import Session
 
 
@@ -22,5 +22,5 @@ def test_files_go_by_their_names(text: str, told: str) -> None:
 
 
 def test_notices_name_no_folders() -> None:
-    told = noticed(Session.opening("balls"), "Something broke", "OSError: /root/.cache/nerfnav/x.npz", bad=True)
+    told = add_notice(Session.opening("balls"), "Something broke", "OSError: /root/.cache/nerfnav/x.npz", bad=True)
     assert told.notices[-1].body == "OSError: x.npz"

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.planner.risk.costs import CostWeights
 from nerfnav.planner.steps import FLYABLE, PlanOutcome
 from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult
@@ -16,7 +16,7 @@ from nerfnav_app.page.panels.status.status import asks, status
 from nerfnav_app.places.ends import End, EndRole, Ends
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.end_fit import EndFitQuery
-from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, drafted, plan_request, planned
+from nerfnav_app.queries.following_plan import FollowingPlanQuery, SessionPlan, make_plan, plan_request
 from nerfnav_app.queries.more_time import MoreTimeQuery
 from nerfnav_app.queries.query import Resources
 from nerfnav_app.queries.robot_view import RobotViewQuery
@@ -180,7 +180,7 @@ def test_too_fast_is_said_with_the_time_that_is_enough_and_a_button_that_allows_
     allowed = after(told, AllowTime(seconds))
     assert allowed.plan_settings.duration_s == seconds and not allowed.plan_settings.shortest
     assert allowed.job is not None and allowed.job.kind is JobKind.PLAN
-    made = planned(plan_request(allowed.plan_settings, allowed.ends, "fast", None), session.place)
+    made = make_plan(plan_request(allowed.plan_settings, allowed.ends, "fast", None), session.place)
     assert made.steps[-1].outcome in FLYABLE
 
 
@@ -219,8 +219,9 @@ def test_drafts_from_place_to_place_end_as_good_as_a_plan_from_scratch(opened: S
     assert place is not None
     ways = [Ends(End((-0.7, 0.5, 0.5)), End((0.7, -0.5 + 0.05 * share, 0.5))) for share in range(9)]
     for ends in ways:
-        (last,) = drafted(plan_request(settings, ends, "fast", None), place, last and last.motion).steps
+        request = plan_request(settings, ends, "fast", None)
+        (last,) = make_plan(replace(request, draft=True, warm_start=last and last.motion), place).steps
         assert last.outcome in FLYABLE
-    scratch = planned(plan_request(settings, ways[-1], "fast", None), place)
+    scratch = make_plan(plan_request(settings, ways[-1], "fast", None), place)
     assert last is not None and last.cost.total < 1.1 * scratch.steps[-1].cost.total
     assert EndFitQuery in kinds(pending_queries(after(opened, THERE)))

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import nerfnav_scenes as scenes
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.planner.steps import PlanCost, PlanOutcome
 from nerfnav.world.scene import Task
 from nerfnav_app.jobs.events import JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
@@ -289,24 +289,24 @@ def test_a_goal_dragged_in_flight_is_flown_to_once_the_robot_fits_there(opened: 
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None and flying.flight is not None
     assert flying.place is not None
-    orders = SessionRequests(flying.job, flying.place)
+    requests = SessionRequests(flying.job, flying.place)
     there = End((0.4, -0.4, 0.4))
     dragged = after(flying, m.MoveEnd(EndRole.GOAL, there))
-    orders.follow(dragged)
-    assert torch.equal(orders.orders().goal.position, opened.ends.goal.state().position)  # type: ignore[union-attr]
+    requests.follow(dragged)
+    assert torch.equal(requests.take().goal.position, opened.ends.goal.state().position)  # type: ignore[union-attr]
     assert dragged.flight is not None and not dragged.flight_is_stale
     free = after(dragged, m.QueryAnswered(EndFitQuery(EndRole.GOAL, there), EndFit(None)))
-    orders.follow(free)
-    assert torch.equal(orders.orders().goal.position, there.state().position)  # type: ignore[union-attr]
+    requests.follow(free)
+    assert torch.equal(requests.take().goal.position, there.state().position)  # type: ignore[union-attr]
 
 
 def test_each_gust_is_felt_once(opened: Session) -> None:
     flying = after(planned(opened), m.StartFlight())
     assert flying.job is not None
     assert flying.place is not None
-    orders = SessionRequests(flying.job, flying.place)
-    orders.follow(after(flying, m.Gust()))
-    assert [orders.orders().gust for _ in range(3)] == [GUST, None, None]
+    requests = SessionRequests(flying.job, flying.place)
+    requests.follow(after(flying, m.Gust()))
+    assert [requests.take().gust for _ in range(3)] == [GUST, None, None]
 
 
 def test_where_other_first_guesses_have_led_stays_visible_beside_the_best(opened: Session) -> None:

@@ -8,8 +8,7 @@ import pytest
 import torch
 
 from nerfnav.core.errors import InvalidInputError
-from nerfnav.navigation.episode import Episode
-from nerfnav.navigation.steps import NavigationStep
+from nerfnav.navigation.episode import Episode, NavigationStep
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav_app.storage import step_log as log_module
 from nerfnav_app.storage.file_lock import is_locked

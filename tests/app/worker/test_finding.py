@@ -9,7 +9,7 @@ import torch
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.estimator.relocalize.global_localization import RelocaliseOutcome, RelocaliseResult, RelocaliseStep
 from nerfnav.geometry.camera import FORWARD_MOUNT, Pose
-from nerfnav.navigation.steps import EpisodeOutcome
+from nerfnav.navigation.episode import EpisodeOutcome
 from nerfnav.navigation.supervisor import SupervisorState
 from nerfnav.planner.space.ends import fits
 from nerfnav.robots.state import RigidState
@@ -92,9 +92,9 @@ def test_carrying_and_finding_are_counted_in_flight_and_each_reaches_the_flight_
     asked = after(session, m.KidnapRobot(), m.FindRobot(), m.Gust())
     assert asked.job is not None and (asked.job.kidnaps, asked.job.searches, asked.job.gusts) == (1, 1, 1)
     helm.follow(asked)
-    first, second = helm.orders(), helm.orders()
-    assert first.search and first.carried is not None and first.gust is not None
-    assert not second.search and second.carried is None and second.gust is None
+    first, second = helm.take(), helm.take()
+    assert first.search and first.kidnap_pose is not None and first.gust is not None
+    assert not second.search and second.kidnap_pose is None and second.gust is None
     assert after(opened, m.KidnapRobot()) is opened, "there is nobody to carry"
 
 
@@ -105,9 +105,9 @@ def test_the_robot_is_carried_to_where_it_fits_not_far_from_where_it_is(opened: 
     job, place = replace(session.job, id=session.job.id), session.place
     helm = SessionRequests(job, place)
     for _ in range(seed):
-        helm.orders()
+        helm.take()
     helm.follow(after(session, *[m.KidnapRobot()] * (seed + 1)))
-    carried, truth = helm.orders().carried, session.flight.steps[-1].truth
+    carried, truth = helm.take().kidnap_pose, session.flight.steps[-1].truth
     assert carried is not None and 0.5 <= (carried.position - truth.position).norm() < 1.1
     there = replace(truth, position=carried.position, rotation=carried.rotation)
     assert fits(place.field, place.robot.body, there)

@@ -253,9 +253,9 @@ def test_an_answer_that_took_long_once_does_not_put_the_next_one_off_for_long(
     queries = OpenQueries(Compiling())
     first, second = (RobotViewQuery(("flight", 0, 0, k), (), rough=True) for k in range(2))
     queries.answer(session, first)
-    assert queries.rests(second)
+    assert queries.is_resting(second)
     time.sleep(0.6)
-    assert not queries.rests(second)
+    assert not queries.is_resting(second)
 
 
 def test_a_job_that_just_ends_leaves_nothing_running(loop_for: Callable[[ScriptedWork], Loop]) -> None:

@@ -329,9 +329,9 @@ def beside_stripes(shift: float, rounds: int) -> tuple[float, Belief, float]:
 
 def test_where_two_minima_are_alike_the_covariance_covers_both():
     shift = 0.65 * _PERIOD
-    (alone, sure, told), (off, unsure, _) = beside_stripes(shift, rounds=0), beside_stripes(shift, rounds=1)
+    (alone, sure, independent), (off, unsure, _) = beside_stripes(shift, rounds=0), beside_stripes(shift, rounds=1)
     deviation = float(sure.covariance[1, 1].sqrt())
-    assert told < SearchConfig().patches
+    assert independent < SearchConfig().patches
     assert abs(abs(alone) - _PERIOD) < 0.006, "the nearest stripe is a wrong one"
     assert deviation < 0.3 * _PERIOD, "Laplace's covariance sees one minimum"
     spread = float(unsure.covariance[1, 1].sqrt())
