@@ -72,7 +72,7 @@ class LiveServer:
     """Lets one vehicle talk to a navigator."""
 
     def __init__(self, navigator: Navigator, welcome: messages.Welcome, host: str, token: str) -> None:
-        """Nobody is connected; `host` is what it will listen at."""
+        """Prepare a server that will listen at `host`."""
         self._navigator, self._welcome = navigator, welcome
         self._access = AccessPolicy(host, token, bytes)
         self._taken = False

@@ -33,7 +33,7 @@ class App:
         begun: FieldSurfaceLayer | None = None,
         remembers: bool = False,
     ) -> None:
-        """Nothing is listened at before `start`; with `begun`, its server is used, which whoever gives it stops.
+        """Nothing is listened at before `start`; with `begun`, its server is used, which the caller stops.
 
         An app that `remembers` begins with the ends, settings and view with which the last one left the place.
         """
@@ -54,7 +54,7 @@ class App:
 
     @property
     def url(self) -> str:
-        """Where the page is, token included."""
+        """URL of the page, token included."""
         return page_url(self._host, self._port, self._token)
 
     def start(self) -> None:

@@ -80,7 +80,7 @@ def measure(arena: Arena, tasks: int = 3, rounds: int = 4, per_round: int = 3) -
 
 
 def _calls(arena: Arena, tasks: int) -> dict[str, list[Callable[[], object]]]:
-    """What is timed."""
+    """Timed work."""
     problems, config = problems_of(arena, tasks), FastPlanConfig()
     occupancy = OccupancyMap.of(arena.field, problems[0].robot.body)
     generator = torch.Generator().manual_seed(0)

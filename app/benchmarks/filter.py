@@ -27,7 +27,7 @@ _BELIEF = StateNoise(0.005, 0.05, 0.005, 0.05)
 
 @dataclass(frozen=True)
 class Situation:
-    """One update."""
+    """Inputs of an update, and the truth."""
 
     belief: Belief
     """Before it."""
@@ -39,7 +39,7 @@ class Situation:
     """What it sees from there."""
 
     def updated(self, estimator: Estimator) -> RigidState:
-        """What an estimator makes of it."""
+        """Update the belief with an estimator."""
         update = estimator.update(self.belief, self.image, self.action, _DT, torch.Generator().manual_seed(0))
         return run_steps(update).step.mean
 

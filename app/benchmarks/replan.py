@@ -51,7 +51,7 @@ def measure(
 
 
 def disturbed_plan(problem: PlanProblem, generator: torch.Generator) -> tuple[PlanProblem, Motion]:
-    """What is left to plan after one step that ended elsewhere, and the plan so far."""
+    """Plan so far, and the problem that is left after a step that ended elsewhere."""
     motion = run_steps(plan_fast(problem)).motion
     scale = torch.tensor([_KICK_M] * 3 + [_KICK_M / 2] * 3 + [_KICK_RAD] * 3 + [_KICK_RAD / 2] * 3)
     start = motion.states[1].retract(scale * torch.randn(12, generator=generator))

@@ -36,7 +36,7 @@ def check_address(host: str, port: int) -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches `host`."""
+    """Check whether only this machine reaches `host`."""
     try:
         addresses = {str(entry[4][0]) for entry in socket.getaddrinfo(host, None)} if host else set()
     except (OSError, UnicodeError):
@@ -45,7 +45,7 @@ def is_loopback(host: str) -> bool:
 
 
 def page_url(host: str, port: int, token: str | None) -> str:
-    """Where the page of a server is, token included."""
+    """URL of the page of a server, token included."""
     name = "localhost" if host in ("0.0.0.0", "::", "") else host
     return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
 
@@ -72,7 +72,7 @@ def check_token(host: str, token: str | None) -> None:
     """Raise TokenError for a missing or unusable token; only a server that this machine alone reaches needs none."""
     if token is None and not is_loopback(host):
         raise TokenError(
-            f"whoever reaches {host} could steer this app: give it a secret with --token, or serve at 127.0.0.1"
+            f"all that reach {host} could steer this app: give it a secret with --token, or serve at 127.0.0.1"
         )
     if token is not None and not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
         raise TokenError("a token is made of letters, digits, '.', '_', '~' and '-', for it travels in addresses")

@@ -21,7 +21,7 @@ _MOST_FIGURES = 4
 
 @dataclass(frozen=True)
 class ExperimentResult:
-    """What came of an experiment."""
+    """Results of an experiment."""
 
     name: str
     """Of its folder."""

@@ -14,7 +14,7 @@ def lock_for(path: Path) -> BaseFileLock:
 
 
 def is_locked(path: Path) -> bool:
-    """Whether anybody is writing a file; False too where its lock may not be opened."""
+    """Check whether a process is writing a file; False too where its lock may not be opened."""
     lock = lock_for(path)
     if not Path(lock.lock_file).is_file():
         return False

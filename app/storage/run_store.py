@@ -74,7 +74,7 @@ class RunStore:
         return path
 
     def entry(self, name: str) -> about.StoredRun:
-        """What is known of a flight. Raises NerfnavError where that cannot be read."""
+        """Metadata and steps of a flight. Raises NerfnavError where that cannot be read."""
         path = self.path(name)
         return _entry(path) or about.StoredRun(name, about.RunMetadata.load(path), 0)
 
@@ -102,7 +102,7 @@ class RunStore:
             raise OutputError(f"{name} cannot be deleted: {error.strerror}") from error
 
     def _read(self, path: Path) -> about.StoredRun | None:
-        """What is known of a flight; what has ended is read only once."""
+        """Metadata of a flight; that of an ended flight is read only once."""
         try:
             stamp = (path / about.FILE).stat().st_mtime_ns
         except OSError:

@@ -1,5 +1,5 @@
 """Importers: turn captures, meshes, trained NeRFs and Gaussian splats into fields and scenes."""
 
-import lazy_loader
+from nerfnav.core.renamed import attach_face
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_face(__name__, __file__)

@@ -19,7 +19,6 @@ from torch import Tensor
 
 from nerfnav.field import Field
 from nerfnav.planner import (
-    PlanResult,
     NEAR_CERTAIN,
     CollisionMap,
     CostTerm,
@@ -31,6 +30,7 @@ from nerfnav.planner import (
     PlannerEntry,
     PlanOutcome,
     PlanProblem,
+    PlanResult,
     RiskContext,
     collision_probability_bound,
     fits,

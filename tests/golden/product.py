@@ -28,6 +28,7 @@ from torch import Tensor
 
 import nerfnav_scenes as scenes
 from nerfnav import robots
+from nerfnav.core.renamed import replace_old_options
 from nerfnav.estimator import Belief, FilterConfig, FilterOutcome, RelocaliseOutcome
 from nerfnav.estimator import estimators as _estimators
 from nerfnav.estimator.core.filter_config import DescentConfig
@@ -293,6 +294,12 @@ def session_file(folder: Path, what: str) -> Path:
 def keep_robot(library: PlaceLibrary, file: Path) -> Path:
     """Keep the robot of a file, with what lies beside it, in a library."""
     return library.robots.keep(decode_robot_file(file), file.parent)
+
+
+def new_option(old: str) -> str:
+    """The name that an option has now."""
+    (word,), _ = replace_old_options([old])
+    return word
 
 
 def options_of(command: str, words: Sequence[str] = ()) -> dict[str, dict[str, Any]]:

@@ -48,12 +48,12 @@ from nerfnav_app.storage.output_files import OutputError, prepare_file
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A field that was put right, and what is stored beside it."""
+    """A georeferenced field, and what is stored beside it."""
 
     field: StoredField
     splats: Splats | None
     truth: Scene | None
-    told: tuple[str, ...]
+    changes: tuple[str, ...]
     """What has changed, in words."""
 
 
@@ -72,7 +72,7 @@ def _numbers(made: Placed) -> dict[str, Any]:
     return {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
         "voxel_m": voxel,
-        "changed": list(made.told),
+        "changed": list(made.changes),
         "guesses": list(field.info.guesses),
         "geometry": asdict(accuracy),
         "in_words": describe_free_space_accuracy(accuracy),
@@ -114,14 +114,14 @@ def truth_of(
 
 
 def cut_in_words(change: Alignment, changed: StoredField) -> tuple[str, ...]:
-    """What became of the box."""
+    """Describe the new box, if it was cropped."""
     return () if change.box is None else (f"what is kept: {changed.box.describe()}",)
 
 
 def info_of(
     changed: StoredField, before: FieldInfo, correction: AlignmentRequest, similarity: Similarity
 ) -> FieldInfo:
-    """What is known of the field now: figures about its surfaces hold as upper bounds, those of free space no more."""
+    """Update the info: figures about surfaces hold as upper bounds, those of free space no more."""
     known = ["box"]  # as what was guessed of it is in the coordinates of before
     if correction.up is not None or correction.floor is not None or correction.find_floor:
         known.append("up")
@@ -152,12 +152,12 @@ _UP = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class PlaceRequest:
-    """What to put right."""
+    """Request of a georeferencing: the field, its correction, a new file."""
 
     what: str
     """Path of a field file, or name of a bundled scene."""
     correction: AlignmentRequest
-    """What was measured and pointed at."""
+    """Measurements, and points on the floor."""
     out: Path
     """The file for the field, another one than that which it is made of."""
 
@@ -165,7 +165,7 @@ class PlaceRequest:
 def run(request: PlaceRequest) -> JobEvents:
     """Yield progress, and return what has changed and what was guessed.
 
-    Splats that lie beside the field are put right and made into voxels again; ground truth beside it goes along.
+    Splats beside the field are corrected and made into voxels again; ground truth beside it is corrected too.
     Raises NerfnavError where nothing is asked for, or it cannot be done.
     """
     correction = request.correction
@@ -182,8 +182,8 @@ def run(request: PlaceRequest) -> JobEvents:
     beside = splats_path(path)
     splats = placed_splats(load_splats(beside), change) if beside.is_file() else None
     changed = (yield from moved_field(field, change)) if splats is None else voxels_of(splats, field, change)
-    truth, told = truth_of(field, path, change, changed)
-    told = (*change.changes, *cut_in_words(change, changed), *told)
+    truth, changes = truth_of(field, path, change, changed)
+    changes = (*change.changes, *cut_in_words(change, changed), *changes)
     changed = replace(changed, info=info_of(changed, field.info, correction, change.similarity))  # type: ignore[type-var]
     yield Progress("storing the field", 0.95)
-    return save(Placed(changed, splats, truth, told), out)
+    return save(Placed(changed, splats, truth, changes), out)

@@ -20,9 +20,7 @@ from nerfnav.experiments import (
     note_free_space,
 )
 from nerfnav.field import NeuralField, StoredField, VoxelField, save_field
-from nerfnav.importers import (
-    Placement,
-)
+from nerfnav.importers import Placement
 from nerfnav.importers.core.placement import Vector
 from nerfnav.importers.meshes.ground_truth import truth_path, write_truth_beside
 from nerfnav.world import Scene
@@ -38,7 +36,7 @@ def import_numbers(made: StoredField) -> dict[str, Any]:
 
 
 def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
-    """Up and scale as they were taken, and which of them nobody gave."""
+    """Up and scale as they were taken, and which of them were guessed."""
     given = {"up": placement.up, "scale": placement.meters_per_unit, "box": placement.box}
     return {
         "up": list(placement.up or up),
@@ -50,14 +48,14 @@ def describe_placement(placement: Placement, up: Vector) -> dict[str, Any]:
 def judge_field(
     trained: VoxelField | NeuralField, material: TrainingData
 ) -> tuple[VoxelField | NeuralField, FreeSpaceAccuracy]:
-    """The field that knows how well photographs tell poses in it, and what planners take for free; and the latter."""
+    """Measure the pose error and the free-space accuracy of a field; return the field with both, and the latter."""
     trained = replace(trained, info=replace(trained.info, pose_floor=_floor_of(trained, material)))
     accuracy = _accuracy_of(trained, material)
     return replace(trained, info=note_free_space(trained.info, accuracy)), accuracy
 
 
 def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> FreeSpaceAccuracy:
-    """What planners take for free there, against the best that tells what is."""
+    """Free-space accuracy, against the best reference that there is."""
     voxel = trained.resolution
     if material.truth is not None:
         learned = material.learned
@@ -68,7 +66,7 @@ def _accuracy_of(trained: VoxelField | NeuralField, material: TrainingData) -> F
 
 
 def _floor_of(trained: VoxelField | NeuralField, material: TrainingData) -> tuple[float, ...]:
-    """How well photographs tell poses there (see estimator/map_error.py)."""
+    """Pose error of held-out photographs (see estimator/map_error)."""
     if not isinstance(trained, VoxelField):
         return ()
     noise = ColorNoise().measured(trained.info.noise_std)
@@ -86,7 +84,7 @@ def stored(field: StoredField, truth: Scene | None, out: Path) -> tuple[int, tup
 
 
 def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccuracy, file_bytes: int) -> dict[str, Any]:
-    """What `train --json` prints of it."""
+    """Numbers of a trained field for `train --json`."""
     return {
         "psnr_db": trained.info.psnr_db,
         "psnr_one_exposure_db": trained.info.psnr_one_exposure_db,
@@ -102,10 +100,10 @@ def training_numbers(trained: VoxelField | NeuralField, accuracy: FreeSpaceAccur
 
 
 def noted(field: VoxelField | NeuralField, request: TrainRequest, material: TrainingData) -> VoxelField | NeuralField:
-    """A field that knows what it was made of."""
+    """Note in the info of a field what it was made of."""
     # the source is what later finds the ground truth again, so a capture must not go by a bundled scene's name
     name = material.truth.name if material.truth is not None else f"capture {Path(request.source).name}"
-    told = replace(
+    info = replace(
         field.info,
         source=name,
         seed=request.seed,
@@ -114,4 +112,4 @@ def noted(field: VoxelField | NeuralField, request: TrainRequest, material: Trai
         placed=material.placed,
         views=() if material.truth is not None else encode_views(material.learned.poses),
     )
-    return replace(field, info=told)
+    return replace(field, info=info)

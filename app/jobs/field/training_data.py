@@ -31,37 +31,37 @@ class StoppedError(NerfnavError):
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """Ready to train from."""
+    """Photographs of a source with all that training needs."""
 
     learned: PosedImages
     """Photographs that the field learns from."""
     held_out: PosedImages
     """Photographs that judge it: it never sees them."""
     box: Box
-    """Where the field lives."""
+    """Box of the field."""
     background: Float[Tensor, "3"]
     """sRGB colour of rays that nothing stops, in [0, 1]."""
     truth: Scene | None
     """The ground truth, where there is one."""
     report: dict[str, object]
-    """What `nerfnav train --json` tells about the source: its kind, what was used, what was guessed."""
+    """Numbers of the source for `nerfnav train --json`: its kind, what was used, what was guessed."""
     voxel: float | None = None
     """Distance of nodes that suits it [m]; None: TrainConfig's."""
     iterations: int | None = None
     """Training steps that it asks for; None: TrainConfig's."""
     bounded: bool = True
-    """Whether all that the photographs show, but for the background's colour, lies in the box."""
+    """All that the photographs show, except the background's colour, lies in the box."""
 
     camera: tuple[float, ...] = ()
-    """What took the photographs, as `Camera.numbers` has it; empty where that is not worth noting."""
+    """Camera of the photographs, as `Camera.numbers`; empty where it is not worth noting."""
     placed: tuple[float, ...] = ()
-    """How the field lies in the capture, as `Similarity.numbers` has it; empty where there is none."""
+    """Similarity from capture to field, as `Similarity.numbers`; empty where there is none."""
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """What was guessed, sentences."""
-        told = self.report.get("guesses", ())
-        return tuple(map(str, told)) if isinstance(told, list | tuple) else ()
+        """Guesses about the source, as sentences."""
+        guesses = self.report.get("guesses", ())
+        return tuple(map(str, guesses)) if isinstance(guesses, list | tuple) else ()
 
 
 def relay_import(

@@ -43,22 +43,22 @@ from nerfnav_scenes.tasks import stonehenge
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment."""
+    """Entry of the registry of experiments."""
 
     name: str
-    """What users call it."""
+    """Name on the command line."""
     run: Callable[[Study], ExperimentSteps]
-    """What does it."""
+    """Function that runs it."""
     purpose: str
-    """What it shows, for people."""
+    """Purpose, for the user."""
     place: str = "stonehenge"
-    """Where it happens unless another place is asked for: name of a scene, or path of a field."""
+    """Default place: name of a scene, or path of a field."""
     tasks: tuple[Task, ...] | None = None
     """Flights in that place; None: those of its scene."""
     beside: tuple[str, ...] = ()
     """Further scenes that it happens in where no place is asked for."""
     flies: bool = False
-    """Whether it takes the options of whole flights (Study.flights)."""
+    """Takes the options of whole flights (Study.flights)."""
 
     def tasks_in(self, place: str, arena: Arena) -> tuple[Task, ...]:
         """Its own flights where it happens in its own place, else those of the scene."""
@@ -130,7 +130,7 @@ def register(experiment: Experiment) -> None:
 
 @dataclass(frozen=True)
 class ExperimentRequest:
-    """What to find out."""
+    """Request of an experiment: its name, place and trials."""
 
     name: str
     """Of the experiment."""

@@ -38,10 +38,10 @@ from nerfnav_app.storage.output_files import prepare_folder
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """What to plan."""
+    """Request of a plan: start, goal, time steps and planner."""
 
     ends: Ends
-    """Where the robot is, and where it shall come to rest."""
+    """Start and goal; the robot comes to rest at the goal."""
     steps: int = 20
     """Number of time steps."""
     dt: float = 0.1
@@ -51,15 +51,15 @@ class PlanRequest:
     config: PlannerConfig | None = None
     """Its settings; None: its own."""
     again: PlannerConfig | None = None
-    """Its settings when the plan is redone at each step of a flight; None: the above with room for what pushes it."""
+    """Its settings when it replans in flight; None: the above with room for disturbances."""
     keep_dt: bool = False
-    """Whether steps have just this length where a duration is found, however many they are."""
+    """Keep this length of steps where a duration is found, however many they are."""
     shortest: bool = False
-    """Whether to find the shortest duration that keeps the robot's limits, in place of `steps`."""
+    """Find the shortest duration that keeps the robot's limits, in place of `steps`."""
     max_collision: float | None = None
     """Largest bound on the probability of a collision that is accepted; None accepts any."""
     unknown: UnknownSpace = UnknownSpace.OCCUPIED
-    """What space that no camera ever saw into is taken for."""
+    """State of space that no camera saw into, for planners."""
     draft: bool = False
     """Whether to plan as quickly as possible, without the verdict and the numbers of the job."""
     warm_start: Motion | None = None
@@ -74,7 +74,7 @@ class PlanRequest:
 
     @property
     def settings(self) -> PlannerConfig:
-        """How the planner works. Raises NerfnavError for an unknown planner, or settings of another one."""
+        """Settings of the planner. Raises NerfnavError for an unknown planner, or settings of another one."""
         own = planners.load(self.planner).config()
         for given in (self.config, self.again):
             if given is not None and type(given) is not type(own):
@@ -118,8 +118,7 @@ def run(request: PlanRequest, place: Place) -> JobEvents:
 
 
 def timing_for(request: PlanRequest, place: Place, occupancy: OccupancyMap, keep_dt: bool = False) -> Timing:
-    """How long the way that is asked for should take, before it is planned; in steps as long as asked with `keep_dt`.
-    """
+    """Estimate the time that a path takes, before it is planned; with `keep_dt`, in steps of the requested length."""
     problem = PlanProblem(place.field, place.robot, request.ends.start.state(), request.ends.goal.state())
     search = getattr(request.settings, "ways", SearchConfig.single())
     length = path_length(problem, map_for(problem, occupancy), search)

@@ -1,4 +1,4 @@
-"""Report of a plan: its cost, what it asks of the robot, what it risks in the field, and the verdict of the mesh."""
+"""Report of a plan: cost, limits of the robot, collision bound in the field, overlap with the mesh."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ def summary_of(
     max_collision: float | None = None,
     risk: float = 0.0,
 ) -> dict[str, Any]:
-    """What `plan --json` prints, for the last step of a planner whose J weighed collisions by noise with `risk`."""
+    """Numbers of `plan --json`, of the result of a planner whose J weighed collisions by noise with `risk`."""
     motion = planned.motion
     safety = assess_safety(place.field, motion, place.robot.body)
     return {
@@ -40,16 +40,16 @@ def summary_of(
 
 def _cost(cost: PlanCost) -> dict[str, Any]:
     """The terms of J, and of those that were added to Eq. 2 the time that each takes."""
-    told: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
+    terms: dict[str, Any] = {"collision": cost.collision, "control": cost.control, "total": cost.total}
     if cost.risk:
-        told["risk"] = cost.risk
+        terms["risk"] = cost.risk
     if cost.added:
-        told["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
-    return told
+        terms["added"] = {term.name: {"value": term.value, "ms": term.ms} for term in cost.added}
+    return terms
 
 
 def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
-    """What the motion asks of each of the robot's bounds."""
+    """Use of each of the robot's limits by the motion."""
     return {
         use.name: {
             "least": use.least, "most": use.most, "lower": use.lower, "upper": use.upper, "unit": use.unit,
@@ -60,8 +60,8 @@ def _limits(place: Place, motion: Motion) -> dict[str, dict[str, Any]]:
 
 
 def _safety(safety: Safety, planned: PlanResult, max_collision: float | None, risk: float) -> dict[str, Any]:
-    """What the field believes that the plan risks, and by how much this is more than was asked for."""
-    told: dict[str, Any] = {
+    """Bound on collisions in the field, and by how much it exceeds the limit of the request."""
+    numbers: dict[str, Any] = {
         "bound": safety.bound,
         "bound_per_step_max": safety.per_step.max().item(),
         "min_clearance_m": safety.min_clearance_m,
@@ -69,10 +69,10 @@ def _safety(safety: Safety, planned: PlanResult, max_collision: float | None, ri
     }
     by_noise = planned.cost.risk / risk if risk else 0.0
     if risk:
-        told["expected_by_noise"] = by_noise
+        numbers["expected_by_noise"] = by_noise
     if planned.outcome is PlanOutcome.TOO_RISKY and max_collision is not None:
-        told["missed_by"] = min(1.0, safety.bound + by_noise) - max_collision
-    return told
+        numbers["missed_by"] = min(1.0, safety.bound + by_noise) - max_collision
+    return numbers
 
 
 def mesh_overlap_m3(place: Place, motion: Motion) -> float | None:
@@ -89,10 +89,10 @@ def save(
 ) -> tuple[Path, ...]:
     """Write a plan's three files into `folder`; `unknown` is what its planner took unproven space for."""
     table = motion_table(motion, place.robot.action_names, place.robot.name)
-    told = {"outcome": summary["outcome"], "place": place.source, "unknown": unknown.value}
+    info = {"outcome": summary["outcome"], "place": place.source, "unknown": unknown.value}
     if place.robot.file is not None:
-        told["robot_file"] = str(place.robot.file)
-    table = replace(table, info=table.info | told)
+        info["robot_file"] = str(place.robot.file)
+    table = replace(table, info=table.info | info)
     return (
         write_text(folder / "trajectory.csv", csv_text(table)),
         write_text(folder / "trajectory.json", json_text(table)),

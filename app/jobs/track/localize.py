@@ -21,7 +21,7 @@ from nerfnav_app.places.place import Place, field_file
 
 
 def summary_of(result: RelocaliseResult) -> dict[str, Any]:
-    """What `localize --json` prints: the outcome, and the likeliest poses of the camera's carrier, best first."""
+    """Numbers of `localize --json`: the outcome, and the likeliest poses of the camera's carrier, best first."""
     step = result.step
     poses = step.body_poses()
     found = [
@@ -43,27 +43,27 @@ _AROUND = 0.5
 
 @dataclass(frozen=True)
 class LocalizeRequest:
-    """What to find."""
+    """Request of a localization: field, picture and camera."""
 
     place: str
     """Name of a bundled scene, or path of a field."""
     image: Path
     """The picture."""
     camera: GivenCamera = field(default_factory=GivenCamera)
-    """What is known of its camera."""
+    """Given data of its camera."""
 
 
 def run(request: LocalizeRequest) -> JobEvents:
     """Yield how far the search is; return where the camera most likely was. Raises NerfnavError for bad requests."""
     place = load_field(field_file(request.place))
     image = read_image(request.image, request.camera.aspect(place.info.camera))
-    camera, told = camera_of(image, request.camera, place.info.camera, request.image)
+    camera, origin = camera_of(image, request.camera, place.info.camera, request.image)
     found = yield from search(searcher_in(place, camera), image)
-    return replace(found, summary={**found.summary, "camera": told})
+    return replace(found, summary={**found.summary, "camera": origin})
 
 
 def searcher_in(field: StoredField, camera: Camera) -> GlobalLocalizer:
-    """What finds a camera in a field, by all that the field remembers."""
+    """Make the global localizer of a camera in a field, by all that the field remembers."""
     return GlobalLocalizer(
         field, camera, ColorNoise().measured(field.info.noise_std), RelocaliseConfig().for_field(field.info)
     )

@@ -103,9 +103,9 @@ def test_results_come_with_their_numbers_and_figures(store: ExperimentStore) -> 
 
 @pytest.mark.parametrize("name", ["../../etc", "/etc", "..", "", "nobody", "a/../b", "x" * 500])
 def test_no_name_leads_out_of_the_folder(store: ExperimentStore, name: str) -> None:
-    told = ExperimentsQuery(1, name).answer(Resources(balls_place(), RunStore(store.folder.parent)))
-    assert told.result is None and len(told.earlier) == 1
-    assert {known for known, _ in told.known} >= {"planners", "collision-correlation"}
+    reported = ExperimentsQuery(1, name).answer(Resources(balls_place(), RunStore(store.folder.parent)))
+    assert reported.result is None and len(reported.earlier) == 1
+    assert {known for known, _ in reported.known} >= {"planners", "collision-correlation"}
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "{", '{"summary": 5}'])

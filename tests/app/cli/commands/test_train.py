@@ -70,8 +70,8 @@ def test_a_capture_is_trained_from_and_what_was_guessed_is_printed(tmp_path: Pat
     }  # fmt: skip
     assert {"kind", "images_used", "images_skipped", "scale", "up", "box", "guesses"} <= set(printed["source"])
     assert main([*words, "--downscale", "2", "--held-out-every", "3", "--scale", "2"]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "source scale 2" in told and "images held out 3" in told and "from how the cameras were held" in told
+    text = " ".join(capsys.readouterr().out.split())
+    assert "source scale 2" in text and "images held out 3" in text and "from how the cameras were held" in text
 
 
 @pytest.mark.parametrize("name", ["empty.zip", "letter.zip", "empty.json", "letter.json", "cut.zip", "folder", "one"])

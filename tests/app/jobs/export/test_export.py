@@ -78,8 +78,8 @@ def test_what_a_vehicle_is_to_fly_is_judged_in_the_field_of_its_plan_as_long_as_
     ends = ["--start", "-0.8", "-0.5", "0.5", "--goal", "0.8", "-0.5", "0.5"]
     assert main(["plan", str(mine), *ends, "--out", str(tmp_path / "plan"), "--json"]) == 0
     capsys.readouterr()
-    told = exported(tmp_path / "plan", "px4", tmp_path / "a.csv")["curve"]
-    assert told["outcome"] == "converged" and told["min_clearance_m"] > 0
+    reported = exported(tmp_path / "plan", "px4", tmp_path / "a.csv")["curve"]
+    assert reported["outcome"] == "converged" and reported["min_clearance_m"] > 0
     blocked = load_field(mine)
     assert isinstance(blocked, VoxelField)
     blocked.values[:, :, :, 0] = 1.0

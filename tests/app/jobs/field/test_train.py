@@ -22,7 +22,7 @@ from tests.app.following import followed, result_of
 SMALL = {
     "iterations": 40,
     "voxel": 0.06,
-    "photographs": Photographs(count=10),
+    "photographs": Photographs(images=10),
     "config": TrainConfig(report_every=10),
     "capture": CaptureConfig(width=40, height=40, supersample=1),
 }

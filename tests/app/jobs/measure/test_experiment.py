@@ -56,8 +56,8 @@ def test_without_a_folder_nothing_is_written() -> None:
 
 
 def test_progress_says_which_trial() -> None:
-    told = [event for event in experiment.run(ExperimentRequest("counting")) if isinstance(event, Progress)]
-    assert told[-1] == Progress("counting, 1 of 2", 0.5)
+    reported = [event for event in experiment.run(ExperimentRequest("counting")) if isinstance(event, Progress)]
+    assert reported[-1] == Progress("counting, 1 of 2", 0.5)
 
 
 @pytest.mark.slow

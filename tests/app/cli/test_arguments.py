@@ -7,7 +7,7 @@ import pytest
 import nerfnav_scenes as scenes
 from nerfnav.planner import FastPlanConfig
 from nerfnav.robots import load
-from nerfnav_app.cli.route_arguments import Route
+from nerfnav_app.cli.arguments import Route
 from nerfnav_app.places.place import Place, Truth
 from tests.experiments.places import column
 
