@@ -40,8 +40,8 @@ class App:
         self._host, self._port, self._token = host, port, token
         self._library = PlaceLibrary()
         memory = SessionMemory(self._library.folder / "left_off", what) if remembers else None
-        surface, left_off = None if begun is None else begun.surface, None if memory is None else memory.last()
-        session = Session.opening(what, surface=surface, left_off=left_off)
+        surface, saved = None if begun is None else begun.surface, None if memory is None else memory.last()
+        session = Session.opening(what, surface=surface, saved=saved)
         self._worker = Worker(work or NavigationBackend(), self.post)
         followers = [self._worker.follow] + ([] if memory is None else [memory.follow])
         self._loop = UiLoop(session, *followers)

@@ -13,7 +13,7 @@ import os
 
 from nerfnav.core.renamed import attach_face
 
-# Idle OpenMP threads of torch and of numba spin against each other unless told to sleep (a training step beside
+# Idle OpenMP threads of torch and of numba spin against each other unless set to sleep (a training step beside
 # a busy process: 34 ms against 2 ms); the libraries read this when they are loaded, so it stands before them.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 

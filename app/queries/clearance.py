@@ -11,7 +11,7 @@ from nerfnav.planner import PlanStep, SafetyConfig, collision_per_step, measure_
 from nerfnav.robots import Motion
 from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
 
 

@@ -13,7 +13,8 @@ from nerfnav_app.places.ends import End
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice, move_end
-from nerfnav_app.state.session import Click, Session
+from nerfnav_app.state.place import Click
+from nerfnav_app.state.session import Session
 
 LEAST_OPACITY = 0.5
 """Opacity of a ray that meets a surface."""

@@ -15,9 +15,9 @@ from nerfnav_app.jobs.plan import plan
 from nerfnav_app.places.ends import Ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.place import Choice
+from nerfnav_app.state.plan import PlanRecord, PlanSettings
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import Choice, PlanSettings
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field, replace
 from nerfnav.planner import FLYABLE, PlanOutcome
 from nerfnav_app.queries.following_plan import make_plan, plan_request
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.records import PlanRecord
+from nerfnav_app.state.plan import LONGEST_S, PlanRecord
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import LONGEST_S
 
 _GROWTH, _TRIALS = 1.3, 7
 """Factor on the duration from one trial to the next, and the number of trials: up to six times as long."""
@@ -51,7 +50,7 @@ class MoreTimeQuery(Query[float | None]):
             seconds = round(_GROWTH * seconds + 0.05, 1)
             if seconds > LONGEST_S:
                 return None
-            request = plan_request(plan.settings.lasting(seconds), plan.ends, plan.planner, own)
+            request = plan_request(plan.settings.with_duration(seconds), plan.ends, plan.planner, own)
             outcome = make_plan(replace(request, draft=True), resources.place).outcome
             if outcome is not PlanOutcome.OVER_LIMITS:
                 return seconds if outcome in FLYABLE else None

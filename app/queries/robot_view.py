@@ -11,7 +11,7 @@ from nerfnav.robots import RigidState
 from nerfnav_app.jobs.fly.simulated_world import render_view
 from nerfnav_app.places.ends import End
 from nerfnav_app.queries.query import Query, Resources
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.session import Session
 
 RobotView = tuple[np.ndarray, ...]

@@ -7,7 +7,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.reducers.runs import compare_run, show_run
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
 from nerfnav_app.state.runs import RunRequest, StoredFlight
 from nerfnav_app.state.session import Session
 from nerfnav_app.storage.run_store import RunStore

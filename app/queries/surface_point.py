@@ -19,8 +19,8 @@ class SurfacePointQuery(Query[Vector | None]):
     @classmethod
     def pending(cls, session: Session) -> Iterator["SurfacePointQuery"]:
         """Ask while a click waits for its point."""
-        if session.placing.clicked is not None:
-            yield cls(session.placing.clicked)
+        if session.alignment.clicked is not None:
+            yield cls(session.alignment.clicked)
 
     def answer(self, resources: Resources) -> Vector | None:
         """Intersect the ray with the surface."""
@@ -28,10 +28,10 @@ class SurfacePointQuery(Query[Vector | None]):
 
     def apply(self, session: Session, result: Vector | None) -> Session:
         """Add the point, unless another click came."""
-        placing = session.placing
+        placing = session.alignment
         if placing.clicked != self.ray or placing.pointing is None:
             return session
         if result is None:
-            done = replace(session, placing=replace(placing, clicked=None))
+            done = replace(session, alignment=replace(placing, clicked=None))
             return add_notice(done, "Nothing there", "The click met nothing: click at a surface.", bad=True)
-        return replace(session, placing=replace(placing.pointed(result), clicked=None))
+        return replace(session, alignment=replace(placing.pointed(result), clicked=None))

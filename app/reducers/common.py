@@ -9,9 +9,9 @@ from nerfnav.planner.solvers.duration import is_hurried
 from nerfnav_app.places.ends import End, EndRole, Ends, default_ends
 from nerfnav_app.places.place import Place
 from nerfnav_app.places.sources import without_paths
-from nerfnav_app.state.records import FlightRecord
+from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.plan import PlanSettings
 from nerfnav_app.state.session import Notice, Session
-from nerfnav_app.state.settings import PlanSettings
 
 Value = TypeVar("Value")
 _NOTICES_KEPT = 5
@@ -57,7 +57,7 @@ def enter_place(session: Session, place: Place) -> Session:
     return replace(
         session, place=place, plan_settings=settings, task=name, home=name, home_ends=None, ends=ends,
         robot_draft=None, seeking=name is None, problems={}, offers={}, outside={}, aiming=None, clicked=None,
-        results={}, view_settings=session.view_settings.where(splats=place.splats is not None),
+        results={}, view_settings=session.view_settings.for_place(splats=place.splats is not None),
     )  # fmt: skip
 
 

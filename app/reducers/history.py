@@ -7,9 +7,8 @@ from nerfnav_app.places.ends import EndRole
 from nerfnav_app.reducers.common import move_end
 from nerfnav_app.reducers.place import make_choice
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.history import History, Moment
-from nerfnav_app.state.records import AllowTime, RestoreWeights
-from nerfnav_app.state.session import Session
+from nerfnav_app.state.plan import AllowTime, RestoreWeights
+from nerfnav_app.state.session import History, Moment, Session
 
 _STEPS = m.MoveEnd | m.TypeEnd | m.ChooseTask | m.Choose | m.Adjust | m.Reset | AllowTime | RestoreWeights
 

@@ -14,10 +14,11 @@ from nerfnav_app.places.vantage import is_visible
 from nerfnav_app.reducers import history, jobs
 from nerfnav_app.reducers import place as places
 from nerfnav_app.reducers.common import add_notice, enter_place
+from nerfnav_app.state.flight import LocalizationRecord
 from nerfnav_app.state.job import Download, Job, JobKind
-from nerfnav_app.state.records import LocalizationRecord, PlanRecord
+from nerfnav_app.state.place import Choice
+from nerfnav_app.state.plan import PlanRecord
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import Choice
 from nerfnav_app.state.view import Backdrop
 from nerfnav_app.text import sentence
 
@@ -36,8 +37,8 @@ def apply_report(session: Session, event: e.JobReport) -> Session:
         case e.PlannerCompared(result):
             return replace(session, comparison=(*session.comparison, result))
         case e.FileMade(name, content):
-            wish = job.wish
-            made = None if wish is None else Download(job.id, wish.client, name, content)
+            request = job.request
+            made = None if request is None else Download(job.id, request.client, name, content)
             return replace(session, download=made)
         case e.Progress(label, fraction):
             left_s = job.left_s if label == job.label else None
@@ -59,19 +60,19 @@ def apply_report(session: Session, event: e.JobReport) -> Session:
             return _finish_job(replace(session, job=None), job, result)
         case e.JobFailed(_, message):
             reason = without_folder(message, session.what)
-            return add_notice(jobs.abandon_job(session), f"Could not {job.kind.value}", reason, bad=True)
+            return add_notice(jobs.abandon_job(session), f"Could not {job.kind.verb}", reason, bad=True)
         case _:
             return session  # other events are not shown
 
 
 def _enter_opened(session: Session, place: Place) -> Session:
     """Enter another place; in the first one, restore the stored session, unless its camera does not see the place."""
-    there, left = enter_place(_choose_robot(session, place), place), session.left_off
+    there, left = enter_place(_choose_robot(session, place), place), session.saved
     if left is not None:
         box = place.field.box
         seen = left.view is not None and is_visible(left.view, box.lower.tolist(), box.upper.tolist())
         view = left.view if seen else None
-        there = history.restore_moment(replace(there, left_off=None, view=view, viewed=view), left.moment)
+        there = history.restore_moment(replace(there, saved=None, view=view, viewed=view), left.moment)
     return _warn_size(there, place)
 
 
@@ -89,15 +90,15 @@ def _choose_robot(session: Session, place: Place) -> Session:
 def _show_field(session: Session) -> Session:
     """Show the field itself, with a notice that the place has no surface."""
     seen = replace(session, view_settings=replace(session.view_settings, backdrop=Backdrop.RENDER))
-    remedy = "train it for longer, or from more pictures; its fog is shown as it is"
-    return add_notice(seen, "Nothing solid", f"This field has no surface: {remedy}.", bad=True)
+    remedy = "train it longer or on more pictures; its fog is rendered as it is"
+    return add_notice(seen, "No surface", f"This field has no surface: {remedy}.", bad=True)
 
 
 def _warn_size(session: Session, place: Place) -> Session:
     """Add a notice where the size of the place is a guess, and implausible."""
     known = not any(guess.startswith(UNIT_ASSUMED) for guess in place.field.info.guesses)
     doubt = None if known else warn_implausible_size(float(place.field.box.size.max()))
-    return session if doubt is None else add_notice(session, "How long is a metre?", sentence(doubt), bad=True)
+    return session if doubt is None else add_notice(session, "Check the scale", sentence(doubt), bad=True)
 
 
 def _add_step(session: Session, job: Job, event: PlanStep | FilterStep | NavigationStep) -> Session:
@@ -124,7 +125,7 @@ def _keep_grounded(session: Session, plan: PlanRecord) -> Session:
     then fly; else ask the user."""
     session = replace(session, job=None, plan=plan, flight=None)
     if not plan.settings.shortest:
-        return replace(session, doubt=plan if plan.leads else None)
+        return replace(session, unconfirmed=plan if plan.leads else None)
     planning = jobs.begin_job(session, JobKind.PLAN)
     return planning if planning.job is None else replace(planning, job=replace(planning.job, fly_after=True))
 
@@ -145,7 +146,7 @@ def _finish_job(session: Session, job: Job, result: e.JobResult) -> Session:
         session = replace(session, plan=plan)
         if job.fly_after and session.fresh_plan is not None:
             return jobs.begin_job(session, JobKind.FLY)
-        return replace(session, doubt=plan) if job.fly_after and plan.is_unsafe and plan.leads else session
+        return replace(session, unconfirmed=plan) if job.fly_after and plan.is_unsafe and plan.leads else session
     if job.kind is JobKind.PLACE:
         return places.open_georeferenced(session, result)
     if job.kind is JobKind.FIND:

@@ -6,11 +6,12 @@ from dataclasses import replace
 from nerfnav.planner import CostWeights
 from nerfnav_app.reducers.common import add_notice
 from nerfnav_app.state import actions as m
-from nerfnav_app.state.experiments import StartExperiment
-from nerfnav_app.state.job import DownloadAction, DownloadRequest, Job, JobKind, TakeMap, TakeTrajectory
-from nerfnav_app.state.records import AllowTime, DeclineFlight, FlightRecord, PlanAction, PlanRecord, RestoreWeights
+from nerfnav_app.state.flight import FlightRecord
+from nerfnav_app.state.job import DownloadRequest, Job, JobKind, MapDownload, TrajectoryDownload
+from nerfnav_app.state.plan import AllowTime, DeclineFlight, PlanAction, PlanRecord, RestoreWeights
+from nerfnav_app.state.runs import StartExperiment
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.tracks import ForgetTrack, StartTrack, TrackAction, TrackRecord
+from nerfnav_app.state.tracks import RemoveTrack, StartTrack, TrackAction, TrackRecord
 
 JobCommand = (
     m.StartComparison
@@ -18,7 +19,7 @@ JobCommand = (
     | m.StartFlight
     | PlanAction
     | m.FindRobot
-    | DownloadAction
+    | DownloadRequest
     | m.Cancel
     | StartExperiment
     | TrackAction
@@ -35,9 +36,9 @@ def command_job(session: Session, command: JobCommand) -> Session:
         case m.StartFlight(anyway):
             return _begin_flight(session, anyway)
         case DeclineFlight():
-            return replace(session, doubt=None)
+            return replace(session, unconfirmed=None)
         case AllowTime(seconds):
-            return begin_job(replace(session, plan_settings=session.plan_settings.lasting(seconds)), JobKind.PLAN)
+            return begin_job(replace(session, plan_settings=session.plan_settings.with_duration(seconds)), JobKind.PLAN)
         case RestoreWeights():
             weighed = replace(session.plan_settings, weights=CostWeights())
             return begin_job(replace(session, plan_settings=weighed), JobKind.PLAN)
@@ -48,18 +49,18 @@ def command_job(session: Session, command: JobCommand) -> Session:
             return _begin_search(session)
         case StartTrack():
             return _begin_track(session, command)
-        case ForgetTrack():
+        case RemoveTrack():
             return session if session.growing else replace(session, track=None)
-        case TakeMap(wish):
-            return begin_job(session, JobKind.MAP, wish)
-        case TakeTrajectory(wish):
-            return begin_job(session, JobKind.EXPORT, wish)
+        case MapDownload():
+            return begin_job(session, JobKind.MAP, command)
+        case TrajectoryDownload():
+            return begin_job(session, JobKind.EXPORT, command)
         case m.Cancel():
             return cancel_job(session)
 
 
 def begin_job(
-    session: Session, kind: JobKind, wish: DownloadRequest | None = None, anyway: PlanRecord | None = None
+    session: Session, kind: JobKind, request: DownloadRequest | None = None, anyway: PlanRecord | None = None
 ) -> Session:
     """Begin a job of this kind, on a fresh record; add a notice where another one runs.
 
@@ -67,7 +68,7 @@ def begin_job(
     """
     if not session.may_begin:
         return add_notice(session, "Still busy", "One thing at a time: stop what is running first.", bad=True)
-    job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, wish=wish)
+    job = Job(session.jobs_begun, kind, session.ends, pace=session.flight_settings.pace, request=request)
     if kind is JobKind.FLY:
         job = replace(job, first_plan=anyway or session.fresh_plan, anyway=anyway is not None)
     fresh = replace(session, job=job, jobs_begun=session.jobs_begun + 1, seeking=False)
@@ -75,7 +76,7 @@ def begin_job(
         return replace(fresh, comparison=())
     if kind in (JobKind.EXPERIMENT, JobKind.FIND, JobKind.MAP, JobKind.EXPORT, JobKind.PLACE, JobKind.TRACK):
         return fresh
-    fresh = replace(fresh, flight=None, track=None, doubt=None, held=False, comparison=(), search=None)
+    fresh = replace(fresh, flight=None, track=None, unconfirmed=None, held=False, comparison=(), search=None)
     if kind is JobKind.PLAN:
         return replace(fresh, plan=PlanRecord(session.ends, session.choice.planner, session.plan_settings))
     return replace(fresh, plan=job.first_plan, flight=FlightRecord(session.ends))
@@ -94,7 +95,7 @@ def _begin_flight(session: Session, anyway: bool) -> Session:
     unsafe = session.unsafe_plan
     if unsafe is None or not unsafe.leads or not session.may_begin:
         return begin_job(session, JobKind.FLY)  # which plans by itself, where no plan was found
-    return begin_job(session, JobKind.FLY, anyway=unsafe) if anyway else replace(session, doubt=unsafe)
+    return begin_job(session, JobKind.FLY, anyway=unsafe) if anyway else replace(session, unconfirmed=unsafe)
 
 
 def _begin_track(session: Session, command: StartTrack) -> Session:
@@ -108,13 +109,14 @@ def _begin_track(session: Session, command: StartTrack) -> Session:
 def _begin_search(session: Session) -> Session:
     """Begin to search for the robot in the last picture of its flight."""
     if session.last_picture is None:
-        return add_notice(session, "No picture", "The robot has not looked around yet: let it fly first.", bad=True)
+        return add_notice(session, "No picture", "There is no camera picture yet: fly first.", bad=True)
     return begin_job(session, JobKind.FIND)
 
 
 def discard_results(session: Session) -> Session:
     """Discard the job and the results of jobs."""
-    return replace(cancel_job(session), plan=None, flight=None, track=None, doubt=None, comparison=(), search=None)
+    cancelled = cancel_job(session)
+    return replace(cancelled, plan=None, flight=None, track=None, unconfirmed=None, comparison=(), search=None)
 
 
 def cancel_job(session: Session) -> Session:

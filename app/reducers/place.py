@@ -15,10 +15,10 @@ from nerfnav_app.reducers.common import add_notice, enter_place, move_end, type_
 from nerfnav_app.reducers.jobs import begin_job, discard_results
 from nerfnav_app.state import actions as m
 from nerfnav_app.state import alignment as p
-from nerfnav_app.state.alignment import Ray
+from nerfnav_app.state.alignment import Ray, Vector
 from nerfnav_app.state.job import Job, JobKind
-from nerfnav_app.state.session import Click, Session, Vector
-from nerfnav_app.state.settings import Choice
+from nerfnav_app.state.place import Choice, Click
+from nerfnav_app.state.session import Session
 from nerfnav_app.state.view import CameraMoved, CameraRested, TabAction, TabClosed
 from nerfnav_app.text import sentence
 
@@ -30,8 +30,8 @@ PlaceCommand = (
     | m.ChooseQuality
     | m.ListPlaces
     | m.Choose
-    | m.Aim
-    | m.Point
+    | m.AimEnd
+    | m.ClickScene
     | TabAction
 )
 
@@ -53,9 +53,9 @@ def command_place(session: Session, place: Place, command: PlaceCommand) -> Sess
             return replace(session, places_asked=session.places_asked + 1)
         case m.Choose(choice):
             return make_choice(session, place, choice)
-        case m.Aim(which):
-            return replace(session, aiming=which, placing=replace(session.placing, pointing=None))
-        case m.Point(origin, direction):
+        case m.AimEnd(which):
+            return replace(session, aiming=which, alignment=replace(session.alignment, pointing=None))
+        case m.ClickScene(origin, direction):
             return _point(session, origin, direction)
         case CameraMoved(client, eye):
             return replace(session, eyes={**session.eyes, client: eye}) if eye.is_sound else session
@@ -69,7 +69,7 @@ def open_place(session: Session, what: str) -> Session:
     """Open another place, from which the session can go back to this one."""
     session = replace(session, before=None) if session.place is not None else session
     job = Job(session.jobs_begun, JobKind.OPEN, label=f"Opening {title_of(what)}")
-    opening = Session(what, session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
+    opening = Session(what, choice=session.choice, job=job, jobs_begun=session.jobs_begun + 1, notices=session.notices)
     kept = {name: getattr(session, name) for name in ("experiments", "places_asked", "quality")}
     opening = replace(opening, runs=session.runs.elsewhere(), **kept)
     # a place that was never open is nothing to go back to
@@ -104,16 +104,16 @@ def _choose_task(session: Session, place: Place, name: str) -> Session:
 def _point(session: Session, origin: Vector, direction: Vector) -> Session:
     """Point at the place with a click, which moves an end or measures."""
     if session.aiming is None:
-        placing = session.placing
+        placing = session.alignment
         if placing.pointing is None:
             return session
-        return replace(session, placing=replace(placing, clicked=Ray(origin, direction)))
+        return replace(session, alignment=replace(placing, clicked=Ray(origin, direction)))
     return replace(session, clicked=Click(session.aiming, origin, direction), aiming=None)
 
 
 def command_alignment(session: Session, command: p.AlignmentAction) -> Session:
     """Reduce a command of the alignment in an open place."""
-    placing = session.placing
+    placing = session.alignment
     match command:
         case p.PickPoints(pointing):
             fresh = replace(placing, pointing=pointing, clicked=None)
@@ -121,16 +121,16 @@ def command_alignment(session: Session, command: p.AlignmentAction) -> Session:
                 fresh = replace(fresh, measured=())
             elif pointing is p.PickTarget.FLOOR:
                 fresh = replace(fresh, floor=(), above=None, find_floor=False)
-            return replace(session, placing=fresh, aiming=None)
+            return replace(session, alignment=fresh, aiming=None)
         case p.SetDistance(distance):
-            return replace(session, placing=replace(placing, distance=distance))
+            return replace(session, alignment=replace(placing, distance=distance))
         case p.FindFloor(on):
             floor = () if on else placing.floor
-            return replace(session, placing=replace(placing, find_floor=on, floor=floor, above=None))
+            return replace(session, alignment=replace(placing, find_floor=on, floor=floor, above=None))
         case p.Keep(box):
-            return replace(session, placing=replace(placing, kept=box))
+            return replace(session, alignment=replace(placing, kept=box))
         case p.DiscardAlignment():
-            return replace(session, placing=p.AlignmentDraft(undo=placing.undo))
+            return replace(session, alignment=p.AlignmentDraft(undo=placing.undo))
         case p.ApplyAlignment():
             return _apply_alignment(session)
         case p.UndoAlignment():
@@ -140,27 +140,27 @@ def command_alignment(session: Session, command: p.AlignmentAction) -> Session:
 def open_georeferenced(session: Session, result: JobResult) -> Session:
     """Open the georeferenced place, from which the session can go back to the place before."""
     changes = tuple(map(str, result.summary["changed"]))
-    placing = p.AlignmentDraft(undo=(*session.placing.undo, session.what), told=changes)
-    opened = replace(open_place(session, str(result.files[0])), placing=placing)
+    placing = p.AlignmentDraft(undo=(*session.alignment.undo, session.what), changes=changes)
+    opened = replace(open_place(session, str(result.files[0])), alignment=placing)
     return add_notice(opened, "Georeferenced", sentence("; ".join(changes)))
 
 
 def _apply_alignment(session: Session) -> Session:
-    placing = session.placing
+    placing = session.alignment
     if len(placing.measured) == 2 and placing.distance is None:
-        return add_notice(session, "Not yet", "Type how far the two points are apart in truth.", bad=True)
+        return add_notice(session, "Distance missing", "Type the true distance of the two points.", bad=True)
     try:
-        correction = placing.correction()
+        correction = placing.request()
     except NerfnavError as error:
         return add_notice(session, "Not changed", sentence(str(error)), bad=True)
     if correction.is_empty:
-        text = "Measure something, click three points of the floor, or crop the place first."
+        text = "First measure a distance, click three points of the floor, or crop the place."
         return add_notice(session, "Nothing to change", text, bad=True)
-    return begin_job(replace(session, placing=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
+    return begin_job(replace(session, alignment=replace(placing, pointing=None, clicked=None)), JobKind.PLACE)
 
 
 def _undo_alignment(session: Session) -> Session:
-    placing = session.placing
+    placing = session.alignment
     if not placing.undo:
-        return add_notice(session, "Nothing to undo", "The place is as it was opened.", bad=True)
-    return replace(open_place(session, placing.undo[-1]), placing=p.AlignmentDraft(undo=placing.undo[:-1]))
+        return add_notice(session, "Nothing to undo", "No alignment was applied to this place.", bad=True)
+    return replace(open_place(session, placing.undo[-1]), alignment=p.AlignmentDraft(undo=placing.undo[:-1]))

@@ -8,9 +8,8 @@ from nerfnav_app.reducers.job_reports import apply_report
 from nerfnav_app.reducers.settings import adjust_setting, reset_settings
 from nerfnav_app.state import actions as m
 from nerfnav_app.state.alignment import AlignmentAction
-from nerfnav_app.state.experiments import ListExperiments, ShowResult
-from nerfnav_app.state.robot_draft import EditRobot, ForgetEdits
-from nerfnav_app.state.runs import OpenRun, RunAction
+from nerfnav_app.state.robot_draft import DiscardEdits, EditRobot
+from nerfnav_app.state.runs import ListExperiments, OpenRun, RunAction, ShowResult
 from nerfnav_app.state.session import Session
 
 
@@ -31,7 +30,7 @@ def _reduce(session: Session, message: m.Action) -> Session:
             return apply_report(session, event) if wanted else session
         case m.Tick(seconds):
             return runs.roll_timeline(_advance_replay(session, seconds), seconds)
-        case m.Tell(title, body, bad):
+        case m.Notify(title, body, bad):
             return add_notice(session, title, body, bad)
         case _:
             return _command(session, message)
@@ -71,7 +70,7 @@ def _command(session: Session, command: m.Command) -> Session:
             return adjust_setting(session, settings, name, value)
         case EditRobot():
             return replace(session, robot_draft=command.of(session.robot_draft))
-        case ForgetEdits():
+        case DiscardEdits():
             return replace(session, robot_draft=None)
         case m.Undo() | m.Redo():
             return history.travel_history(session, command)

@@ -91,8 +91,8 @@ def show_run(session: Session, stored: StoredFlight) -> Session:
         try:
             place = place.with_robot(about.robot)
         except NerfnavError:  # whose text names a folder, and browsers read this
-            reason = f"Its robot, {Path(about.robot).stem}, is not here any more, or its file describes none."
-            return add_notice(session, "Could not open", reason, bad=True)
+            text = f"The robot {Path(about.robot).stem} is missing, or its file is invalid: load it again."
+            return add_notice(session, "Could not open", text, bad=True)
     timeline = session.runs.timeline.moved(stored.record, len(stored.record.steps) - 1)  # show all of it at once
     return replace(
         session, place=place, choice=replace(session.choice, robot=about.robot), task=None, ends=about.ends,

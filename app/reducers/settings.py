@@ -9,8 +9,10 @@ from nerfnav_app.places.place import Place
 from nerfnav_app.reducers import jobs
 from nerfnav_app.reducers.common import add_notice, choose_settings
 from nerfnav_app.state.actions import Settings
+from nerfnav_app.state.flight import FlightSettings
+from nerfnav_app.state.place import Choice
+from nerfnav_app.state.plan import PlanSettings
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import Choice, FlightSettings, PlanSettings
 from nerfnav_app.state.view import ViewSettings
 from nerfnav_app.text import sentence
 
@@ -20,7 +22,7 @@ def adjust_setting(session: Session, settings: Settings, name: str, value: Any) 
     try:
         return _with(session, settings, {name: value})
     except InvalidInputError as error:
-        return add_notice(session, "Not taken", sentence(str(error)), bad=True)
+        return add_notice(session, "Not applied", sentence(str(error)), bad=True)
 
 
 def _with(session: Session, settings: Settings, change: dict[str, Any]) -> Session:
@@ -56,5 +58,5 @@ def reset_settings(session: Session, place: Place) -> Session:
         jobs.discard_results(session), task=session.home, ends=ends, problems={}, offers={}, outside={}, held=False,
         aiming=None, clicked=None, choice=Choice(session.choice.robot), flight_settings=FlightSettings(),
         plan_settings=choose_settings(PlanSettings(), place, ends, session.home),
-        view_settings=ViewSettings().where(splats=place.splats is not None),
+        view_settings=ViewSettings().for_place(splats=place.splats is not None),
     )  # fmt: skip

@@ -29,10 +29,9 @@ from nerfnav_app.places.sources import QualityName
 from nerfnav_app.queries.following_plan import plan_request
 from nerfnav_app.queries.query import Query, Resources
 from nerfnav_app.state.actions import RunChanged
-from nerfnav_app.state.experiments import StartExperiment
 from nerfnav_app.state.export_subject import make_recording, name_download
 from nerfnav_app.state.job import Job, JobKind, MapDownload, TrajectoryDownload
-from nerfnav_app.state.runs import RunChange
+from nerfnav_app.state.runs import RunChange, StartExperiment
 from nerfnav_app.state.session import Session
 from nerfnav_app.state.tracks import StartTrack
 from nerfnav_app.storage.experiment_store import ExperimentStore
@@ -72,10 +71,10 @@ class NavigationBackend:
                 return fly.run(self._fly_request(session, job, place, self._requests), place)
             case JobKind.PLACE:
                 return self._georeference(session, job)
-            case JobKind.MAP if isinstance(job.wish, MapDownload):
-                return map_job.download(place.field, map_job.MapRequest(Path(f"{place.name}-map{job.wish.ending}")))
-            case JobKind.EXPORT if isinstance(job.wish, TrajectoryDownload):
-                return _export(session, job.wish, place)
+            case JobKind.MAP if isinstance(job.request, MapDownload):
+                return map_job.download(place.field, map_job.MapRequest(Path(f"{place.name}-map{job.request.ending}")))
+            case JobKind.EXPORT if isinstance(job.request, TrajectoryDownload):
+                return _export(session, job.request, place)
             case JobKind.FIND if (picture := session.last_picture) is not None:
                 return localize.find(place, picture)
             case JobKind.EXPERIMENT if session.experiments.asked is not None:
@@ -136,7 +135,7 @@ class NavigationBackend:
         if self._georeferenced is None:
             self._georeferenced = tempfile.TemporaryDirectory(prefix="nerfnav-", ignore_cleanup_errors=True)
         out = Path(self._georeferenced.name) / str(job.id) / f"{Path(session.what).stem}.npz"
-        return georeference.run(georeference.PlaceRequest(session.what, session.placing.correction(), out))
+        return georeference.run(georeference.PlaceRequest(session.what, session.alignment.request(), out))
 
 
 def _begin_experiment(experiment: StartExperiment, runs: RunStore) -> JobEvents:

@@ -7,7 +7,7 @@ from typing import Any
 from nerfnav.core.errors import InvalidInputError, NerfnavError
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.query import Query
-from nerfnav_app.state.actions import QueryAnswered, Tell
+from nerfnav_app.state.actions import Notify, QueryAnswered
 from nerfnav_app.state.session import Session
 from nerfnav_app.worker.running_job import describe_fault
 from nerfnav_app.worker.work import Work
@@ -50,7 +50,7 @@ class OpenQueries:
             self._answered.add(query)
         return query
 
-    def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Tell:
+    def answer(self, session: Session, query: Query[Any]) -> QueryAnswered | Notify:
         """Answer a query in the place of the session, or say why that fails."""
         began = time.monotonic()
         try:
@@ -58,10 +58,10 @@ class OpenQueries:
                 raise InvalidInputError("no place is open")
             return QueryAnswered(query, self._work.answer(session.place, query))
         except NerfnavError as error:
-            return Tell("No answer", str(error), bad=True)
+            return Notify("No answer", str(error), bad=True)
         except Exception as error:
             _log.exception("answering %s failed", type(query).__name__)
-            return Tell("Something broke", describe_fault(error), bad=True)
+            return Notify("Something broke", describe_fault(error), bad=True)
         finally:
             self._last_answer = now = time.monotonic()
             self._pauses[type(query)] = now + min(query.pause * (now - began), _LONGEST_PAUSE_S)

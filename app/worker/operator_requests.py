@@ -16,9 +16,9 @@ from nerfnav.robots import RigidState
 from nerfnav_app.places.derived import prepare_place
 from nerfnav_app.places.ends import EndRole
 from nerfnav_app.places.place import Place
+from nerfnav_app.state.flight import GUST
 from nerfnav_app.state.job import Job
 from nerfnav_app.state.session import Session
-from nerfnav_app.state.settings import GUST
 
 _ROOM = 0.03
 """Clearance of a kidnapped robot [m]."""

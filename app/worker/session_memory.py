@@ -7,8 +7,7 @@ from pathlib import Path
 import msgspec
 
 from nerfnav.core.files import replace_file
-from nerfnav_app.state.history import SavedSession
-from nerfnav_app.state.session import Session
+from nerfnav_app.state.session import SavedSession, Session
 
 
 class SessionMemory:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import torch
 
 from nerfnav_app.jobs.events import COMPILING, Progress
-from nerfnav_app.state.actions import QueryAnswered, Reported, RunChanged, Tell
+from nerfnav_app.state.actions import Notify, QueryAnswered, Reported, RunChanged
 from nerfnav_app.state.runs import RunChange
 from nerfnav_app.state.session import Session
 from nerfnav_app.system import TORCH_THREADS, give_back
@@ -23,7 +23,7 @@ from nerfnav_app.worker.work import Work
 _GIVE_BACK_EVERY_S = 10.0  # while a job runs, and after each
 
 
-Posted = Reported | QueryAnswered | RunChanged | Tell
+Posted = Reported | QueryAnswered | RunChanged | Notify
 """Messages of the worker to the session."""
 
 

@@ -8,7 +8,6 @@ from collections.abc import Callable, Generator, Iterator
 from typing import Any, TypeVar
 
 Step = TypeVar("Step")
-Sent = TypeVar("Sent")
 Converted = TypeVar("Converted")
 Result = TypeVar("Result")
 
@@ -23,10 +22,10 @@ def run_steps(steps: Generator[Any, Any, Result]) -> Result:
 
 
 def map_steps(
-    steps: Generator[Step, Sent | None, Result], convert: Callable[[Step], Converted]
-) -> Generator[Converted, Sent | None, Result]:
+    steps: Generator[Step, Any, Result], convert: Callable[[Step], Converted]
+) -> Generator[Converted, Any, Result]:
     """Yield each step of a generator converted, pass on what is sent, and return the generator's result."""
-    sent: Sent | None = None
+    sent: Any = None
     while True:
         try:
             step = steps.send(sent)

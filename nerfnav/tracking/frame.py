@@ -93,7 +93,7 @@ class TrackStatus(Enum):
     """Status of a frame; the value is the user's text."""
 
     SEARCHING = "nothing is known yet: no one place looks like the picture"
-    FOUND = "found from nothing, by looking everywhere"
+    FOUND = "found by global localization"
     FOLLOWED = "followed by the picture"
     PREDICTED = "the picture said nothing or disagreed: the motion model alone leads"
     LOST = "the track is lost: pictures disagree, and no one place looks like them"

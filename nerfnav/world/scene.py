@@ -1,9 +1,8 @@
 """Scene: the ground truth of a place: its mesh, its solids, and the flights to try there.
 
-A task is a flight from one place to another. A similarity transform moves a scene: its mesh, its solids, and the box
+A similarity transform moves a scene: its mesh, its solids, and the box
 in which its field lives.
 """
-
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,38 +14,8 @@ import trimesh
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.geometry import Box, Similarity
-from nerfnav.robots import RigidState
 from nerfnav.world.surface import Paint
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Task:
-    """Fly from one place to another, at rest at both ends."""
-
-    name: str
-    """Title for users."""
-    start: Point
-    """[m]"""
-    goal: Point
-    """[m]"""
-    start_yaw: float = 0.0
-    """Heading at the start [rad]."""
-    goal_yaw: float = 0.0
-    """Heading at the goal [rad]."""
-    robot: str = "quadrotor"
-    """Name of the robot that the task is for."""
-
-    @property
-    def start_state(self) -> RigidState:
-        """The state at rest at the start."""
-        return RigidState.at_rest(self.start, self.start_yaw)
-
-    @property
-    def goal_state(self) -> RigidState:
-        """The state at rest at the goal."""
-        return RigidState.at_rest(self.goal, self.goal_yaw)
+from nerfnav.world.task import Task
 
 
 class Vantage(Enum):

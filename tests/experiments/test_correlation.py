@@ -6,7 +6,7 @@ import torch
 
 from nerfnav.experiments.correlation import PlanTrial, draw_figure, observe_plan, overlap_along, summarize
 from nerfnav.robots.state import Motion, RigidState
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.experiments.places import column
 
 

@@ -12,7 +12,8 @@ from nerfnav.experiments.arena import Arena
 from nerfnav.experiments.ground_robots import Drive, drive, outlines, run
 from nerfnav.experiments.study import Study
 from nerfnav.field.models.voxel import EMPTY_RAW, VoxelField
-from nerfnav.world.scene import Scene, Task
+from nerfnav.world.scene import Scene
+from nerfnav.world.task import Task
 from tests.experiments.places import BOX
 
 ACROSS = torch.pi / 2

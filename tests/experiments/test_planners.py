@@ -7,7 +7,7 @@ import pytest
 from nerfnav.core.steps import run_steps
 from nerfnav.experiments.planners import PLANNERS, Flight, fly, run, summarize
 from nerfnav.experiments.study import Results, Study
-from nerfnav.world.scene import Task
+from nerfnav.world.task import Task
 from tests.experiments.places import TASKS, column
 
 

@@ -203,6 +203,7 @@ ENUMS: tuple[type[Enum], ...] = (
 ENUM_NAMES = {"SupervisorState": "Recovery", "EndRole": "Which", "UnknownSpace": "Unknown", "Occupancy": "VoxelState"}
 """Class names of enums that have been renamed since the golden files were written: a class name is no contract."""
 REWORDED = {
+    "found by global localization": "found from nothing, by looking everywhere",
     "what is left of the last plan has become much more costly": "what is left of the last plan has become much dearer",
 }
 """Values of enums that are sentences for users, and were reworded since the golden files were written."""

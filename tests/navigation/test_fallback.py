@@ -6,12 +6,13 @@ import pytest
 import torch
 from torch import Tensor
 
+from nerfnav.core.steps import run_steps
 from nerfnav.navigation.episode import EpisodeOutcome, NavigationStep
 from nerfnav.navigation.fallback import FallbackTrajectory, SafetyFilter
 from nerfnav.navigation.flight import FlightRequest, NavigateConfig, NavigationStack
 from nerfnav.navigation.loop import navigate
 from nerfnav.navigation.supervisor import SupervisorMemory, SupervisorState
-from nerfnav.planner.steps import PlanOutcome, PlanStep
+from nerfnav.planner.steps import PlanOutcome, PlanResult, PlanSteps
 from nerfnav.planner.trajectory import Route
 from nerfnav.robots.state import Motion, RigidState
 from tests.navigation.doubles import CALM, ROBOT, Oracle, StraightPlanner, draws, simulator
@@ -54,7 +55,7 @@ def planned(start: RigidState, outcome: PlanOutcome) -> PlanResult:
     return run_steps(StraightPlanner(outcome).plan(Route(start, RigidState.at_rest((0.6, 0.5, 0.3)), 12)))
 
 
-def filtered(field: Colorless, plan: PlanStep) -> tuple[FallbackTrajectory, bool]:
+def filtered(field: Colorless, plan: PlanResult) -> tuple[FallbackTrajectory, bool]:
     """The fallback beside a plan, and whether it is flown."""
     safety_filter = SafetyFilter(field, ROBOT)
     fallback = safety_filter.make_fallback(plan, 0.1)

@@ -160,9 +160,9 @@ def test_the_horizon_shrinks_but_never_below_the_minimum():
 
 
 def test_a_given_first_plan_is_not_planned_again():
-    *_, planned = StraightPlanner().plan(Route(START, GOAL, 12))
+    planned = run_steps(StraightPlanner().plan(Route(START, GOAL, 12)))
     events = fly(StraightPlanner(outcome=PlanOutcome.NO_PATH), request=FlightRequest(GOAL, 12, 0.1, planned.motion))
-    assert [type(event) for event in events[:3]] == [PlanStep, PlanStep, NavigationStep]
+    assert [type(event) for event in events[:3]] == [PlanStep, PlanResult, NavigationStep]
     assert steps_of(events)[-1].outcome is EpisodeOutcome.REACHED
 
 

@@ -409,7 +409,7 @@ def test_in_the_papers_noise_a_robot_looks_around_before_it_is_farther_off_than_
         spread, pictures = 1e-6 * torch.eye(12), 0
         while pictures < 50 and supervised(Supervisor(None), Belief(world.state, spread), little)[2] is None:
             spread, pictures = spread + StateNoise().covariance(), pictures + 1
-        level, _ = tracking_deviations(ROBOT, REQUEST.dt, PAPER_NOISE)[-1]
+        level = tracking_deviations(ROBOT, REQUEST.dt, PAPER_NOISE)[-1].level
         assert 1 < pictures <= 5 and SupervisorConfig().widest <= level
         assert supervised(Supervisor(None), Belief(world.state, spread), FilterOutcome.UPDATED)[2] is None
 

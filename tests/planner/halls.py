@@ -58,7 +58,7 @@ def field_of(building: Building, voxel: float) -> BrickField:
             states[part] = int(block.state)
             if block.state is Occupancy.SOLID:
                 values[part] = torch.tensor([SOLID_RAW, *block.color])
-        return values, states
+        return Slab(values, states)
 
     return build_bricks(box, nodes, slab, torch.ones(3))
 

@@ -8,7 +8,8 @@ import torch
 
 from nerfnav.core.errors import InvalidInputError
 from nerfnav.world.raycast import MeshRenderer
-from nerfnav.world.scene import Task, move_scene
+from nerfnav.world.scene import move_scene
+from nerfnav.world.task import Task
 from tests.field.moves import change
 from tests.importers.meshes.places import ABOVE, CAMERA, UP_Z, imported, two_textures, write
 

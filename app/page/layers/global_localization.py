@@ -10,21 +10,21 @@ from nerfnav.geometry.so3 import quaternion_from_matrix
 from nerfnav_app.page.kit.theme import CANDIDATE
 from nerfnav_app.page.layers.nodes import Bodies, Fan
 from nerfnav_app.page.layers.shapes import body_shape, robot_shape
-from nerfnav_app.state.records import LocalizationRecord
+from nerfnav_app.state.flight import LocalizationRecord
 from nerfnav_app.state.session import Session
 
 MOST_CANDIDATES = 5
-"""Of the places that a search ends with, so many are told apart at most."""
+"""Most candidates of a finished search that have labels."""
 _MOST_FRUSTA = 24  # more would hide the place
 _DEPTH = 0.15  # of a drawn frustum [m]
 _CORNERS = torch.tensor([[x, y, -1.0] for x, y in ((1, 1), (1, -1), (-1, -1), (-1, 1))])  # at 90 degrees
 _LEAST_LIKELY = 0.01  # of what has a label
 _ABOVE = 0.06  # a label over its body [m]
-_NOBODY = np.zeros((0, 3)), np.zeros((0, 4))
+_NO_BODY = np.zeros((0, 3)), np.zeros((0, 4))
 
 
 class GlobalLocalizationLayer:
-    """Shows what a search has come to, near the time of the flight at which it looked."""
+    """Layer of the candidates of a global localization, near the time step of the flight whose picture it used."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -39,7 +39,7 @@ class GlobalLocalizationLayer:
     def show(self, session: Session) -> None:
         """Draw the candidates, or nothing."""
         search, flight = session.search, session.shown_flight
-        if search is not None and not search.in_sight(len(flight.steps) if flight is not None else 0):
+        if search is not None and not search.is_visible_at(len(flight.steps) if flight is not None else 0):
             search = None
         if search is self._shown:
             return
@@ -51,7 +51,7 @@ class GlobalLocalizationLayer:
 
     def _draw(self, search: LocalizationRecord | None) -> None:
         if search is None:
-            self._ghosts.show(*_NOBODY)
+            self._ghosts.show(*_NO_BODY)
             self._frusta.show(None)
         else:
             step = search.step
@@ -62,7 +62,7 @@ class GlobalLocalizationLayer:
         ended = search is not None and search.outcome not in (None, RelocaliseOutcome.LOST)
         shown = search.step if search is not None and ended else None
         for index, label in enumerate(self._labels):
-            # the unlikely are in the panel's table, and would only cover the likely
+            # the panel's table has the unlikely ones: here they would cover the likely
             share = shown.weights[index].item() if shown is not None and index < len(shown.weights) else 0.0
             label.visible = share >= _LEAST_LIKELY and shown is not None
             if shown is not None and label.visible:
@@ -71,7 +71,7 @@ class GlobalLocalizationLayer:
 
 
 def frusta(poses: Pose) -> np.ndarray:
-    """Edges (n 8, 2, 3) [m] of the pyramids that cameras (n,) look into."""
+    """Build the edges (8 n, 2, 3) [m] of the frusta of cameras (n,)."""
     rims = poses.position[:, None] + _DEPTH * _CORNERS @ poses.rotation.transpose(-1, -2)
     rays = torch.stack([poses.position[:, None].expand_as(rims), rims], 2)
     sides = torch.stack([rims, rims.roll(-1, 1)], 2)

@@ -18,9 +18,10 @@ from nerfnav_app.jobs.track.localize import find
 from nerfnav_app.page.layers.global_localization import frusta
 from nerfnav_app.page.panels.flight import estimate
 from nerfnav_app.state import actions as m
+from nerfnav_app.state.flight import LocalizationRecord
 from nerfnav_app.state.job import JobKind
-from nerfnav_app.state.records import LocalizationRecord
 from nerfnav_app.state.session import Session
+from nerfnav_app.text import sentence
 from nerfnav_app.worker.backend import NavigationBackend
 from nerfnav_app.worker.operator_requests import SessionRequests
 from tests.app.doubles import flight_step
@@ -82,7 +83,7 @@ def test_a_new_flight_forgets_what_was_found(opened: Session) -> None:
 
 def test_what_was_found_is_in_sight_near_the_time_of_its_picture() -> None:
     search = LocalizationRecord(candidates(), at=10)
-    assert [search.in_sight(steps) for steps in (5, 6, 10, 14, 15)] == [False, True, True, True, False]
+    assert [search.is_visible_at(steps) for steps in (5, 6, 10, 14, 15)] == [False, True, True, True, False]
 
 
 def test_carrying_and_finding_are_counted_in_flight_and_each_reaches_the_flight_once(opened: Session) -> None:
@@ -133,11 +134,12 @@ def test_the_first_search_says_how_far_it_has_looked_around_and_may_be_left(open
 
 
 def test_the_panel_tells_where_the_robot_may_be_and_how_likely_that_is() -> None:
-    told = estimate.found(ended())
-    for text in ("One place looks like the picture.", "0.10, 0.20, 0.30", "90 %", "29°"):
-        assert text in told
-    assert "2 places are left" in estimate.found(ended(None))
-    assert "move and look again" in estimate.found(ended(RelocaliseOutcome.AMBIGUOUS))
+    html = estimate.describe_candidates(ended())
+    for text in (sentence(RelocaliseOutcome.FOUND.value), "0.10, 0.20, 0.30", "90 %", "29°"):
+        assert text in html
+    assert str(len(candidates().weights)) in estimate.describe_candidates(ended(None))
+    ambiguous = estimate.describe_candidates(ended(RelocaliseOutcome.AMBIGUOUS))
+    assert sentence(RelocaliseOutcome.AMBIGUOUS.value) in ambiguous
 
 
 def test_the_panel_says_what_a_robot_does_that_does_not_know_where_it_is(opened: Session) -> None:
@@ -157,6 +159,6 @@ def test_a_frustum_begins_at_the_camera_and_opens_where_it_looks() -> None:
 
 
 def test_where_no_place_looks_like_the_picture_none_is_called_likely() -> None:
-    told = estimate.found(ended(RelocaliseOutcome.LOST))
-    assert "No place looks like the picture" in told and "90 %" not in told
-    assert "90 %" in estimate.found(ended())
+    html = estimate.describe_candidates(ended(RelocaliseOutcome.LOST))
+    assert sentence(RelocaliseOutcome.LOST.value) in html and "90 %" not in html
+    assert "90 %" in estimate.describe_candidates(ended())

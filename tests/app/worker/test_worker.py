@@ -14,6 +14,7 @@ from nerfnav.core.errors import NerfnavError
 from nerfnav.core.jit import Kernel
 from nerfnav.planner.steps import PlanOutcome, PlanStep
 from nerfnav_app.jobs.events import COMPILING, JobFailed, JobFinished, JobResult, PlaceOpened, Progress, SurfaceShaped
+from nerfnav_app.places.ends import End, EndRole
 from nerfnav_app.queries.catalog import pending_queries
 from nerfnav_app.queries.robot_view import RobotViewQuery
 from nerfnav_app.reducers.root import reduce
@@ -206,7 +207,7 @@ def test_questions_are_answered_while_a_job_runs(loop_for: Callable[[ScriptedWor
     work = ScriptedWork({JobKind.PLAN: [slow] * 10_000 + [JobResult()]})
     loop = loop_for(work)
     loop.settle()
-    loop.take(m.StartPlan(), m.MoveEnd(m.EndRole.GOAL, m.End((0.5, -0.5, 0.5))))
+    loop.take(m.StartPlan(), m.MoveEnd(EndRole.GOAL, End((0.5, -0.5, 0.5))))
     loop.until(lambda: pending_queries(loop.session) == ())
     assert loop.session.job is not None
 

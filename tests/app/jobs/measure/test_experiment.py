@@ -128,6 +128,7 @@ def test_figures_that_cannot_be_drawn_are_left_out_and_said_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def undrawn(study: Study) -> ExperimentSteps:
+        yield from ()
         return Results({"left_out": {"rrt": "it is missing"}}, (), {"empty": lambda: panels(("one",))[0]})
 
     EXPERIMENTS.unregister("counting")
