@@ -18,6 +18,7 @@ from nerfnav.estimator import rescale_map_error, transform_views
 from nerfnav.experiments import describe_free_space_accuracy, measure_unproven_share
 from nerfnav.field import (
     FieldInfo,
+    GridField,
     StoredField,
     VoxelField,
     crop_field,
@@ -67,7 +68,7 @@ def save(made: Placed, out: Path) -> JobResult:
 
 def _numbers(made: Placed) -> dict[str, Any]:
     field = made.field
-    voxel = field.resolution if isinstance(field, VoxelField) else field.step
+    voxel = field.resolution
     accuracy = measure_unproven_share(field, voxel)
     return {
         "box": {"lower": field.box.lower.tolist(), "upper": field.box.upper.tolist()},
@@ -97,7 +98,7 @@ def voxels_of(splats: Splats, field: StoredField, change: Alignment) -> VoxelFie
     box = change.similarity.box(field.box)
     if change.box is not None:
         box = intersect_boxes(change.box, box)
-    voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, VoxelField) else field.step)
+    voxel = change.similarity.scale * (float(field.spacing.min()) if isinstance(field, GridField) else field.step)
     return voxelize(splats, VoxelizeConfig(voxel=voxel, box=box), field.info.source)
 
 

@@ -30,7 +30,7 @@ from nerfnav_app.jobs.field.training_data import TrainingData, TrainRequest
 def import_numbers(made: StoredField) -> dict[str, Any]:
     nodes = {"voxels": int(np.prod(made.shape))} if isinstance(made, VoxelField) else {}
     corners = {"lower": made.box.lower.tolist(), "upper": made.box.upper.tolist()}
-    accuracy = measure_unproven_share(made, made.resolution if isinstance(made, VoxelField) else made.step)
+    accuracy = measure_unproven_share(made, made.resolution)
     free_space = {"geometry": asdict(accuracy), "in_words": describe_free_space_accuracy(accuracy)}
     return {"box": corners, **nodes, "baked_psnr_db": made.info.baked_psnr_db, **free_space}
 
