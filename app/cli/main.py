@@ -1,4 +1,4 @@
-"""The command `nerfnav`. Each subcommand is a file in app/cli/commands, imported only when it is asked for.
+"""The command `nerfnav`: imports the subcommand of COMMANDS that is run, a file in app/cli/commands, and no other.
 
 So help comes at once, although the commands that compute need seconds to import their libraries.
 """

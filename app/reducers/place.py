@@ -1,4 +1,4 @@
-"""Reducer of the place: open another one, choose the robot and its task, point at ends, align the place by hand.
+"""Reducer of the place: open another, choose robot, task and quality, set ends, align by hand, follow tabs' cameras.
 
 An alignment corrects scale, floor and box; its result is opened as another place, and can be undone.
 """

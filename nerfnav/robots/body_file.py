@@ -1,4 +1,4 @@
-"""Shape of a robot in its file [m]. One of:
+"""Shape of a robot in its file [m]: box, cylinder, spheres, mesh or URDF. One of:
 
     box: [0.25, 0.25, 0.08]                       # edge lengths along x (forward), y, z (up)
     cylinder: {radius: 0.2, height: 0.1}          # upright

@@ -1,4 +1,4 @@
-"""Waypoint following without an optimisation: the plan, or the rest of one, that a baseline ends with."""
+"""Waypoint following without optimisation: a baseline's plan, and in flight a replan that continues the last motion."""
 
 from jaxtyping import Float
 from torch import Tensor

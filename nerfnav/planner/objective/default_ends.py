@@ -1,4 +1,4 @@
-"""Default start and goal: propose two free poses in one component of free space, joined by a path that was found.
+"""Default start and goal: propose two free poses with a path between them, from which the camera sees something.
 
 Candidates are voxels of the component, drawn at random. Of their pairs those are best that are as far apart as suits
 robot and place, that have something solid between them, and from which a camera sees something: a robot that flies by
