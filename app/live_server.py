@@ -4,7 +4,6 @@ The event loop reads messages and keeps the newest picture; one thread computes.
 nerfnav/live/messages.py.
 """
 
-
 import asyncio
 import time
 from collections.abc import Callable

@@ -1,6 +1,5 @@
 """Time the loop's parts beside two busy processes, all on the same two cores."""
 
-
 import os
 import statistics
 import subprocess

@@ -9,7 +9,6 @@ One folder for each, named by a digest of what was brought, so that the same upl
     robots/              see app/places/robot_library.py
 """
 
-
 import json
 import os
 import re

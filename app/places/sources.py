@@ -2,7 +2,6 @@
 time budget of making it.
 """
 
-
 import os
 import re
 from pathlib import Path

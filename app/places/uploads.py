@@ -3,7 +3,6 @@
 Videos and zips of pictures, to have their camera tracked, are kept until the app ends.
 """
 
-
 import hashlib
 import re
 import tempfile

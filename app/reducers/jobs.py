@@ -1,6 +1,5 @@
 """Reducer of jobs: begin and cancel them, and steer a flight that is under way."""
 
-
 from dataclasses import replace
 
 from nerfnav.planner import CostWeights

@@ -3,7 +3,6 @@
 An alignment corrects scale, floor and box; its result is opened as another place, and can be undone.
 """
 
-
 from dataclasses import replace
 
 from nerfnav.core.errors import NerfnavError

@@ -4,7 +4,6 @@ viser silently takes the next port when the asked one is taken, and hangs on a h
 that other machines reach must have a token, which visitors bring.
 """
 
-
 import errno
 import ipaddress
 import re

@@ -13,7 +13,6 @@ large or larger than it said, few at a time, to upload buttons alone.
     address          whether a server can listen at an address, and the secret that visitors bring
 """
 
-
 import contextlib
 import io
 import logging

@@ -14,7 +14,7 @@ import numpy as np
 import viser
 import viser._messages as viser_messages
 
-from nerfnav_app.security.token_bucket import TokenBucket
+from nerfnav_app.security.access import TokenBucket
 from nerfnav_app.security.widget_values import LARGEST, LONGEST, is_number, may_set
 
 MOST_TABS = 32

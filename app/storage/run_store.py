@@ -9,10 +9,9 @@ from pathlib import Path
 from nerfnav.core.errors import InvalidInputError, NerfnavError, UnknownNameError
 from nerfnav.navigation import NavigationStep
 from nerfnav_app.storage import run_metadata as about
-from nerfnav_app.storage.file_lock import is_locked
 from nerfnav_app.storage.output_files import OutputError, prepare_folder
 from nerfnav_app.storage.step_codec import FILE
-from nerfnav_app.storage.step_log import count_steps, read_steps
+from nerfnav_app.storage.step_log import count_steps, is_locked, read_steps
 
 VARIABLE = "NERFNAV_RUNS"
 """Environment variable that names the folder."""

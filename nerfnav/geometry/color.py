@@ -5,7 +5,6 @@ what is displayed: Stephen Hill's fit of the Academy's reference rendering and o
 it to all materials.
 """
 
-
 import numpy as np
 from jaxtyping import Float
 

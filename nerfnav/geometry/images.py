@@ -3,7 +3,6 @@
 Sightings are the tracks of structure from motion: points of a place, and the images that show each of them.
 """
 
-
 import math
 from dataclasses import dataclass, replace
 

@@ -15,7 +15,6 @@ shown at the radius
 on the plane at depth 1, in its own direction around the axis.
 """
 
-
 import torch
 from jaxtyping import Float
 from torch import Tensor

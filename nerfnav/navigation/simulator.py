@@ -4,7 +4,6 @@ The simulator knows neither field nor mesh: camera and contact are callables, so
 may stand behind them. A kidnapped robot is moved to a random pose where its body fits (`sample_kidnap_pose`).
 """
 
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 

@@ -1,6 +1,5 @@
 """Trajectory: the flat waypoints that a planner may choose, along a route with fixed ends and time steps."""
 
-
 from dataclasses import dataclass
 
 from jaxtyping import Float

@@ -3,7 +3,6 @@
 Solids are closed meshes, read, checked, and filled with points.
 """
 
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING

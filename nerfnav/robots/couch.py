@@ -14,7 +14,6 @@ states the first two poses follow from the start, the last one and the last velo
 `CouchMap` is the same map compiled.
 """
 
-
 from dataclasses import dataclass
 from typing import final
 

@@ -17,7 +17,6 @@ there (arcs.py), a smooth map wherever the robot moves at all. Forward and rever
 the same map compiled.
 """
 
-
 import math
 from dataclasses import dataclass, replace
 from typing import final

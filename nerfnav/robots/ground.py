@@ -1,6 +1,5 @@
 """Ground robots: level states at one height, and headings along a path, forward or in reverse."""
 
-
 import math
 
 import torch

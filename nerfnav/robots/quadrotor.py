@@ -21,7 +21,6 @@ free:
 `QuadrotorMap` is the same map compiled; `roll_out`, `roll_out_hold` and `first_thrusts` are its dynamics in kernels.
 """
 
-
 from typing import final
 
 import numpy as np

@@ -15,7 +15,6 @@ with 1 / L, body rates with 1 / sqrt(L)). The camera stands at `position` [m] in
 `pitch` [rad] downwards; `fov` is its horizontal field of view [degrees].
 """
 
-
 import math
 from collections.abc import Callable
 from pathlib import Path

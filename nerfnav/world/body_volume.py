@@ -1,6 +1,5 @@
 """Body volume: a robot's body as a manifold for exact booleans with solids, and as cells for all other meshes."""
 
-
 from functools import lru_cache
 
 import numpy as np

@@ -3,7 +3,6 @@
 Cameras stand in free space only: one inside a stone would teach a field that the stone is air.
 """
 
-
 import itertools
 import math
 from collections.abc import Callable, Generator

@@ -4,7 +4,6 @@ A motion's states are up to centimetres apart, so it is judged on poses interpol
 steady turns.
 """
 
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

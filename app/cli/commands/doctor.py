@@ -3,7 +3,6 @@
 The check of the kernels compiles the renderer and compares it with the torch path.
 """
 
-
 import os
 import platform
 import shutil

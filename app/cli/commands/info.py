@@ -3,7 +3,6 @@
 The geometry is its free-space accuracy, and its distance from a mesh where one is given.
 """
 
-
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any

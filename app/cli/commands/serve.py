@@ -5,7 +5,6 @@ nothing slow is imported here at the top. The place is checked and shown from wh
 the app is brought to the page that is already up.
 """
 
-
 import contextlib
 import importlib.util
 import json

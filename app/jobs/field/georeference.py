@@ -3,7 +3,6 @@
 Splats and ground truth beside the field are corrected with it; splats are made into voxels again.
 """
 
-
 from collections.abc import Generator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path

@@ -1,6 +1,5 @@
 """Report of a new field: free-space accuracy, pose floor, stored files, ground truth, numbers for `--json`."""
 
-
 import math
 from dataclasses import asdict, replace
 from pathlib import Path

@@ -5,7 +5,6 @@ from the pictures (see the `gather` of each source). A grid finer than the pictu
 pixels bound it.
 """
 
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,6 +1,5 @@
 """Train job: gather photographs of a source, configure the training, learn a voxel field or networks, store it."""
 
-
 from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path

@@ -3,7 +3,6 @@
 Each kind of source is a file with `gather(request)`, imported only when it is needed (KINDS).
 """
 
-
 import importlib
 from collections.abc import Generator
 from dataclasses import dataclass

@@ -1,6 +1,5 @@
 """Fly job: Algorithm 1 in a simulated world, from a plan to an episode, its numbers, its files and its run metadata."""
 
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

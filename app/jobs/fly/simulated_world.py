@@ -4,7 +4,6 @@ Camera and contact are those of the ground truth, or of the field where a place 
 picture, updates a first belief by it, and plans a first path to rest.
 """
 
-
 from collections.abc import Iterator
 
 import cv2

@@ -4,7 +4,6 @@ With a capture, it also measures how well that is learned in given times: PSNR o
 numbers, tables and plots.
 """
 
-
 import importlib
 import importlib.util
 import os

@@ -3,7 +3,6 @@
 A new experiment is a file in nerfnav/experiments and an entry in EXPERIMENTS.
 """
 
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,6 +1,5 @@
 """Import job: make a field of Gaussian splats or of the checkpoint of a NeRF."""
 
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 

@@ -1,6 +1,5 @@
 """Localize job: global localization of a picture from a file, or of the last picture of the robot's own camera."""
 
-
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace

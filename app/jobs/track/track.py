@@ -1,6 +1,5 @@
 """Track job: estimate the trajectory of a camera from its pictures, and report on its frames."""
 
-
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import pairwise

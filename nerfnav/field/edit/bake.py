@@ -10,7 +10,6 @@ Colour. A voxel has one colour from everywhere: the mean over directions, each w
 node towards it.
 """
 
-
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 

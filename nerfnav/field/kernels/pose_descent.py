@@ -14,7 +14,6 @@ both, colours in the bundled worlds differed by 0.1 % in the mean and by 0.8 % a
 from fields by more than 3.7 %.
 """
 
-
 import numpy as np
 
 from nerfnav.core.jit import kernel, prange

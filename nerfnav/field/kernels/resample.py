@@ -6,7 +6,6 @@ field/edit/conservative_occupancy.py: coordinates of the new grid become those o
 + shift.
 """
 
-
 import math
 
 import numpy as np

@@ -10,7 +10,6 @@ the box and weighs them by the coarse network; the second divides the bins that 
 samples that would come to nothing are left out; training draws at random instead (nerfnav/field/train/neural.py).
 """
 
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

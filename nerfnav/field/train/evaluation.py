@@ -12,7 +12,6 @@ held-out pictures before their noise is measured (see nerfnav/field/train/exposu
 pictures, as the literature has it, and of these.
 """
 
-
 from dataclasses import replace
 from datetime import UTC, datetime
 

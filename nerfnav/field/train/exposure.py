@@ -11,7 +11,6 @@ gain is shrunk to 1 by that share (James and Stein, 1961), the common part a_i o
 of each, its white balance, by shares of their own. Pictures that were rendered so keep gains of 1.
 """
 
-
 from dataclasses import replace
 
 import torch

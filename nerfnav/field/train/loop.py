@@ -8,7 +8,6 @@ Photographs and the machine's memory are checked before training begins. Depth m
 any, give the geometry before the first stage.
 """
 
-
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace

@@ -9,7 +9,6 @@ which the points of the fine network are drawn, together with the coarse ones. B
 voxel field of nerfnav/field/train/loop.py has in a minute; on a CPU with small networks and small places.
 """
 
-
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 

@@ -3,7 +3,6 @@
 Pixels are drawn without ever holding all rays at once. A ray to a sparse point ends there, for a photograph shows it.
 """
 
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -6,7 +6,6 @@ with three threads, in all: 256^3 nodes take 1.3 GB where 40 % of the blocks hol
 do.
 """
 
-
 import numpy as np
 import torch
 from jaxtyping import Bool, Float

@@ -5,7 +5,6 @@ marching cubes, so that this planner, too, has nothing but the field. `BallCheck
 triangles.
 """
 
-
 from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any

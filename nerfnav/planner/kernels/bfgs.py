@@ -8,7 +8,6 @@ Cholesky. Rotations V make the rows of V A orthogonal: V A = S U with S diagonal
 library's eigenvectors would come from a pool of threads that wait for each other.
 """
 
-
 import math
 
 import numpy as np

@@ -8,7 +8,6 @@ the least is entry 0. A list of tuples would have its type checked at each step.
 first, so that the order in which entries come out depends on nothing but what is in it.
 """
 
-
 import math
 
 import numpy as np

@@ -7,7 +7,6 @@ Risk: the chance of a collision is trilinear between the nodes of a grid, linear
 several, and 0 outside of the grid; one grid for each of the first steps and one for all later ones.
 """
 
-
 import math
 
 from nerfnav.core.jit import kernel

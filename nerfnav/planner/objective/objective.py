@@ -13,7 +13,6 @@ compiled flatness map like those of every other term. The map's adjoint takes no
 that looks at these is differentiated through the robot's own `motion` for them.
 """
 
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter

@@ -10,7 +10,6 @@ stand in all free space, and fields that are no grid, are sampled at points, as 
 height at points a quarter of the nodes' distance apart. `OccupancyConfig.exact` changes that.
 """
 
-
 import math
 from copy import copy
 from dataclasses import dataclass, field

@@ -7,7 +7,6 @@ compiled twin, its `kernel`, for the fast planner; the derivative of one that br
 (objective/objective.py).
 """
 
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
